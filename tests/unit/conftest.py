@@ -1,0 +1,15 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Let plain pytest import the collection by its full name, from any checkout path."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+TREE = CHECKOUT / ".ansible" / "collections"
+
+# Under `ansible-test units` the checkout already stands in a collections tree that ansible-test puts on the path.
+if (TREE / "ansible_collections" / "rosops" / "fleet").exists():
+    sys.path.insert(0, str(TREE))
