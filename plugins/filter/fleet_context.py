@@ -1,0 +1,49 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Filter fleet_context: a thin wrapper of module_utils."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+name: fleet_context
+short_description: A robot's variables as the context of the workload filters
+version_added: 0.1.0
+author: rosops.fleet contributors (@rosops)
+description:
+  - Picks the fleet's variables of one robot and fills in every default.
+options:
+  _input:
+    description: The robot's variables, C(hostvars[inventory_hostname]).
+    type: dict
+    required: true
+  robot:
+    description: The robot's inventory name.
+    type: str
+    required: true
+"""
+
+EXAMPLES = r"""
+- name: Show the objects
+  ansible.builtin.debug:
+    msg: "{{ hostvars[inventory_hostname] | rosops.fleet.fleet_context(inventory_hostname) }}"
+"""
+
+RETURN = r"""
+_value:
+  description: C({robot, mode, namespace, apps, volumes, master, quota, limits, pull_secrets}).
+  type: dict
+"""
+
+from typing import Any, Callable
+
+from ansible_collections.rosops.fleet.plugins.module_utils._context import fleet_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+
+
+class FilterModule:
+    """Ansible's entry point."""
+
+    def filters(self) -> dict[str, Callable[..., Any]]:
+        """Name to function."""
+        return filter_module(fleet_context=fleet_context)

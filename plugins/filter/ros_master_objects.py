@@ -1,0 +1,50 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Filter ros_master_objects: a thin wrapper of module_utils."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+name: ros_master_objects
+short_description: ROS master of a robot
+version_added: 0.1.0
+author: rosops.fleet contributors (@rosops)
+description:
+  - Builds the master's Deployment and Service; nothing for an external master.
+options:
+  _input:
+    description:
+      - A robot's context as the filter P(rosops.fleet.fleet_context#filter) builds it.
+      - Keys that are missing take their defaults.
+    type: dict
+    required: true
+"""
+
+EXAMPLES = r"""
+- name: Show the objects
+  ansible.builtin.debug:
+    msg: "{{ context | rosops.fleet.ros_master_objects }}"
+  vars:
+    context: "{{ hostvars[inventory_hostname] | rosops.fleet.fleet_context(inventory_hostname) }}"
+"""
+
+RETURN = r"""
+_value:
+  description: Kubernetes objects.
+  type: list
+  elements: dict
+"""
+
+from typing import Any, Callable
+
+from ansible_collections.rosops.fleet.plugins.module_utils._workloads import ros_master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+
+
+class FilterModule:
+    """Ansible's entry point."""
+
+    def filters(self) -> dict[str, Callable[..., Any]]:
+        """Name to function."""
+        return filter_module(ros_master_objects=ros_master_objects)

@@ -1,0 +1,177 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How the texts in an inventory must look: a test of each form and the words that tell an operator about it."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from decimal import Decimal
+from typing import Callable, NamedTuple
+from urllib.parse import urlsplit
+
+_LABEL = r"[a-z0-9](?:[-a-z0-9]*[a-z0-9])?"
+_SUBDOMAIN = rf"{_LABEL}(?:\.{_LABEL})*"
+# Reference grammar: github.com/distribution/reference, file regexp.go
+_IMAGE = re.compile(
+    r"(?:[A-Za-z0-9](?:[-A-Za-z0-9.]*[A-Za-z0-9])?(?::[0-9]+)?/)?"
+    r"[a-z0-9]+(?:(?:[._]|__|-+)[a-z0-9]+)*(?:/[a-z0-9]+(?:(?:[._]|__|-+)[a-z0-9]+)*)*"
+    r"(?::(?P<tag>[A-Za-z0-9_][-A-Za-z0-9_.]{0,127}))?(?:@(?P<digest>[a-z0-9]+:[0-9a-f]{32,}))?"
+)
+# Kubernetes API reference, "Quantity"
+_QUANTITY = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<suffix>[KMGTPE]i|[numkMGTPE]|[eE][+-]?[0-9]{1,2})?")
+_SCALE = {suffix: Decimal(1024) ** power for power, suffix in enumerate(("", "Ki", "Mi", "Gi", "Ti", "Pi", "Ei"))}
+_SCALE.update({suffix: Decimal(10) ** power for suffix, power in zip("numkMGTPE", (-9, -6, -3, 3, 6, 9, 12, 15, 18))})
+
+# What a pod may see of its host. Everything else (/, /etc, /proc, /sys, /run, /var/lib/rancher, /var/lib/kubelet, ...)
+# lets a container take the host over or break k3s.
+SAFE_ROOTS = ("/data", "/media", "/mnt", "/opt", "/srv")
+SAFE_PARENTS = ("/dev", "/home", "/var/log")
+PRIVATE_PARTS = (".ssh", ".kube", ".gnupg")
+UNSAFE_DEVICES = ("/dev/mem", "/dev/kmem", "/dev/port")
+HOST_PATHS = "a path at or below /data, /media, /mnt, /opt or /srv, or below /dev, /home or /var/log, without '..'"
+
+
+class Form(NamedTuple):
+    """A test and, for people, what passes it."""
+
+    test: Callable[[str], bool]
+    allowed: str
+
+
+def quantity_value(text: str) -> Decimal | None:
+    """A Kubernetes quantity as a number; None if it is none.
+
+    >>> quantity_value("500m"), quantity_value("1Ki"), quantity_value("2GB")
+    (Decimal('0.500'), Decimal('1024'), None)
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        return None
+    number, suffix = Decimal(match["number"]), match["suffix"] or ""
+    scale = _SCALE[suffix] if suffix in _SCALE else Decimal(10) ** int(suffix[1:])
+    return number * scale
+
+
+def moving_tag(image: str) -> bool:
+    """Whether a reference may mean another image tomorrow: no digest, and no tag or `latest`."""
+    match = _IMAGE.fullmatch(image)
+    return match is not None and match["digest"] is None and match["tag"] in (None, "latest")
+
+
+def clean_path(path: str) -> bool:
+    """An absolute path that says what it means: no '..', no '.', no doubled slash, nothing that mounts split at."""
+    parts = path.rstrip("/").split("/")[1:]
+    return path.startswith("/") and bool(parts) and not {"", ".", ".."} & set(parts) and not re.search(r"[:\s\0]", path)
+
+
+def below(path: str, parent: str) -> bool:
+    """Whether a path lies below a directory, which it is not itself."""
+    return path.rstrip("/").startswith(parent + "/")
+
+
+def safe_host_path(path: str) -> bool:
+    """Whether a pod may have this path of its host."""
+    bare = path.rstrip("/")
+    inside = any(bare == root or below(bare, root) for root in SAFE_ROOTS) or any(
+        below(bare, up) for up in SAFE_PARENTS
+    )
+    return clean_path(path) and inside and bare not in UNSAFE_DEVICES and not set(PRIVATE_PARTS) & set(bare.split("/"))
+
+
+def device_path(path: str) -> bool:
+    """A device file, or with a slash at its end a directory of them."""
+    return clean_path(path) and below(path, "/dev") and path.rstrip("/") not in UNSAFE_DEVICES
+
+
+def mount_path(path: str) -> bool:
+    """Where a volume may appear in a container."""
+    return clean_path(path)
+
+
+def master_uri(text: str) -> bool:
+    """`http://<host>:<port>` and nothing more: the master speaks plain XML-RPC at the root."""
+    try:
+        parts = urlsplit(text)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        return False
+    plain = not (parts.path.strip("/") or parts.query or parts.fragment or parts.username)
+    return parts.scheme == "http" and port is not None and 0 < port < 65536 and plain and _host(host or "")
+
+
+def _host(text: str) -> bool:
+    if re.fullmatch(r"[0-9.]+", text) or ":" in text:
+        return _parses(ipaddress.ip_address, text)
+    return bool(re.fullmatch(_SUBDOMAIN, text))
+
+
+def _parses(parse: Callable[[str], object], text: str) -> bool:
+    try:
+        parse(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _positive_quantity(text: str) -> bool:
+    value = quantity_value(text)
+    return value is not None and value > 0
+
+
+def _networks(text: str) -> bool:
+    """One network, or an IPv4 and an IPv6 one with a comma, as k3s takes them."""
+    return all(_parses(ipaddress.ip_network, part) for part in text.split(","))
+
+
+def _matching(pattern: str, longest: int = 253) -> Callable[[str], bool]:
+    compiled = re.compile(pattern, re.ASCII)
+    return lambda text: len(text) <= longest and compiled.fullmatch(text) is not None
+
+
+_GRAPH_NAME = _matching(r"(?:~/?|/)?[A-Za-z]\w*(?:/\w+)*")
+_PRIVATE_NAME = _matching(r"(?:~/?)?[A-Za-z]\w*(?:/\w+)*")
+
+FORMS: dict[str, Form] = {
+    "app-name": Form(
+        _matching(r"[a-z](?:[-a-z0-9]*[a-z0-9])?", 40),
+        "at most 40 lower-case letters, digits and dashes, beginning with a letter, not ending with a dash",
+    ),
+    "robot-name": Form(
+        _matching(_LABEL, 57), "at most 57 lower-case letters, digits and dashes, with a letter or digit at both ends"
+    ),
+    "host-name": Form(_matching(_SUBDOMAIN), "lower-case letters, digits, dashes and dots (a DNS name)"),
+    "volume-name": Form(
+        _matching(_LABEL, 59), "at most 59 lower-case letters, digits and dashes, with a letter or digit at both ends"
+    ),
+    "dns-name": Form(_matching(_SUBDOMAIN), "lower-case letters, digits, dashes and dots (a DNS name)"),
+    "image": Form(lambda text: _IMAGE.fullmatch(text) is not None, "an image reference such as ros:noetic-ros-core"),
+    "quantity": Form(lambda text: quantity_value(text) is not None, "a Kubernetes quantity such as 500m, 256Mi or 2"),
+    "size": Form(_positive_quantity, "a Kubernetes quantity above zero such as 500Mi or 1Gi"),
+    "env-name": Form(_matching(r"[A-Za-z_]\w*"), "letters, digits and underscores, not beginning with a digit"),
+    "resource-name": Form(
+        _matching(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*"), "cpu, memory, ephemeral-storage or <vendor>/<resource>"
+    ),
+    "graph-name": Form(_GRAPH_NAME, "a ROS name such as temperature, /temperature or ~status"),
+    "private-name": Form(_PRIVATE_NAME, "a private ROS name such as status or ~status"),
+    "node-name": Form(
+        _matching(r"[A-Za-z]\w*"), "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"
+    ),
+    "ros-type": Form(_matching(r"[A-Za-z]\w*/[A-Za-z]\w*"), "<package>/<type> such as std_msgs/Float64"),
+    "master-uri": Form(master_uri, "http://<host>:<port>"),
+    "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),
+    "host-path": Form(safe_host_path, HOST_PATHS),
+    "mount-path": Form(mount_path, "an absolute path other than /, without '..', ':' or blanks"),
+    "absolute-path": Form(clean_path, "an absolute path without '..', ':' or blanks"),
+    "file-mode": Form(_matching(r"0?[0-7]{3}"), 'an octal mode in quotes such as "0600"'),
+    "duration": Form(_matching(r"(?:[0-9]+(?:\.[0-9]+)?(?:ms|s|m|h))+"), "a duration such as 500ms, 30s, 5m or 1h30m"),
+    "address": Form(lambda text: _parses(ipaddress.ip_address, text), "an IP address"),
+    "networks": Form(_networks, "a network such as 10.42.0.0/16"),
+    "label-value": Form(
+        _matching(r"(?:[A-Za-z0-9](?:[-\w.]*[A-Za-z0-9])?)?", 63), "at most 63 letters, digits, -, _ and ."
+    ),
+    "label-name": Form(
+        _matching(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9](?:[-\w.]{{0,61}}[A-Za-z0-9])?"), "a label such as example.org/site"
+    ),
+}

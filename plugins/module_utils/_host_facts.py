@@ -1,0 +1,248 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a host is, read from /proc, /sys, /etc and its sockets. Reads only; judges nothing.
+
+Runs on the host: Python 3.8 and the standard library. Every file is read below `root`, so that tests can hand in a
+recorded tree of another machine.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import struct
+import threading
+from pathlib import Path
+from typing import Any, Iterable
+
+V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
+CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
+TCP_LISTEN = "0A"
+UDP_UNCONNECTED = "07"
+UNITS = ("k3s.service", "k3s-agent.service")
+UNIT_DIRECTORY = "/etc/systemd/system"
+DATA = "/var/lib/rancher/k3s"
+SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.MULTILINE)
+
+
+class Host:
+    """Reads of one machine's files; a file that is missing or unreadable reads as empty."""
+
+    def __init__(self, root: str = "/") -> None:
+        self.root = Path(root)
+
+    def path(self, name: str) -> Path:
+        return self.root / name.lstrip("/")
+
+    def read(self, name: str) -> str:
+        try:
+            return self.path(name).read_bytes().decode("utf-8", "replace").replace("\0", "")
+        except OSError:
+            return ""
+
+    def exists(self, name: str) -> bool:
+        try:
+            return os.path.lexists(str(self.path(name)))
+        except OSError:
+            return False
+
+    def names(self, name: str) -> list[str]:
+        try:
+            return sorted(entry.name for entry in self.path(name).iterdir())
+        except OSError:
+            return []
+
+
+def system(host: Host) -> dict[str, Any]:
+    release = {}
+    for line in host.read("/etc/os-release").splitlines():
+        key, _, value = line.partition("=")
+        release[key] = value.strip().strip("\"'")
+    name = os.uname()
+    return {
+        "os": {
+            "id": release.get("ID", ""),
+            "version": release.get("VERSION_ID", ""),
+            "name": release.get("PRETTY_NAME", ""),
+        },
+        "kernel": name.release,
+        "machine": name.machine,
+        "hostname": name.nodename,
+        "machine_id": host.read("/etc/machine-id").strip(),
+        "board": host.read("/proc/device-tree/model").strip(),
+        "systemd": host.exists("/run/systemd/system"),
+        "root": os.geteuid() == 0,
+        "overlay": "overlay" in host.read("/proc/filesystems").split(),
+    }
+
+
+def cgroup(host: Host) -> dict[str, Any]:
+    """The controllers that are switched on, and the boot command line that could switch on more."""
+    unified = host.read(V2_CONTROLLERS)
+    if unified:
+        version, controllers = 2, unified.split()
+    else:
+        rows = [line.split() for line in host.read("/proc/cgroups").splitlines() if not line.startswith("#")]
+        version, controllers = 1, [row[0] for row in rows if len(row) == 4 and row[3] == "1"]
+    file = next((name for name in CMDLINE_FILES if host.exists(name)), "")
+    return {
+        "version": version,
+        "controllers": sorted(controllers),
+        "cmdline": host.read("/proc/cmdline").strip(),
+        "cmdline_file": file,
+    }
+
+
+def memory_mb(host: Host) -> int:
+    found = re.search(r"^MemTotal:\s+(\d+) kB", host.read("/proc/meminfo"), re.MULTILINE)
+    return int(found.group(1)) // 1024 if found else 0
+
+
+def disk(host: Host, directory: str) -> dict[str, Any]:
+    """The file system that holds `directory`, or will hold it once it is made."""
+    place = Path(directory)
+    while not host.exists(str(place)) and place != place.parent:
+        place = place.parent
+    try:
+        numbers = os.statvfs(str(host.path(str(place))))
+    except OSError:
+        return {"path": directory, "total_mb": 0, "free_mb": 0, "free_inodes": None, "type": ""}
+    block = numbers.f_frsize / 1048576
+    return {
+        "path": directory,
+        "total_mb": int(numbers.f_blocks * block),
+        "free_mb": int(numbers.f_bavail * block),
+        # btrfs and others count no inodes and say 0 of 0
+        "free_inodes": numbers.f_favail if numbers.f_files else None,
+        "type": filesystem_type(host.read("/proc/self/mounts"), str(place)),
+    }
+
+
+def filesystem_type(mounts: str, directory: str) -> str:
+    best, kind = "", ""
+    for row in (line.split() for line in mounts.splitlines()):
+        if len(row) < 3:
+            continue
+        point = row[1].replace("\\040", " ")
+        inside = directory == point or directory.startswith(point.rstrip("/") + "/")
+        if inside and len(point) >= len(best):  # a later mount over the same point hides the earlier one
+            best, kind = point, row[2]
+    return kind
+
+
+def routes(host: Host) -> list[dict[str, Any]]:
+    """The default routes, IPv4 before IPv6, best metric first."""
+    found: list[tuple[int, int, str, str]] = []
+    for row in (line.split() for line in host.read("/proc/net/route").splitlines()[1:]):
+        if len(row) >= 8 and row[1] == row[7] == "00000000":
+            gateway = socket.inet_ntoa(struct.pack("<L", int(row[2], 16)))
+            found.append((4, int(row[6]), row[0], gateway))
+    for row in (line.split() for line in host.read("/proc/net/ipv6_route").splitlines()):
+        if len(row) >= 10 and row[0] == "0" * 32 and row[1] == "00" and row[9] != "lo":
+            found.append((6, int(row[5], 16), row[9], socket.inet_ntop(socket.AF_INET6, bytes.fromhex(row[4]))))
+    return [
+        {"family": family, "interface": interface, "gateway": gateway, "mtu": mtu(host, interface)}
+        for family, _metric, interface, gateway in sorted(found)
+    ]
+
+
+def mtu(host: Host, interface: str) -> int:
+    return int(host.read(f"/sys/class/net/{interface}/mtu").strip() or 0)
+
+
+def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[dict[str, Any]]:
+    """Who listens on the named (protocol, port) pairs."""
+    wanted = set(ports)
+    sockets: dict[str, tuple[str, int]] = {}
+    for protocol, state in (("tcp", TCP_LISTEN), ("udp", UDP_UNCONNECTED)):
+        for table in (f"/proc/net/{protocol}", f"/proc/net/{protocol}6"):
+            for row in (line.split() for line in host.read(table).splitlines()[1:]):
+                if len(row) > 9 and row[3] == state:
+                    pair = (protocol, int(row[1].rpartition(":")[2], 16))
+                    if pair in wanted:
+                        sockets[row[9]] = pair
+    owners = socket_owners(host, sockets) if sockets else {}
+    held = {(pair, owners.get(inode, "")) for inode, pair in sockets.items()}
+    return [{"protocol": protocol, "port": port, "process": process} for (protocol, port), process in sorted(held)]
+
+
+def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, str]:
+    """Socket inode -> name of a process that holds it. The kernel's own sockets (VXLAN) have none."""
+    wanted = {f"socket:[{inode}]": inode for inode in inodes}
+    owners: dict[str, str] = {}
+    for pid in (name for name in host.names("/proc") if name.isdigit()):
+        for descriptor in host.names(f"/proc/{pid}/fd"):
+            try:
+                target = os.readlink(str(host.path(f"/proc/{pid}/fd/{descriptor}")))
+            except OSError:
+                continue
+            if target in wanted:
+                owners[wanted[target]] = host.read(f"/proc/{pid}/comm").strip()
+        if len(owners) == len(wanted):
+            break
+    return owners
+
+
+def k3s_leftovers(host: Host) -> dict[str, Any]:
+    config = host.read("/etc/rancher/k3s/config.yaml")
+    url = SERVER_URL.search(config)
+    return {
+        "config": bool(config),
+        "server_url": url.group(1) if url else "",
+        "node_password": host.exists("/etc/rancher/node/password"),
+        "server_data": bool(host.names(f"{DATA}/server/db")),
+        "agent_data": host.exists(f"{DATA}/agent/client-kubelet.crt"),
+        "units": [unit for unit in UNITS if host.exists(f"{UNIT_DIRECTORY}/{unit}")],
+        "foreign_units": [
+            unit
+            for unit in UNITS
+            if host.exists(f"{UNIT_DIRECTORY}/{unit}") and "rosops.fleet" not in host.read(f"{UNIT_DIRECTORY}/{unit}")
+        ],
+    }
+
+
+def knock(address: str, port: int, timeout: float) -> str:
+    """A TCP connection and nothing more. `refused` is an answer: the host is there, the port is not open yet."""
+    try:
+        socket.create_connection((address, port), timeout).close()
+    except ConnectionRefusedError:
+        return "refused"
+    except socket.gaierror:
+        return "unresolved"
+    except socket.timeout:
+        return "timeout"
+    except OSError as error:
+        return os.strerror(error.errno).lower() if error.errno else "unreachable"
+    return "open"
+
+
+def reach(targets: list[str], timeout: float) -> list[dict[str, Any]]:
+    """All knocks at once: three silent servers cost one time-out, not three."""
+    found = [{"host": host.strip("[]"), "port": int(port)} for host, _, port in (t.rpartition(":") for t in targets)]
+
+    def one(target: dict[str, Any]) -> None:
+        target["outcome"] = knock(target["host"], target["port"], timeout)
+
+    threads = [threading.Thread(target=one, args=(target,), daemon=True) for target in found]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        # a resolver that hangs has no time-out of its own
+        thread.join(2 * timeout)
+    return [{"outcome": "timeout", **target} for target in found]
+
+
+def collect(host: Host, ports: list[dict[str, Any]], targets: list[str], options: dict[str, Any]) -> dict[str, Any]:
+    """Everything the verdicts of `_preflight` need, in one go."""
+    return {
+        **system(host),
+        "cgroup": cgroup(host),
+        "memory_mb": memory_mb(host),
+        "disk": disk(host, str(options["data_dir"])),
+        "routes": routes(host),
+        "listening": listening(host, [(str(port["protocol"]), int(port["port"])) for port in ports]),
+        "reach": reach(targets, float(options["timeout"])),
+        "k3s": k3s_leftovers(host),
+    }

@@ -1,0 +1,68 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The seed's `deep_merge` (its algorithm 1), extended so that lists of named entries merge by name.
+
+The seed replaced every list, so that an override of one variable of one container had to repeat the whole container.
+Kubernetes' own strategic merge is the model for the keys: API reference, "patch merge key".
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any, Mapping
+
+# Fields whose entries are told apart by something other than `name`; the first key that all entries have wins.
+MERGE_KEYS: dict[str, tuple[str, ...]] = {
+    "volumeMounts": ("mountPath",),
+    "volumeDevices": ("devicePath",),
+    "ports": ("name", "containerPort"),
+    "hostAliases": ("ip",),
+}
+PATCH = "$patch"
+
+
+def deep_merge(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """`overrides` laid over `base`; neither is changed.
+
+    Mappings merge key by key, null removes a key, lists of named entries merge by name in the base's order with new
+    entries at the end (`$patch: delete` in an entry removes it), everything else is replaced.
+    """
+    merged = deepcopy(dict(base))
+    for key, value in overrides.items():
+        if value is None:
+            merged.pop(key, None)
+        else:
+            merged[key] = _merged_value(key, merged.get(key), value)
+    return merged
+
+
+def _merged_value(field: str, base: Any, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return deep_merge(base if isinstance(base, Mapping) else {}, value)
+    if isinstance(value, list):
+        base_list = base if isinstance(base, list) else []
+        key = merge_key(field, base_list, value)
+        if key is not None:
+            return _merged_entries(key, base_list, value)
+        return [deep_merge({}, item) if isinstance(item, Mapping) else deepcopy(item) for item in value]
+    return deepcopy(value)
+
+
+def merge_key(field: str, base: list[Any], value: list[Any]) -> str | None:
+    """The key that tells the entries of both lists apart; None for lists that are replaced as a whole."""
+    for key in MERGE_KEYS.get(field, ("name",)):
+        if all(isinstance(item, Mapping) and key in item for item in [*base, *value]):
+            return key
+    return None
+
+
+def _merged_entries(key: str, base: list[Any], value: list[Any]) -> list[Any]:
+    entries: dict[Any, dict[str, Any]] = {str(item[key]): deepcopy(item) for item in base}
+    for item in value:
+        name = str(item[key])
+        if item.get(PATCH) == "delete":
+            entries.pop(name, None)
+        else:
+            entries[name] = deep_merge(entries.get(name, {}), item)
+    return list(entries.values())

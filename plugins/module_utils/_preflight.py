@@ -1,0 +1,338 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Facts of a host and what is required of it -> findings. Pure: no file, no socket, no clock is touched here.
+
+A finding says what is wrong, where that was seen and what to do. An error stops the host, a warning does not.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypedDict
+
+ERROR = "error"
+WARNING = "warning"
+MACHINES = {"x86_64": "amd64", "aarch64": "arm64", "arm64": "arm64", "armv7l": "arm"}
+CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
+ANSWERS = ("open", "refused")
+LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
+# overlayfs cannot have these as its upper layer, and containerd's snapshots are overlays
+UNFIT_FILESYSTEMS = ("overlay", "nfs", "nfs4", "cifs", "vfat", "exfat", "ntfs", "tmpfs", "ramfs", "squashfs")
+K3S_PROCESS = re.compile(r"^(k3s|containerd$|etcd$)")
+PI_OPTIONS = "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1"
+
+Facts = Mapping[str, Any]
+
+
+class Finding(TypedDict):
+    """One line of a host's report."""
+
+    severity: str
+    what: str
+    where: str
+    fix: str
+
+
+def error(what: str, where: str, fix: str) -> Finding:
+    return {"severity": ERROR, "what": what, "where": where, "fix": fix}
+
+
+def warning(what: str, where: str, fix: str) -> Finding:
+    return {"severity": WARNING, "what": what, "where": where, "fix": fix}
+
+
+def clock_offset(sent: float, began: float, ended: float, received: float) -> dict[str, float]:
+    """The host's clock minus ours, from one call.
+
+    `sent` and `received` are our clock around the call; `began` and `ended` the host's inside it. The module's own work
+    (`ended - began`) is no part of the way there and back, so the offset lies between `ended - received` and
+    `began - sent`.
+    """
+    low, high = ended - received, began - sent
+    return {"offset": round((low + high) / 2, 3), "uncertainty": round(abs(high - low) / 2, 3)}
+
+
+def findings(facts: Facts, requirements: Mapping[str, Any]) -> list[Finding]:
+    """Everything that is wrong with one host by itself."""
+    return [finding for check in CHECKS for finding in check(facts, requirements)]
+
+
+def fleet_findings(name: str, fleet: Mapping[str, Facts]) -> list[Finding]:
+    """What is wrong with one host only because of another one: the same name, a different MTU."""
+    mine = fleet[name]
+    others = {host: facts for host, facts in fleet.items() if host != name}
+    found = []
+    if twins := [host for host, facts in others.items() if facts["hostname"].lower() == mine["hostname"].lower()]:
+        found.append(
+            error(
+                f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}",
+                "uname -n",
+                "give every host its own name: hostnamectl set-hostname NAME",
+            )
+        )
+    if mine["machine_id"] and (
+        twins := [host for host, facts in others.items() if facts["machine_id"] == mine["machine_id"]]
+    ):
+        found.append(
+            warning(
+                f"the machine ID is also that of {', '.join(sorted(twins))}, as after copying an SD card: "
+                "DHCP may give both the same address",
+                "/etc/machine-id",
+                "rm /etc/machine-id && systemd-machine-id-setup, then reboot",
+            )
+        )
+    return found + _mtu_differs(name, fleet)
+
+
+def _mtu_differs(name: str, fleet: Mapping[str, Facts]) -> list[Finding]:
+    sizes = {host: route_mtu(facts) for host, facts in fleet.items() if route_mtu(facts)}
+    largest = max(sizes.values(), default=0)
+    if name not in sizes or sizes[name] == largest:
+        return []
+    larger = sorted(host for host, size in sizes.items() if size == largest)
+    return [
+        warning(
+            f"the MTU is {sizes[name]}, but {largest} on {', '.join(larger)}: large packets between them may get lost",
+            f"interface {fleet[name]['routes'][0]['interface']}",
+            f"set one MTU on all hosts, or flannel's to that of the smallest link (here {min(sizes.values())})",
+        )
+    ]
+
+
+def route_mtu(facts: Facts) -> int:
+    return int(facts["routes"][0]["mtu"]) if facts["routes"] else 0
+
+
+def _platform(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    system = facts["os"]
+    if facts["machine"] not in MACHINES:
+        yield error(
+            f"there is no k3s for the architecture {facts['machine']}",
+            "uname -m",
+            f"use a host with one of {', '.join(sorted(set(MACHINES) - {'arm64'}))}",
+        )
+    if system["id"] not in requirements["systems"]:
+        yield warning(
+            f"{system['name'] or 'the operating system'} is none of the systems this was made for",
+            "/etc/os-release",
+            f"expected one of {', '.join(requirements['systems'])}; "
+            f"add {system['id'] or 'its ID'} to preflight_systems once it has proved itself",
+        )
+    if not facts["systemd"]:
+        yield error("systemd does not run as the init system", "/run/systemd/system", "k3s is run as a systemd unit")
+    if not facts["root"]:
+        yield error("the tasks do not run as root", "effective user ID", "set become: true for this host")
+    if not facts["overlay"]:
+        yield warning(
+            "the kernel has not loaded overlayfs, which containers need",
+            "/proc/filesystems",
+            "modprobe overlay; if that fails, install a kernel that has it",
+        )
+
+
+def _cgroups(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    cgroup = facts["cgroup"]
+    missing = [name for name in CONTROLLERS if name not in cgroup["controllers"]]
+    if not missing:
+        return
+    where = "/sys/fs/cgroup/cgroup.controllers" if cgroup["version"] == 2 else "/proc/cgroups"
+    yield error(f"these cgroup controllers are off: {', '.join(missing)}", where, _cgroup_fix(facts, missing))
+
+
+def _cgroup_fix(facts: Facts, missing: list[str]) -> str:
+    """On a Raspberry Pi the firmware switches the memory controller off unless the command line asks for it."""
+    cgroup = facts["cgroup"]
+    if facts["board"].startswith("Raspberry Pi"):
+        file = cgroup["cmdline_file"] or "/boot/firmware/cmdline.txt"
+        asked = [option for option in PI_OPTIONS.split() if option not in cgroup["cmdline"].split()]
+        options = " ".join(asked or PI_OPTIONS.split())
+        return f"on this {facts['board']}: sed -i '1 s/$/ {options}/' {file}, then reboot"
+    disabled = [word for word in cgroup["cmdline"].split() if word.startswith("cgroup_disable=")]
+    if disabled:
+        return f"take {' '.join(disabled)} off the kernel's command line and reboot"
+    return f"boot a kernel that has the controllers {', '.join(missing)}"
+
+
+def _memory(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    limits = requirements["memory_mb"]
+    has = facts["memory_mb"]
+    if has < limits["minimum"]:
+        yield error(
+            f"{has} MiB of memory, a k3s {requirements['role']} needs {limits['minimum']}",
+            "/proc/meminfo",
+            "use a host with more memory" + (", or robot_mode: agent" if requirements["role"] == "server" else ""),
+        )
+    elif has < limits["recommended"]:
+        yield warning(
+            f"{has} MiB of memory leave little beside a k3s {requirements['role']}; {limits['recommended']} are better",
+            "/proc/meminfo",
+            "keep the apps' requests small",
+        )
+
+
+def _disk(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    disk, limits = facts["disk"], requirements["disk_mb"]
+    if disk["free_mb"] < limits["minimum"]:
+        yield error(
+            f"{disk['free_mb']} MiB free for {disk['path']}, at least {limits['minimum']} are needed",
+            disk["path"],
+            "free space, or mount a larger file system there",
+        )
+    elif disk["free_mb"] < limits["recommended"]:
+        yield warning(
+            f"{disk['free_mb']} MiB free for {disk['path']}; images fill that fast, {limits['recommended']} are better",
+            disk["path"],
+            "free space, or mount a larger file system there",
+        )
+    if disk["free_inodes"] is not None and disk["free_inodes"] < 20000:
+        yield warning(
+            f"{disk['free_inodes']} inodes free for {disk['path']}; one ROS image takes about 20,000",
+            disk["path"],
+            "make the file system with more inodes",
+        )
+    if disk["type"] in UNFIT_FILESYSTEMS:
+        yield error(
+            f"{disk['path']} lies on {disk['type']}, on which containers' file systems cannot be laid",
+            disk["path"],
+            "mount an ext4, xfs or btrfs file system there",
+        )
+
+
+def _clock(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    """Only what is beyond the measurement's own uncertainty counts."""
+    clock, limits = facts["clock"], requirements["clock_offset"]
+    certain = abs(clock["offset"]) - clock["uncertainty"]
+    if certain <= limits["recommended"]:
+        return
+    way = "ahead of" if clock["offset"] > 0 else "behind"
+    what = f"the clock is {abs(clock['offset']):.2f} s (± {clock['uncertainty']:.2f} s) {way} the control node's"
+    fix = "let a time service run (systemd-timesyncd or chrony); a board without a battery needs one at every boot"
+    yield (error if certain > limits["maximum"] else warning)(what, "clock", fix)
+
+
+def _network(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    if not facts["routes"]:
+        yield error(
+            "there is no default route, without which k3s does not start",
+            "/proc/net/route",
+            "add one, be it to a dummy interface: ip route add default via GATEWAY",
+        )
+    elif route_mtu(facts) < requirements["minimum_mtu"]:
+        yield error(
+            f"the MTU is {route_mtu(facts)}, at least {requirements['minimum_mtu']} are needed",
+            f"interface {facts['routes'][0]['interface']}",
+            "raise it: ip link set dev INTERFACE mtu SIZE",
+        )
+
+
+def _ports(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    ours = bool(facts["k3s"]["units"])
+    for listener in facts["listening"]:
+        # A socket without a process is the kernel's (VXLAN), which k3s leaves behind while it is installed.
+        if K3S_PROCESS.match(listener["process"]) or (ours and not listener["process"]):
+            continue
+        yield error(
+            f"port {listener['port']}/{listener['protocol']} is taken by {listener['process'] or 'an unnamed process'}",
+            f"/proc/net/{listener['protocol']}",
+            "stop that service, or move it to another port",
+        )
+
+
+def _reachable(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    """A node that has joined runs on without its server, so it is not stopped for that; a new one cannot join."""
+    joined = facts["k3s"]["agent_data"]
+    for target in facts["reach"]:
+        if target["outcome"] in ANSWERS:
+            continue
+        yield (warning if joined else error)(
+            f"{target['host']} port {target['port']} does not answer ({target['outcome']})",
+            "TCP connection",
+            "check the address, routes and firewalls between this host and that one",
+        )
+
+
+def _name(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    name = facts["hostname"]
+    if not all(LABEL.match(part) for part in name.split(".")) or len(name) > 253:
+        yield error(
+            f"the host name {name!r} is not valid in Kubernetes",
+            "uname -n",
+            "use lower-case letters, digits and hyphens: hostnamectl set-hostname NAME",
+        )
+    elif name in ("localhost", "localhost.localdomain"):
+        yield error("the host is named localhost", "uname -n", "hostnamectl set-hostname NAME")
+    if requirements["node_name"] and not LABEL.match(requirements["node_name"]):
+        yield error(
+            f"the node name {requirements['node_name']!r} is not valid in Kubernetes",
+            "inventory",
+            "use lower-case letters, digits and hyphens, at most 63",
+        )
+
+
+def _leftovers(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    old, role = facts["k3s"], requirements["role"]
+    other = "k3s-agent.service" if role == "server" else "k3s.service"
+    reset = "run the playbook reset.yml for this host"
+    if other in old["units"]:
+        yield error(f"{other} is installed, but this host is to be a k3s {role}", "/etc/systemd/system", reset)
+    elif role == "agent" and old["server_data"]:
+        yield error("the host holds a k3s server's datastore", "/var/lib/rancher/k3s/server/db", reset)
+    if role == "server" and old["server_data"] and not old["config"]:
+        yield error(
+            "the host holds a k3s server's datastore without its configuration",
+            "/var/lib/rancher/k3s/server/db",
+            f"restore /etc/rancher/k3s with its token, or {reset}",
+        )
+    if requirements["server_urls"] and old["server_url"] and old["server_url"] not in requirements["server_urls"]:
+        yield (error if old["agent_data"] else warning)(
+            f"the host belongs to the cluster of {old['server_url']}, not to that of "
+            f"{', '.join(requirements['server_urls'])}",
+            "/etc/rancher/k3s/config.yaml",
+            reset,
+        )
+    for unit in old["foreign_units"]:
+        yield warning(f"{unit} was not written by this collection and will be replaced", "/etc/systemd/system", reset)
+    if old["node_password"] and not old["config"]:
+        yield warning(
+            "a node password of an earlier cluster is left; a cluster that knows this node by another one rejects it",
+            "/etc/rancher/node/password",
+            f"if the node does not join: {reset}, or delete the secret NODE.node-password.k3s in kube-system",
+        )
+
+
+CHECKS: tuple[Callable[[Facts, Mapping[str, Any]], Iterable[Finding]], ...] = (
+    _platform,
+    _cgroups,
+    _memory,
+    _disk,
+    _clock,
+    _network,
+    _ports,
+    _reachable,
+    _name,
+    _leftovers,
+)
+
+
+def judge(fleet: Mapping[str, Facts], host: str, requirements: Mapping[str, Any]) -> dict[str, Any]:
+    """The host's report: how many errors and warnings, the findings with the errors first, and all of it as text."""
+    found = findings(fleet[host], requirements) + fleet_findings(host, fleet)
+    found.sort(key=lambda finding: finding["severity"] != ERROR)
+    errors = sum(finding["severity"] == ERROR for finding in found)
+    return {"errors": errors, "warnings": len(found) - errors, "findings": found, "text": report(host, found)}
+
+
+def report(host: str, found: list[Finding]) -> str:
+    """The host's findings as text: one line each, errors first."""
+    if not found:
+        return f"{host}: ready for k3s, nothing to remark"
+    errors = sum(finding["severity"] == ERROR for finding in found)
+    head = f"{host}: {_count(errors, ERROR)}, {_count(len(found) - errors, WARNING)}"
+    lines = [f"  {f['severity']}: {f['what']} (seen in {f['where']}). Fix: {f['fix']}" for f in found]
+    return "\n".join([head, *lines])
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

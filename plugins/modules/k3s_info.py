@@ -1,0 +1,177 @@
+#!/usr/bin/python
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What k3s is on a host, in one call."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: k3s_info
+short_description: What k3s is installed on a host and what it runs with
+version_added: 0.1.0
+description:
+  - Reads in one call all that decides whether something must be done about k3s on a host, so that a host on which
+    nothing is to be done costs one task.
+  - Tokens are compared on the host and never returned.
+  - Needs nothing but Python's standard library on the host.
+author:
+  - rosops.fleet contributors (@rosops)
+options:
+  role:
+    description: What the host is meant to be.
+    type: str
+    choices: [server, agent]
+    required: true
+  files:
+    description:
+      - Files that k3s reads when it starts. Their digests are returned, and whether the running k3s was started with
+        them as they are.
+    type: list
+    elements: path
+    default: []
+  token:
+    description: The servers' token as the inventory gives it; empty to keep the one there is.
+    type: str
+    default: ""
+  agent_token:
+    description: The agents' token as the inventory gives it; empty to keep the one there is.
+    type: str
+    default: ""
+attributes:
+  check_mode:
+    description: Reads only, so it does the same in check mode.
+    support: full
+  diff_mode:
+    description: Changes nothing.
+    support: none
+"""
+
+EXAMPLES = r"""
+- name: See what is there
+  rosops.fleet.k3s_info:
+    role: server
+    files:
+      - /etc/rancher/k3s/config.yaml
+      - /usr/local/bin/k3s
+  register: k3s
+"""
+
+RETURN = r"""
+machine:
+  description: Hardware name, as C(uname -m) says it.
+  returned: success
+  type: str
+  sample: aarch64
+version:
+  description: Version of the installed binary; empty if there is none.
+  returned: success
+  type: str
+  sample: v1.34.2+k3s1
+files:
+  description: Each of O(files) with C(exists), C(sha256), C(size) and C(mode).
+  returned: success
+  type: dict
+images:
+  description: The files that k3s imports images from when it starts, each with its size in bytes.
+  returned: success
+  type: dict
+service:
+  description: C(active), C(enabled), C(reload) (systemd has not read the unit again), C(installed).
+  returned: success
+  type: dict
+other_service:
+  description: Whether the unit of the other role is installed.
+  returned: success
+  type: bool
+stale:
+  description: Whether the running k3s was started with other files.
+  returned: success
+  type: bool
+ready:
+  description: Whether the unit is up and, on a server, its API ready.
+  returned: success
+  type: bool
+observed:
+  description: What RV(ready) rests on.
+  returned: success
+  type: str
+data:
+  description: Whether a datastore (server) or a node's certificate (agent) is there.
+  returned: success
+  type: bool
+tokens:
+  description:
+    - For C(server) and C(agent) each V(absent), V(same), V(restore) (the file is gone, the given token is right),
+      V(lost) (the file is gone, none is given) or V(differs).
+  returned: success
+  type: dict
+kubeconfig_sha256:
+  description: Digest of the administrator's kubeconfig; empty if there is none.
+  returned: success
+  type: str
+"""
+
+import os
+
+from ansible.module_utils.basic import AnsibleModule
+from ansible_collections.rosops.fleet.plugins.module_utils._k3s import (
+    BINARY,
+    CONFIG_DIR,
+    DATA_DIR,
+    KUBECONFIG,
+    SERVICES,
+    K3sHost,
+    token_verdict,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._poll import PASS
+
+ARGUMENTS = {
+    "role": {"type": "str", "choices": ["server", "agent"], "required": True},
+    "files": {"type": "list", "elements": "path", "default": []},
+    "token": {"type": "str", "default": "", "no_log": True},
+    "agent_token": {"type": "str", "default": "", "no_log": True},
+}
+
+
+def main() -> None:
+    module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
+    host, role, files = K3sHost(module.run_command), module.params["role"], module.params["files"]
+    service = SERVICES[role]
+    other = SERVICES["agent" if role == "server" else "server"]
+    shown = host.show(service)
+    seen = host.look(role)
+    data = f"{DATA_DIR}/server/db" if role == "server" else f"{DATA_DIR}/agent/client-kubelet.crt"
+    module.exit_json(
+        changed=False,
+        machine=os.uname().machine,
+        version=host.version(),
+        files={name: host.describe(name) for name in [*files, BINARY]},
+        images=host.sizes(f"{DATA_DIR}/agent/images"),
+        service={
+            "active": shown.get("ActiveState", "inactive"),
+            "enabled": shown.get("UnitFileState") == "enabled",
+            "reload": shown.get("NeedDaemonReload") == "yes",
+            "installed": shown.get("LoadState") == "loaded",
+        },
+        other_service=host.path(f"/etc/systemd/system/{other}.service").exists(),
+        stale=host.stale(service, files),
+        ready=seen.verdict == PASS,
+        observed=str(seen.observed),
+        data=host.path(data).exists(),
+        tokens={
+            "server": token_verdict(
+                module.params["token"], host.read(f"{CONFIG_DIR}/token"), host.read(f"{DATA_DIR}/server/token")
+            ),
+            "agent": token_verdict(
+                module.params["agent_token"],
+                host.read(f"{CONFIG_DIR}/agent-token"),
+                host.read(f"{DATA_DIR}/server/agent-token"),
+            ),
+        },
+        kubeconfig_sha256=host.describe(KUBECONFIG)["sha256"],
+    )
+
+
+if __name__ == "__main__":
+    main()

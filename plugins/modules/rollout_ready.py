@@ -1,0 +1,138 @@
+#!/usr/bin/python
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Wait until Kubernetes objects are rolled out: arguments in, `_rollout_wait.run`, result out."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: rollout_ready
+short_description: Wait until Kubernetes objects are rolled out
+version_added: 0.1.0
+description:
+  - Watches all given objects together and returns as soon as every one is rolled out by the verdicts below.
+  - Fails at once, with the pod's reason, when one of them cannot get there by itself, and when O(timeout) is over,
+    with everything that is still open and the last reason of each.
+  - Every 10 seconds it says what is still open.
+  - Changes nothing. Apply the objects with M(kubernetes.core.k8s), its own O(ignore:wait) left off.
+notes:
+  - The work is done by an action plugin on the control node, whatever host the task belongs to or is delegated to.
+    That is what lets it print while it waits. Variables from the task's C(environment) are seen.
+  - "Deployment: the controller has seen the present generation, all pods are of the present template and available, and
+    every older pod is gone, terminating ones included, because two ROS nodes of one name would fight for it."
+  - "StatefulSet and DaemonSet: the same for the pods that the update strategy replaces by itself. Those below the
+    C(partition) and those of C(OnDelete) only have to be available; the reason counts those of an older revision."
+  - "Job: complete. Pod: Ready with all its readiness gates, or succeeded. Node: Ready, without pressure."
+  - "PersistentVolumeClaim: bound. One whose storage class waits for a first consumer is ready while unbound only if
+    none of the given workloads uses it."
+  - "Other kinds have no rollout and are ready as they are; they are not looked up."
+  - "An object that does not exist yet is waited for."
+  - "Failures: an image that cannot be pulled, a crash loop (not a first crash), a container whose configuration is
+    missing, C(ProgressDeadlineExceeded), a failed Job or Pod, a lost claim. What can be transient has to last
+    O(unschedulable_grace) seconds first: an unschedulable pod (while old pods terminate it does not count), a container
+    that the runtime cannot create, refused pods (quota), a paused Deployment or suspended Job that is not done."
+  - "An API that cannot be reached at the start is tried for 10 seconds. One that goes away later is tried to the end."
+options:
+  objects:
+    description:
+      - What to wait for. Each entry has C(kind), C(name), C(namespace) and optionally C(api_version), or is a full
+        definition, of which only these are read.
+    type: list
+    elements: dict
+    required: true
+    aliases: [definitions]
+  timeout:
+    description: Seconds to wait.
+    type: float
+    default: 300
+  unschedulable_grace:
+    description: How many seconds a problem that may be transient has to last before it is a failure.
+    type: float
+    default: 10
+extends_documentation_fragment:
+  - rosops.fleet.kube
+attributes:
+  check_mode:
+    description: Looks once, and does neither wait nor fail because of a verdict.
+    support: full
+author:
+  - rosops.fleet contributors (@rosops)
+"""
+
+EXAMPLES = r"""
+- name: Apply everything of a robot
+  kubernetes.core.k8s:
+    resource_definition: "{{ robot_objects }}"
+    apply: true
+  delegate_to: localhost
+
+- name: Wait for all of it
+  rosops.fleet.rollout_ready:
+    objects: "{{ robot_objects }}"
+    kubeconfig: ~/.kube/rosops-fleet/edge.yaml
+    timeout: 120
+
+- name: Wait for one Deployment and the nodes
+  rosops.fleet.rollout_ready:
+    objects:
+      - {kind: Deployment, name: talker, namespace: robot-robot1}
+      - {kind: Node, name: edge1}
+      - {kind: Node, name: robot1}
+"""
+
+RETURN = r"""
+objects:
+  description: The verdict on each object, also when the module fails.
+  returned: always, unless the API was out of reach
+  type: list
+  elements: dict
+  contains:
+    kind:
+      description: Its kind.
+      type: str
+    name:
+      description: Its name.
+      type: str
+    namespace:
+      description: Its namespace, empty for what has none.
+      type: str
+    verdict:
+      description: V(pass), V(wait) (not yet) or V(fail) (waiting does not mend it).
+      type: str
+    reason:
+      description: Why.
+      type: str
+  sample:
+    - kind: Deployment
+      name: talker
+      namespace: robot-robot1
+      verdict: fail
+      reason: "pod talker-7d4b9c-x2x1z, container talker: ErrImagePull: image lab/apps:2.0: not found"
+elapsed:
+  description: Seconds it took.
+  returned: always, unless the API was out of reach
+  type: float
+  sample: 4.2
+"""
+
+import os
+
+from ansible.module_utils.basic import AnsibleModule
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._kube import Kube, resolve_auth
+from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import ROLLOUT_ARGS, run, settings_from
+
+
+def main() -> None:
+    module = AnsibleModule(argument_spec=ROLLOUT_ARGS, supports_check_mode=True)
+    try:
+        with Kube(resolve_auth(module.params, os.environ)) as kube:
+            result = run(module.params, kube, settings_from(module.params), module.check_mode)
+    except FleetError as exc:
+        module.fail_json(msg=str(exc), **exc.details)
+    module.exit_json(changed=False, **result)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+#!/usr/bin/python
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: ros_graph_info
+short_description: Read the live ROS 1 graph
+version_added: 0.1.0
+description:
+  - Returns nodes, topics, services and actions of a ROS 1 graph as the master and the nodes themselves tell them.
+  - A node that is registered but does not answer stands in it with the reason. Only a master that does not answer fails
+    the module.
+options:
+  rates:
+    description: Measure every topic's messages per second.
+    type: bool
+    default: false
+  rate_seconds:
+    description: Seconds to measure for; all topics are measured at the same time.
+    type: float
+    default: 2.0
+extends_documentation_fragment:
+  - rosops.fleet._ros
+  - rosops.fleet._attributes.read_only
+seealso:
+  - module: rosops.fleet.ros_ready
+author:
+  - rosops.fleet contributors (@rosops)
+"""
+
+EXAMPLES = r"""
+- name: Read a robot's graph with its rates
+  rosops.fleet.ros_graph_info:
+    master_uri: http://10.43.0.17:11311
+    rates: true
+  register: ros
+
+- name: Show what is registered but does not answer
+  ansible.builtin.debug:
+    msg: "{{ ros.graph.nodes | dict2items | rejectattr('value.reachable') | map(attribute='key') }}"
+"""
+
+RETURN = r"""
+graph:
+  description: The graph.
+  returned: success
+  type: dict
+  contains:
+    nodes:
+      description: By name, what each registered node is.
+      type: dict
+      sample:
+        /talker:
+          uri: http://10.42.1.7:41753/
+          pid: 1
+          reachable: true
+          error: ""
+          publications: [/chatter, /rosout]
+          subscriptions: []
+          services: [/talker/get_loggers]
+    topics:
+      description:
+        - By name, who publishes and who subscribes, by the master's word.
+        - C(connections) are those that the publishers report.
+        - C(rate) is null where it was not or could not be measured.
+      type: dict
+      sample:
+        /chatter:
+          type: std_msgs/String
+          publishers: [/talker]
+          subscribers: [/listener]
+          connections: [{publisher: /talker, subscriber: /listener}]
+          rate: 499.8
+          rate_error: ""
+    services:
+      description: By name, who registered it, and who answers at its address (C(provider)).
+      type: dict
+      sample:
+        /add_two_ints:
+          providers: [/adder]
+          uri: rosrpc://10.42.1.9:40133
+          provider: /adder
+          type: example/AddTwoInts
+          error: ""
+          up: true
+    actions:
+      description: By name, the actions that have a whole server, with the number of listed goals by state.
+      type: dict
+      sample:
+        /arm/move:
+          type: example/MoveAction
+          servers: [/arm]
+          clients: [/planner]
+          up: true
+          busy: true
+          goals: {ACTIVE: 1, SUCCEEDED: 2}
+elapsed:
+  description: Seconds that it took.
+  returned: success
+  type: float
+  sample: 0.062
+"""
+
+import time
+
+from ansible.module_utils.basic import AnsibleModule
+
+from ..module_utils._errors import FleetError
+from ..module_utils._graph import Rate, everything
+from ..module_utils._ros_master import ROS_ARGS, RosMaster
+
+INFO_ARGS = {
+    "rates": {"type": "bool", "default": False},
+    "rate_seconds": {"type": "float", "default": 2.0},
+}
+
+
+def main() -> None:
+    module = AnsibleModule(argument_spec={**ROS_ARGS, **INFO_ARGS}, supports_check_mode=True)
+    params = module.params
+    if not 0 < params["rate_seconds"] <= 3600:
+        module.fail_json(msg=f"rate_seconds: {params['rate_seconds']} is not between 0 and 3600 s")
+    start = time.monotonic()
+    try:
+        ros = RosMaster(params["master_uri"], params["node_timeout"])
+        state = ros.state(types=True)
+        graph = ros.ask(state, everything(state))
+        rates: dict[str, Rate] = {}
+        if params["rates"]:
+            rates = ros.rates(graph, dict.fromkeys(graph.topics, params["rate_seconds"]))
+    except FleetError as error:
+        module.fail_json(msg=str(error), **error.details)
+    module.exit_json(changed=False, graph=graph.as_dict(rates), elapsed=round(time.monotonic() - start, 3))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Asks `add_two_ints` RATE_HZ (10) times a second; every request and its answer in LOG_DIR/add-two-ints.jsonl."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import rospy  # type: ignore[import-not-found]
+
+from . import node, settings
+from .arithmetic import operands, operation_of
+from .jsonl import JsonLinesLog, last_record
+
+LOG_NAME = "add-two-ints.jsonl"
+SERVICE = "add_two_ints"
+
+
+def ask(proxy: Any, request: int) -> dict[str, Any]:
+    """One request, made once: a failed one is written down as failed, not repeated."""
+    a, b = operands(request)
+    record: dict[str, Any] = {"time": round(time.time(), 3), "node": rospy.get_name(), "request": request}
+    started = time.monotonic()
+    try:
+        result = proxy(a, b).sum
+    except rospy.ServiceException as error:
+        outcome = {"ok": False, "error": str(error)}
+    else:
+        operation = operation_of(a, b, result)
+        outcome = {"ok": operation != "wrong", "sum": result, "operation": operation}
+    latency = round((time.monotonic() - started) * 1e3, 3)
+    return {**record, "a": a, "b": b, **outcome, "latency_ms": latency}
+
+
+def request_answers() -> None:
+    """Ask until asked to stop."""
+    from .srv import AddTwoInts  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
+
+    period = 1.0 / settings.positive("RATE_HZ", 10.0)
+    directory = settings.log_dir()
+    if directory is None:
+        raise settings.SettingError("LOG_DIR must name the directory for " + LOG_NAME)
+    previous = last_record(directory / LOG_NAME, key="request")
+    log = JsonLinesLog(directory / LOG_NAME)
+    request = previous["request"] + 1 if previous else 0
+    rospy.wait_for_service(SERVICE)
+    # Not persistent: every request looks the server up, so the next one after an update finds the new server.
+    proxy = rospy.ServiceProxy(SERVICE, AddTwoInts)
+    is_ready = False
+    due = time.monotonic()
+    while not node.stopping():
+        pause = due - time.monotonic()
+        if pause > 0:
+            time.sleep(min(pause, 0.5))
+            continue
+        record = ask(proxy, request)
+        log.write(record)
+        request += 1
+        # A request that took long is not made up for by a burst: the next one is due a period from now.
+        due = max(due + period, time.monotonic())
+        if record["ok"] and not is_ready:
+            is_ready = True
+            node.ready()
+    log.close()
+
+
+def main() -> None:
+    """Run it."""
+    node.run("add_two_ints_client", request_answers)

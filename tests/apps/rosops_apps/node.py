@@ -1,0 +1,70 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every application's process does the same way: settings, ROS node, readiness file, clean stop."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from typing import Any, Callable
+
+from . import settings
+
+os.environ.setdefault("ROS_LOG_DIR", "/tmp/ros-log")  # noqa: S108 - rospy wants a home directory, a container has none
+
+import rospy  # type: ignore[import-not-found]  # noqa: E402 - reads the environment when it is imported
+
+
+LINGER_SECONDS = 0.05
+
+
+class _Stop:
+    """Whether the node was asked to stop. A plain flag: a lock could be held by the thread that a signal interrupts."""
+
+    asked = False
+
+
+def stopping() -> bool:
+    """Whether to stop. True before rospy closes the connections: what is counted as sent until then can still go."""
+    return _Stop.asked or bool(rospy.is_shutdown())
+
+
+def _stop() -> None:
+    _Stop.asked = True
+    time.sleep(LINGER_SECONDS)  # the connections' own threads send meanwhile what is queued
+
+
+def say(event: str, **fields: Any) -> None:
+    """One line of JSON on the standard output, for whoever collects a container's log."""
+    print(json.dumps({"event": event, "node": rospy.get_name(), **fields}), flush=True)
+
+
+def ready() -> None:
+    """Say that the application is ready."""
+    settings.ready_file().write_text("ready\n", encoding="utf-8")
+    say("ready")
+
+
+def run(name: str, application: Callable[[], None]) -> None:
+    """Run one application as the ROS node `name` (or what `__name:=` says) until it is asked to stop.
+
+    rospy's own handlers end it on SIGTERM and SIGINT, as process 1 of a container too, and on `shutdown` by the
+    slave API.
+    """
+    settings.ready_file().unlink(missing_ok=True)
+    try:
+        rospy.init_node(name)
+        rospy.on_shutdown(_stop)
+        say("started", version=settings.version())
+        application()
+        say("stopped")
+    except settings.SettingError as error:
+        rospy.signal_shutdown(str(error))
+        sys.exit(f"{name}: {error}")
+    except rospy.ROSInterruptException:
+        pass
+    finally:
+        settings.ready_file().unlink(missing_ok=True)

@@ -1,0 +1,97 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which samples arrived: duplicates, holes, and the exact ranges received. No ROS."""
+
+from __future__ import annotations
+
+
+class SequenceTracker:
+    """Accepts every sequence number once.
+
+    `after` is the last number that an earlier process of the same application has accounted for: everything up to
+    it counts as a duplicate. Holes are remembered so that a late sample fills its own.
+    """
+
+    def __init__(self, after: int | None = None, remember: int = 100_000) -> None:
+        self._floor = -1 if after is None else after
+        self._first: int | None = None
+        self._highest = -1
+        self._holes: set[int] = set()
+        self._remember = remember
+        self._lost_for_good = 0
+        self._ranges: list[list[int]] = []
+        self.duplicates = 0
+
+    @property
+    def first(self) -> int | None:
+        """The lowest number received."""
+        return self._first
+
+    @property
+    def last(self) -> int | None:
+        """The highest number received."""
+        return None if self._first is None else self._highest
+
+    @property
+    def missing(self) -> int:
+        """Numbers between the first and the last that have not come."""
+        return self._lost_for_good + len(self._holes)
+
+    def add(self, number: int) -> bool:
+        """True if the sample is new."""
+        if number == self._highest + 1 and self._first is not None:
+            self._highest = number
+            if self._ranges and self._ranges[-1][1] == number - 1:
+                self._ranges[-1][1] = number
+                return True
+        elif not self._out_of_order(number):
+            self.duplicates += 1
+            return False
+        self._ranges.append([number, number])
+        return True
+
+    def _out_of_order(self, number: int) -> bool:
+        if number <= self._floor:
+            return False
+        if self._first is None:
+            self._first = self._highest = number
+        elif number > self._highest:
+            self._open_holes(self._highest + 1, number)
+            self._highest = number
+        elif number < self._first:
+            self._open_holes(number + 1, self._first)
+            self._first = number
+        elif number in self._holes:
+            self._holes.remove(number)
+        else:
+            return False
+        return True
+
+    def _open_holes(self, start: int, stop: int) -> None:
+        room = max(0, self._remember - len(self._holes))
+        kept = max(start, stop - room)
+        self._lost_for_good += kept - start
+        self._holes.update(range(kept, stop))
+
+    def take_ranges(self) -> list[list[int]]:
+        """The ranges `[first, last]` accepted since the last call, sorted and joined."""
+        taken, self._ranges = self._ranges, []
+        return join_ranges(taken)
+
+
+def join_ranges(ranges: list[list[int]]) -> list[list[int]]:
+    """Sort ranges `[first, last]` and join those that touch or overlap."""
+    joined: list[list[int]] = []
+    for first, last in sorted(ranges):
+        if joined and first <= joined[-1][1] + 1:
+            joined[-1][1] = max(joined[-1][1], last)
+        else:
+            joined.append([first, last])
+    return joined
+
+
+def holes(ranges: list[list[int]]) -> list[list[int]]:
+    """What is missing between the ranges: with the logs of all processes joined, the samples that nobody received."""
+    joined = join_ranges(ranges)
+    return [[before[1] + 1, after[0] - 1] for before, after in zip(joined, joined[1:])]

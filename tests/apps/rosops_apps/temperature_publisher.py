@@ -1,0 +1,106 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A simulated temperature sensor: RATE_HZ (500) readings a second on the topic `temperature`."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import rospy  # type: ignore[import-not-found]
+
+from . import node, settings
+from .jsonl import JsonLinesLog
+from .pacing import SampleClock, celsius, pending
+from .sequence import SequenceTracker
+
+QUEUE = 1000
+LONGEST_SLEEP = 0.5  # a slow sensor, too, notices within this time that it is asked to stop
+STEP_SECONDS = 0.1  # a wall clock this far away was set; it did not drift
+
+
+class Sensor:
+    """Publishes readings and keeps account of them."""
+
+    def __init__(self, topic: Any, message: Any, rate: float) -> None:
+        self._topic = topic
+        self._message = message
+        self._rate = rate
+        self.sent = 0
+        self.skipped = 0
+        self.account = SequenceTracker()
+
+    def publish(self, numbers: range) -> None:
+        """Publish the readings of these samples."""
+        message = self._message
+        for number in numbers:
+            message.sequence = number
+            message.celsius = celsius(number, self._rate)
+            message.header.stamp = rospy.Time.from_sec(number / self._rate)
+            self._topic.publish(message)
+            self.account.add(number)
+        self.sent += len(numbers)
+
+    def report(self) -> dict[str, Any]:
+        """What was published, since the start and (as ranges) since the last report."""
+        return {"sent": self.sent, "skipped": self.skipped, "ranges": self.account.take_ranges()}
+
+
+def publish() -> None:
+    """Publish until asked to stop."""
+    from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
+
+    rate = settings.positive("RATE_HZ", 500.0)
+    directory = settings.log_dir()
+    log = JsonLinesLog(directory / "temperature-published.jsonl") if directory else None
+    topic = rospy.Publisher("temperature", Temperature, queue_size=QUEUE, tcp_nodelay=True)
+    message = Temperature()
+    message.header.frame_id = "temperature_sensor"
+    sensor = Sensor(topic, message, rate)
+    pace(sensor, rate, log)
+    if log:
+        record(sensor, log)
+        log.close()
+    node.say("published", sent=sensor.sent, skipped=sensor.skipped)
+
+
+def pace(sensor: Sensor, rate: float, log: JsonLinesLog | None) -> None:
+    """Have every sample published when it is due."""
+    # After a stall as many readings as half a queue holds are caught up; more would push out what waits there.
+    most = max(1, min(QUEUE // 2, int(rate)))
+    now = followed = time.monotonic()
+    clock = SampleClock(rate, time.time(), now)
+    last = clock.number(now)
+    while not node.stopping():
+        pause = clock.due(last + 1) - time.monotonic()
+        if pause > 0:
+            # not rospy.sleep: that sleeps in slices, and simulated time is of no use to a sensor
+            time.sleep(min(pause, LONGEST_SLEEP))
+            if node.stopping():
+                break
+        now = time.monotonic()
+        numbers, given_up = pending(last, clock.number(now), most)
+        sensor.publish(numbers)
+        sensor.skipped += given_up
+        if numbers:
+            if sensor.sent == len(numbers):
+                node.ready()
+            last = numbers[-1]
+        if now - followed >= 1.0:
+            away = clock.follow(time.time(), now)
+            if abs(away) > STEP_SECONDS:
+                rospy.logwarn_throttle(60, f"the clock is {away:.3f} s away from the samples' numbers")
+            if log:
+                record(sensor, log)
+            followed = now
+
+
+def record(sensor: Sensor, log: JsonLinesLog) -> None:
+    """One line of the log."""
+    log.write({"time": round(time.time(), 3), "node": rospy.get_name(), **sensor.report()})
+
+
+def main() -> None:
+    """Run it."""
+    node.run("temperature_publisher", publish)

@@ -1,0 +1,108 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Statistics of the topic `temperature`, one JSON line a second in LOG_DIR/temperature-stats.jsonl."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+import rospy  # type: ignore[import-not-found]
+
+from . import node, settings
+from .jsonl import JsonLinesLog, last_record
+from .sequence import SequenceTracker
+from .stats import RunningStats
+
+QUEUE = 1000
+WINDOW = 500  # values in the moving average: one second of the sensor
+LOG_NAME = "temperature-stats.jsonl"
+
+
+class Account:
+    """What came in. rospy calls from one thread per publisher, the log's loop reads from its own: hence the lock."""
+
+    def __init__(self, previous: dict[str, Any] | None) -> None:
+        self._lock = threading.Lock()
+        self._resumed_from = previous["last_sequence"] if previous else None
+        self._sequence = SequenceTracker(after=self._resumed_from)
+        self._stats = RunningStats.resume(previous or {}, WINDOW)
+        self._received = 0
+        self._arrived = 0.0
+        self._gap = 0.0
+        self._latency = 0.0
+
+    def take(self, message: Any) -> None:
+        """One message: counted once, however often its sample comes."""
+        stamp = message.header.stamp
+        age = time.time() - stamp.secs - stamp.nsecs * 1e-9
+        now = time.monotonic()
+        with self._lock:
+            if not self._sequence.add(message.sequence):
+                return
+            self._stats.add(message.celsius)
+            self._received += 1
+            if self._arrived and now - self._arrived > self._gap:
+                self._gap = now - self._arrived
+            self._arrived = now
+            if age > self._latency:
+                self._latency = age
+
+    def report(self) -> dict[str, Any] | None:
+        """The figures so far; gap, age, ranges and received are those since the last report. None before any."""
+        with self._lock:
+            if self._sequence.last is None:
+                return None
+            report = {
+                "received": self._received,
+                **self._stats.report(),
+                "resumed_from": self._resumed_from,
+                "first_sequence": self._sequence.first,
+                "last_sequence": self._sequence.last,
+                "missing": self._sequence.missing,
+                "duplicates": self._sequence.duplicates,
+                "ranges": self._sequence.take_ranges(),
+                "longest_gap_ms": round(self._gap * 1e3, 3),
+                "oldest_age_ms": round(self._latency * 1e3, 3),
+            }
+            self._received = 0
+            self._gap = self._latency = 0.0
+        return report
+
+
+def subscribe() -> None:
+    """Count until asked to stop."""
+    from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
+
+    directory = settings.log_dir()
+    if directory is None:
+        raise settings.SettingError("LOG_DIR must name the directory for " + LOG_NAME)
+    previous = last_record(directory / LOG_NAME, key="last_sequence")
+    log = JsonLinesLog(directory / LOG_NAME)
+    account = Account(previous)
+    subscriber = rospy.Subscriber("temperature", Temperature, account.take, queue_size=QUEUE, tcp_nodelay=True)
+    node.ready()
+    due = time.monotonic() + 1.0
+    while not node.stopping():
+        time.sleep(max(0.0, min(0.5, due - time.monotonic())))
+        if time.monotonic() >= due:
+            due += 1.0
+            record(account, log)
+    subscriber.unregister()
+    record(account, log, idle=False)
+    log.close()
+
+
+def record(account: Account, log: JsonLinesLog, *, idle: bool = True) -> None:
+    """One line of the log; with `idle` also when nothing came since the last one."""
+    report = account.report()
+    if report is not None and (idle or report["received"]):
+        who = {"time": round(time.time(), 3), "node": rospy.get_name(), "version": settings.version()}
+        log.write({**who, **report})
+
+
+def main() -> None:
+    """Run it."""
+    node.run("temperature_subscriber", subscribe)

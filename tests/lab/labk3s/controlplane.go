@@ -1,0 +1,185 @@
+package main
+
+import (
+	"context"
+	"crypto/tls"
+	"crypto/x509"
+	"fmt"
+	"net/http"
+	"os"
+	"strings"
+	"time"
+
+	apierrors "k8s.io/apimachinery/pkg/api/errors"
+	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
+	"k8s.io/client-go/kubernetes"
+)
+
+func apiserverArgs(c *config) map[string]string {
+	tls := c.dataDir.tls
+	return map[string]string{
+		"advertise-address":                c.advertise,
+		"allow-privileged":                 "true",
+		"anonymous-auth":                   "false",
+		"api-audiences":                    "https://kubernetes.default.svc." + c.clusterDomain + ",k3s",
+		"authorization-mode":               "Node,RBAC",
+		"bind-address":                     apiserverIP,
+		"client-ca-file":                   tls("client-ca.crt"),
+		"enable-admission-plugins":         "NodeRestriction",
+		"enable-aggregator-routing":        "true",
+		"enable-bootstrap-token-auth":      "true",
+		"etcd-cafile":                      tls("etcd", "server-ca.crt"),
+		"etcd-certfile":                    tls("etcd", "client.crt"),
+		"etcd-keyfile":                     tls("etcd", "client.key"),
+		"etcd-servers":                     etcdLocal,
+		"kubelet-certificate-authority":    tls("server-ca.crt"),
+		"kubelet-client-certificate":       tls("client-kube-apiserver.crt"),
+		"kubelet-client-key":               tls("client-kube-apiserver.key"),
+		"kubelet-preferred-address-types":  "InternalIP,ExternalIP,Hostname",
+		"permit-port-sharing":              "true",
+		"profiling":                        "false",
+		"proxy-client-cert-file":           tls("client-auth-proxy.crt"),
+		"proxy-client-key-file":            tls("client-auth-proxy.key"),
+		"requestheader-allowed-names":      "system:auth-proxy",
+		"requestheader-client-ca-file":     tls("request-header-ca.crt"),
+		"requestheader-extra-headers-prefix": "X-Remote-Extra-",
+		"requestheader-group-headers":      "X-Remote-Group",
+		"requestheader-username-headers":   "X-Remote-User",
+		"secure-port":                      apiPort,
+		"service-account-issuer":           "https://kubernetes.default.svc." + c.clusterDomain,
+		"service-account-key-file":         tls("service.key"),
+		"service-account-signing-key-file": tls("service.key"),
+		"service-cluster-ip-range":         c.serviceCIDR,
+		"service-node-port-range":          c.nodePorts,
+		"storage-backend":                  "etcd3",
+		"tls-cert-file":                    tls("serving-kube-apiserver.crt"),
+		"tls-private-key-file":             tls("serving-kube-apiserver.key"),
+	}
+}
+
+func controllerArgs(c *config) map[string]string {
+	tls := c.dataDir.tls
+	kubeconfig := c.dataDir.server("cred", "controller.kubeconfig")
+	args := map[string]string{
+		"allocate-node-cidrs":              "true",
+		"authentication-kubeconfig":        kubeconfig,
+		"authorization-kubeconfig":         kubeconfig,
+		"bind-address":                     "127.0.0.1",
+		"cluster-cidr":                     c.clusterCIDR,
+		"configure-cloud-routes":           "false",
+		"controllers":                      "*,tokencleaner",
+		"kubeconfig":                       kubeconfig,
+		"profiling":                        "false",
+		"root-ca-file":                     tls("server-ca.crt"),
+		"service-account-private-key-file": tls("service.key"),
+		"service-cluster-ip-range":         c.serviceCIDR,
+		"use-service-account-credentials":  "true",
+	}
+	for signer, ca := range map[string]string{
+		"kubelet-serving": "server-ca", "kubelet-client": "client-ca",
+		"kube-apiserver-client": "client-ca", "legacy-unknown": "client-ca",
+	} {
+		args["cluster-signing-"+signer+"-cert-file"] = tls(ca + ".crt")
+		args["cluster-signing-"+signer+"-key-file"] = tls(ca + ".key")
+	}
+	return args
+}
+
+func schedulerArgs(c *config) map[string]string {
+	kubeconfig := c.dataDir.server("cred", "scheduler.kubeconfig")
+	return map[string]string{
+		"authentication-kubeconfig": kubeconfig,
+		"authorization-kubeconfig":  kubeconfig,
+		"bind-address":              "127.0.0.1",
+		"kubeconfig":                kubeconfig,
+		"profiling":                 "false",
+	}
+}
+
+// startControlPlane starts the API server and, once it is ready, the others.
+func startControlPlane(ctx context.Context, c *config, procs *processes, kube kubernetes.Interface, ready func()) error {
+	tls := c.dataDir.tls
+	for name, base := range map[string]string{"controller": "client-controller", "scheduler": "client-scheduler"} {
+		path := c.dataDir.server("cred", name+".kubeconfig")
+		if err := writeKubeconfig(path, apiserverURL, tls("server-ca.crt"), tls(base), false, 0o600); err != nil {
+			return err
+		}
+	}
+	args, err := mergeArgs(apiserverArgs(c), c.apiserverArgs)
+	if err != nil {
+		return fmt.Errorf("kube-apiserver-arg: %w", err)
+	}
+	if err := waitFree(ctx, "127.0.0.1:10257", "127.0.0.1:10259"); err != nil {
+		return err
+	}
+	if err := procs.component("kube-apiserver", args); err != nil {
+		return err
+	}
+	if err := waitReady(ctx, c); err != nil {
+		return err
+	}
+	ready()
+	dropOwnLeases(ctx, kube)
+	args, err = mergeArgs(controllerArgs(c), c.controllerArgs)
+	if err != nil {
+		return fmt.Errorf("kube-controller-manager-arg: %w", err)
+	}
+	if err := procs.component("kube-controller-manager", args); err != nil {
+		return err
+	}
+	args, err = mergeArgs(schedulerArgs(c), c.schedulerArgs)
+	if err != nil {
+		return fmt.Errorf("kube-scheduler-arg: %w", err)
+	}
+	return procs.component("kube-scheduler", args)
+}
+
+// waitReady asks the API server itself, past the supervisor.
+func waitReady(ctx context.Context, c *config) error {
+	tlsDir := c.dataDir.tls
+	content, err := os.ReadFile(tlsDir("server-ca.crt"))
+	if err != nil {
+		return err
+	}
+	roots := x509.NewCertPool()
+	roots.AppendCertsFromPEM(content)
+	cert, err := tls.LoadX509KeyPair(tlsDir("client-admin.crt"), tlsDir("client-admin.key"))
+	if err != nil {
+		return err
+	}
+	client := &http.Client{Timeout: 5 * time.Second, Transport: &http.Transport{
+		TLSClientConfig: &tls.Config{RootCAs: roots, Certificates: []tls.Certificate{cert}},
+	}}
+	defer client.CloseIdleConnections()
+	return poll(ctx, 100*time.Millisecond, 0, func() (bool, error) {
+		response, err := client.Get(apiserverURL + "/readyz")
+		if err != nil {
+			return false, err
+		}
+		defer response.Body.Close()
+		return response.StatusCode == http.StatusOK, nil
+	})
+}
+
+// dropOwnLeases frees the leader leases that this host's previous processes
+// held: they are dead, and waiting for the leases to run out would cost every
+// restart 15 seconds.
+func dropOwnLeases(ctx context.Context, kube kubernetes.Interface) {
+	hostname, err := os.Hostname()
+	if err != nil {
+		return
+	}
+	leases := kube.CoordinationV1().Leases(metav1.NamespaceSystem)
+	for _, name := range []string{"kube-controller-manager", "kube-scheduler"} {
+		lease, err := leases.Get(ctx, name, metav1.GetOptions{})
+		if err != nil || lease.Spec.HolderIdentity == nil || !strings.HasPrefix(*lease.Spec.HolderIdentity, hostname+"_") {
+			continue
+		}
+		err = leases.Delete(ctx, name, metav1.DeleteOptions{
+			Preconditions: &metav1.Preconditions{ResourceVersion: &lease.ResourceVersion},
+		})
+		if err != nil && !apierrors.IsNotFound(err) && !apierrors.IsConflict(err) {
+			logf("warning", "freeing the lease %s: %v", name, err)
+		}
+	}
+}

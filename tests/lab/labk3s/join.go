@@ -1,0 +1,121 @@
+package main
+
+import (
+	"bytes"
+	"context"
+	"crypto/tls"
+	"crypto/x509"
+	"encoding/json"
+	"errors"
+	"fmt"
+	"io"
+	"net/http"
+	"strings"
+	"time"
+)
+
+// joiner talks to a supervisor with a token.
+type joiner struct {
+	url    string
+	token  token
+	ca     []byte
+	client *http.Client
+}
+
+// refusal is a supervisor's "no", which no waiting will change by itself.
+type refusal struct {
+	status int
+	text   string
+}
+
+func (r *refusal) Error() string { return r.text }
+
+// newJoiner learns the cluster's CA and, where the token names it, verifies
+// it. A short token trusts whom it meets first, as k3s's does.
+func newJoiner(ctx context.Context, url string, t token) (*joiner, error) {
+	trusting := &http.Client{
+		Timeout: 10 * time.Second,
+		Transport: &http.Transport{
+			TLSClientConfig:   &tls.Config{InsecureSkipVerify: true}, // what comes back is checked below
+			DisableKeepAlives: true,
+		},
+	}
+	j := &joiner{url: url, client: trusting}
+	ca, err := j.do(ctx, http.MethodGet, "/cacerts", nil, nil)
+	if err != nil {
+		return nil, fmt.Errorf("failed to get CA certs: %w", err)
+	}
+	if err := t.verifyCA(ca); err != nil {
+		return nil, fmt.Errorf("failed to validate token: %w", err)
+	}
+	roots := x509.NewCertPool()
+	if !roots.AppendCertsFromPEM(ca) {
+		return nil, fmt.Errorf("failed to get CA certs: no certificate from %s", url)
+	}
+	return &joiner{url: url, token: t, ca: ca, client: &http.Client{
+		Timeout: 30 * time.Second,
+		Transport: &http.Transport{
+			TLSClientConfig: &tls.Config{RootCAs: roots, MinVersion: tls.VersionTLS12},
+			// Each attempt may meet another server.
+			DisableKeepAlives: true,
+		},
+	}}, nil
+}
+
+func (j *joiner) get(ctx context.Context, path string) ([]byte, error) {
+	return j.do(ctx, http.MethodGet, path, nil, nil)
+}
+
+func (j *joiner) getJSON(ctx context.Context, path string, into any) error {
+	body, err := j.get(ctx, path)
+	if err != nil {
+		return err
+	}
+	return json.Unmarshal(body, into)
+}
+
+func (j *joiner) do(ctx context.Context, method, path string, body []byte, header map[string]string) ([]byte, error) {
+	request, err := http.NewRequestWithContext(ctx, method, j.url+path, bytes.NewReader(body))
+	if err != nil {
+		return nil, err
+	}
+	if j.token.secret != "" {
+		request.SetBasicAuth(j.token.user, j.token.secret)
+	}
+	for name, value := range header {
+		request.Header.Set(name, value)
+	}
+	response, err := j.client.Do(request)
+	if err != nil {
+		return nil, err
+	}
+	defer response.Body.Close()
+	content, err := io.ReadAll(io.LimitReader(response.Body, 1<<22))
+	if err != nil {
+		return nil, err
+	}
+	if response.StatusCode == http.StatusOK {
+		return content, nil
+	}
+	text := fmt.Sprintf("%s%s: %s: %s", j.url, path, response.Status, strings.TrimSpace(string(content)))
+	if response.StatusCode == http.StatusUnauthorized || response.StatusCode == http.StatusForbidden {
+		return nil, &refusal{response.StatusCode, text}
+	}
+	return nil, errors.New(text)
+}
+
+// sign sends a certificate request for this node and returns the certificate.
+func (j *joiner) sign(ctx context.Context, path, base, node, password, ip string) error {
+	request, err := newCSR(base)
+	if err != nil {
+		return err
+	}
+	cert, err := j.do(ctx, http.MethodPost, path, request, map[string]string{
+		nodeNameHeader: node, nodePasswordHeader: password, nodeIPHeader: ip,
+	})
+	if err != nil {
+		return err
+	}
+	_, err = writeFile(base+".crt", cert, 0o644)
+	return err
+}

@@ -1,0 +1,213 @@
+package main
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"net"
+	"os"
+	"os/exec"
+	"path/filepath"
+	"runtime"
+	"slices"
+	"strings"
+	"sync"
+	"syscall"
+	"time"
+)
+
+// processes are the children of one labk3s: Kubernetes components keep global
+// state, so each is a process of its own, of this same binary. None of them
+// outlives the parent, and the parent does not outlive any of them: systemd's
+// restart then brings back the whole, which is the one state that is tested.
+type processes struct {
+	mu       sync.Mutex
+	children []*child
+	stopping bool
+	died     chan error
+}
+
+type child struct {
+	name string
+	cmd  *exec.Cmd
+	done chan struct{}
+}
+
+func newProcesses() *processes {
+	return &processes{died: make(chan error, 16)}
+}
+
+const stopGrace = 5 * time.Second
+
+// component starts this binary again as one of its components.
+func (p *processes) component(name string, args []string) error {
+	// The running file, not its path: an upgrade may have replaced that.
+	return p.start(name, "/proc/self/exe", append([]string{"k3s", name}, args...))
+}
+
+// program starts a program of the host.
+func (p *processes) program(path string, args ...string) error {
+	return p.start(filepath.Base(path), path, append([]string{path}, args...))
+}
+
+func (p *processes) start(name, path string, argv []string) error {
+	cmd := &exec.Cmd{
+		Path: path, Args: argv, Env: childEnv(), Stdout: os.Stderr, Stderr: os.Stderr,
+		SysProcAttr: &syscall.SysProcAttr{Pdeathsig: syscall.SIGKILL},
+	}
+	c := &child{name: name, cmd: cmd, done: make(chan struct{})}
+	started := make(chan error)
+	go func() {
+		// The kernel sends the death signal when the *thread* that forked
+		// ends, so this one must live as long as the child.
+		runtime.LockOSThread()
+		defer runtime.UnlockOSThread()
+		p.mu.Lock()
+		if p.stopping {
+			p.mu.Unlock()
+			started <- context.Canceled
+			return
+		}
+		err := cmd.Start()
+		if err == nil {
+			p.children = append(p.children, c)
+		}
+		p.mu.Unlock()
+		started <- err
+		if err != nil {
+			return
+		}
+		err = cmd.Wait()
+		close(c.done)
+		p.mu.Lock()
+		stopping := p.stopping
+		p.mu.Unlock()
+		if !stopping {
+			if err == nil {
+				err = errors.New("exit status 0")
+			}
+			p.died <- fmt.Errorf("%s exited: %w", name, err)
+		}
+	}()
+	if err := <-started; err != nil {
+		return fmt.Errorf("starting %s: %w", name, err)
+	}
+	logf("info", "Running %s %s", name, strings.Join(argv[1:], " "))
+	return nil
+}
+
+// stop ends the named children together and waits for them.
+func (p *processes) stop(names ...string) {
+	p.mu.Lock()
+	p.stopping = true
+	var picked []*child
+	for _, c := range p.children {
+		if len(names) == 0 || slices.Contains(names, c.name) {
+			picked = append(picked, c)
+			_ = c.cmd.Process.Signal(syscall.SIGTERM)
+		}
+	}
+	p.mu.Unlock()
+	deadline := time.After(stopGrace)
+	for _, c := range picked {
+		select {
+		case <-c.done:
+		case <-deadline:
+			logf("warning", "%s did not stop in %s, killing it", c.name, stopGrace)
+			for _, late := range picked {
+				_ = late.cmd.Process.Kill()
+			}
+			<-c.done
+		}
+	}
+}
+
+// childEnv keeps from children what is meant for us: systemd's notify socket
+// (the unit accepts only the main process) and our secrets.
+func childEnv() []string {
+	return slices.DeleteFunc(os.Environ(), func(entry string) bool {
+		return strings.HasPrefix(entry, "NOTIFY_SOCKET=") || strings.HasPrefix(entry, "K3S_")
+	})
+}
+
+// waitFree waits until nobody listens on these addresses: a predecessor that
+// was killed may take a moment to give its ports back.
+func waitFree(ctx context.Context, addresses ...string) error {
+	for _, address := range addresses {
+		err := poll(ctx, 100*time.Millisecond, 15*time.Second, func() (bool, error) {
+			listener, err := net.Listen("tcp", address)
+			if err != nil {
+				return false, err
+			}
+			return true, listener.Close()
+		})
+		if err != nil {
+			return fmt.Errorf("port is taken: %w", err)
+		}
+	}
+	return nil
+}
+
+// poll calls check until it says true; a limit of 0 means for ever. Its error
+// is the last thing check said.
+func poll(ctx context.Context, every, limit time.Duration, check func() (bool, error)) error {
+	var deadline <-chan time.Time
+	if limit > 0 {
+		deadline = time.After(limit)
+	}
+	ticker := time.NewTicker(every)
+	defer ticker.Stop()
+	for {
+		done, err := check()
+		if done {
+			return err
+		}
+		select {
+		case <-ctx.Done():
+			return ctx.Err()
+		case <-deadline:
+			if err == nil {
+				err = fmt.Errorf("not within %s", limit)
+			}
+			return err
+		case <-ticker.C:
+		}
+	}
+}
+
+// lockDir keeps a second labk3s out: the API's port may be shared by two
+// processes here, so nothing else would stop it.
+func lockDir(path string) (*os.File, error) {
+	if err := os.MkdirAll(filepath.Dir(path), 0o755); err != nil {
+		return nil, err
+	}
+	file, err := os.OpenFile(path, os.O_CREATE|os.O_RDWR|syscall.O_CLOEXEC, 0o600)
+	if err != nil {
+		return nil, err
+	}
+	if err := syscall.Flock(int(file.Fd()), syscall.LOCK_EX|syscall.LOCK_NB); err != nil {
+		file.Close()
+		return nil, fmt.Errorf("another k3s is running (it holds %s)", path)
+	}
+	return file, nil
+}
+
+// notify tells systemd a state, where it asked to be told.
+func notify(state string) {
+	socket := os.Getenv("NOTIFY_SOCKET")
+	if socket == "" {
+		return
+	}
+	if strings.HasPrefix(socket, "@") {
+		socket = "\x00" + socket[1:]
+	}
+	conn, err := net.DialUnix("unixgram", nil, &net.UnixAddr{Name: socket, Net: "unixgram"})
+	if err != nil {
+		logf("warning", "sd_notify: %v", err)
+		return
+	}
+	defer conn.Close()
+	if _, err := conn.Write([]byte(state)); err != nil {
+		logf("warning", "sd_notify: %v", err)
+	}
+}

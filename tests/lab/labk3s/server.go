@@ -1,0 +1,314 @@
+package main
+
+import (
+	"context"
+	"errors"
+	"fmt"
+	"os"
+	"os/signal"
+	"strings"
+	"syscall"
+	"time"
+
+	"go.etcd.io/etcd/server/v3/embed"
+	"k8s.io/client-go/dynamic"
+	"k8s.io/client-go/kubernetes"
+)
+
+func serverCommand(args []string) error {
+	c, err := loadConfig("server", args, os.Environ())
+	if err != nil {
+		return err
+	}
+	ctx, stop := signal.NotifyContext(context.Background(), syscall.SIGTERM, syscall.SIGINT)
+	defer stop()
+	// The directory holds every key of the cluster.
+	if err := os.MkdirAll(c.dataDir.server(), 0o700); err != nil {
+		return err
+	}
+	lock, err := lockDir(c.dataDir.server(".lock"))
+	if err != nil {
+		return err
+	}
+	defer lock.Close()
+	logf("info", "Starting k3s %s", version)
+	if c.clusterReset {
+		return clusterReset(ctx, c)
+	}
+	err = runServer(ctx, c)
+	if errors.Is(err, context.Canceled) && ctx.Err() != nil {
+		return nil // asked to stop while starting
+	}
+	return err
+}
+
+func runServer(ctx context.Context, c *config) error {
+	secret, err := prepareServer(ctx, c)
+	if err != nil {
+		return fmt.Errorf("starting kubernetes: preparing server: %w", err)
+	}
+	cas, err := ensureCAs(c.dataDir)
+	if err != nil {
+		return err
+	}
+	if err := serverLeaves(c, cas); err != nil {
+		return err
+	}
+	agentSecret, err := writeTokens(c, cas, secret)
+	if err != nil {
+		return err
+	}
+
+	procs := newProcesses()
+	run, cancel := context.WithCancel(ctx)
+	failed := make(chan error, 8)
+	guard := func(name string, f func() error) {
+		go func() {
+			if err := f(); err != nil && run.Err() == nil {
+				failed <- fmt.Errorf("%s: %w", name, err)
+			}
+		}()
+	}
+	s := &supervisor{config: c, cas: cas, serverToken: secret, agentToken: agentSecret}
+	s.kube, err = kubernetes.NewForConfig(restConfig(apiserverURL, c.dataDir.tls("server-ca.crt"), c.dataDir.tls("client-supervisor")))
+	if err != nil {
+		cancel()
+		return err
+	}
+	etcd := make(chan *embed.Etcd, 1)
+	guard("agent", func() error {
+		own := token{caHash: hashCA(cas["server-ca"].pem), user: "server", secret: secret}
+		return runAgent(run, c, procs, own, nil)
+	})
+	guard("server", func() error {
+		server, err := startDatastore(run, c, s, secret)
+		if server != nil {
+			etcd <- server
+		}
+		if err != nil {
+			return err
+		}
+		return startAPI(run, c, procs, s)
+	})
+
+	var result error
+	select {
+	case <-ctx.Done():
+		logf("info", "Stopping: asked to")
+		notify("STOPPING=1")
+	case result = <-failed:
+	case result = <-procs.died:
+	}
+	// The clients of a part go before it.
+	procs.stop("kubelet", "kube-proxy", "kube-scheduler", "kube-controller-manager")
+	cancel()
+	procs.stop("kube-apiserver")
+	select {
+	case server := <-etcd:
+		server.Close()
+	default:
+	}
+	procs.stop()
+	return result
+}
+
+// prepareServer settles the token and, for a server that joins, fetches what
+// all servers share.
+func prepareServer(ctx context.Context, c *config) (string, error) {
+	stored := ""
+	if content, err := os.ReadFile(c.dataDir.server("token")); err == nil {
+		t, err := parseToken(string(content), "server")
+		if err != nil {
+			return "", fmt.Errorf("%s: %w", c.dataDir.server("token"), err)
+		}
+		stored = t.secret
+	}
+	secret := stored
+	var given token
+	if c.token != "" {
+		var err error
+		if given, err = parseToken(c.token, "server"); err != nil {
+			return "", err
+		}
+		secret = given.secret
+		if stored != "" && c.etcdInitialised() && !same(stored, secret) {
+			return "", errOtherToken
+		}
+	}
+	if secret == "" {
+		secret = randomHex(16)
+	}
+	if c.serverURL == "" || c.etcdInitialised() {
+		if ca, err := os.ReadFile(c.dataDir.tls("server-ca.crt")); err == nil {
+			if err := given.verifyCA(ca); err != nil {
+				return "", err
+			}
+		} else if given.caHash != "" {
+			return "", errors.New("the token names a cluster's CA, but this server would start a new cluster: give the secret alone, or --server")
+		}
+		return secret, nil
+	}
+	return secret, poll(ctx, time.Second, 0, func() (bool, error) {
+		err := fetchBootstrap(ctx, c, given)
+		var no *refusal
+		if err == nil || errors.As(err, &no) || strings.Contains(err.Error(), "failed to validate token") {
+			return true, err
+		}
+		logf("warning", "Waiting for the server to join: %v", err)
+		return false, err
+	})
+}
+
+func fetchBootstrap(ctx context.Context, c *config, t token) error {
+	j, err := newJoiner(ctx, c.serverURL, t)
+	if err != nil {
+		return err
+	}
+	b := bootstrap{}
+	if err := j.getJSON(ctx, "/v1-k3s/server-bootstrap", &b); err != nil {
+		return err
+	}
+	changed, err := b.write(c.dataDir)
+	if changed {
+		logf("info", "Took over the cluster's certificate authorities from %s", c.serverURL)
+	}
+	return err
+}
+
+// writeTokens writes the token files as k3s does and returns the secret that
+// agents join with.
+func writeTokens(c *config, cas map[string]*authority, secret string) (string, error) {
+	hash := hashCA(cas["server-ca"].pem)
+	write := func(name string, t token) error {
+		path := c.dataDir.server(name)
+		if info, err := os.Lstat(path); err == nil && info.Mode()&os.ModeSymlink != 0 {
+			if err := os.Remove(path); err != nil {
+				return err
+			}
+		}
+		_, err := writeFile(path, []byte(t.String()+"\n"), 0o600)
+		return err
+	}
+	if err := write("token", token{hash, "server", secret}); err != nil {
+		return "", err
+	}
+	if err := relink("token", c.dataDir.server("node-token")); err != nil {
+		return "", err
+	}
+	if c.agentToken == "" {
+		return secret, relink("token", c.dataDir.server("agent-token"))
+	}
+	agent, err := parseToken(c.agentToken, "node")
+	if err != nil {
+		return "", fmt.Errorf("agent-token: %w", err)
+	}
+	return agent.secret, write("agent-token", token{hash, "node", agent.secret})
+}
+
+func relink(target, path string) error {
+	if old, err := os.Readlink(path); err == nil && old == target {
+		return nil
+	}
+	if err := os.RemoveAll(path); err != nil {
+		return err
+	}
+	return os.Symlink(target, path)
+}
+
+// startDatastore starts or joins etcd and settles that this server and the
+// datastore belong together.
+func startDatastore(ctx context.Context, c *config, s *supervisor, secret string) (*embed.Etcd, error) {
+	initial, joining := "", c.serverURL != "" && !c.etcdInitialised()
+	if joining {
+		t, err := parseToken(c.token, "server")
+		if err != nil {
+			return nil, err
+		}
+		err = poll(ctx, time.Second, 0, func() (bool, error) {
+			j, err := newJoiner(ctx, c.serverURL, t)
+			var endpoints []string
+			if err == nil {
+				err = j.getJSON(ctx, "/v1-k3s/etcd-endpoints", &endpoints)
+			}
+			if err == nil {
+				initial, err = addMember(ctx, c, endpoints)
+			}
+			if err != nil {
+				// Another server may be joining: etcd takes one at a time.
+				logf("warning", "Waiting to join etcd: %v", err)
+				return false, err
+			}
+			return true, nil
+		})
+		if err != nil {
+			return nil, err
+		}
+	}
+	server, err := startEtcd(ctx, c, initial, joining, false)
+	if err != nil {
+		return nil, err
+	}
+	if err := promote(ctx, c, server, peersOf(server)); err != nil {
+		return server, fmt.Errorf("promoting this etcd member: %w", err)
+	}
+	if s.etcd, err = c.etcdClient(etcdLocal); err != nil {
+		return server, err
+	}
+	stored, err := loadBootstrap(ctx, s.etcd, secret)
+	switch {
+	case err != nil:
+		return server, fmt.Errorf("starting kubernetes: preparing server: %w", err)
+	case stored == nil:
+		return server, saveBootstrap(ctx, s.etcd, c.dataDir, secret)
+	}
+	changed, err := stored.write(c.dataDir)
+	if err == nil && changed {
+		err = errors.New("replaced the certificate authorities on disk with the datastore's; starting again")
+	}
+	return server, err
+}
+
+func peersOf(server *embed.Etcd) []string {
+	var endpoints []string
+	for _, member := range server.Server.Cluster().Members() {
+		if member.ID != server.Server.MemberID() && !member.IsLearner {
+			endpoints = append(endpoints, member.ClientURLs...)
+		}
+	}
+	return endpoints
+}
+
+// startAPI brings up the control plane and all that works through it.
+func startAPI(ctx context.Context, c *config, procs *processes, s *supervisor) error {
+	if err := s.serve(ctx); err != nil {
+		return err
+	}
+	admin := c.dataDir.tls("client-admin")
+	if err := writeKubeconfig(c.kubeconfig, "https://127.0.0.1:"+apiPort, c.dataDir.tls("server-ca.crt"), admin, true, c.kubeconfigMode); err != nil {
+		return err
+	}
+	if c.kubeconfigGID >= 0 {
+		if err := os.Chown(c.kubeconfig, -1, c.kubeconfigGID); err != nil {
+			return err
+		}
+	}
+	logf("info", "Wrote kubeconfig %s", c.kubeconfig)
+	err := startControlPlane(ctx, c, procs, s.kube, func() {
+		s.apiReady.Store(true)
+		logf("info", "Kube API server is now running")
+		logf("info", "k3s is up and running")
+		notify("READY=1")
+	})
+	if err != nil {
+		return err
+	}
+	rest := restConfig(apiserverURL, c.dataDir.tls("server-ca.crt"), c.dataDir.tls("client-supervisor"))
+	dyn, err := dynamic.NewForConfig(rest)
+	if err != nil {
+		return err
+	}
+	go newDeployer(c, s.kube, dyn).run(ctx)
+	go runNodeController(ctx, c, s.kube, s.etcd)
+	go runProvisioner(ctx, c, s.kube)
+	return nil
+}

@@ -1,0 +1,467 @@
+package main
+
+import (
+	"context"
+	"crypto/tls"
+	"crypto/x509"
+	"encoding/json"
+	"errors"
+	"fmt"
+	"io"
+	"log"
+	"net"
+	"net/http"
+	"net/http/httputil"
+	"net/url"
+	"os"
+	"strings"
+	"sync/atomic"
+	"syscall"
+	"time"
+
+	clientv3 "go.etcd.io/etcd/client/v3"
+	corev1 "k8s.io/api/core/v1"
+	apierrors "k8s.io/apimachinery/pkg/api/errors"
+	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
+	"k8s.io/client-go/kubernetes"
+
+	"golang.org/x/sys/unix"
+)
+
+const (
+	apiPort = "6443"
+	// The API server sits on the same port of another loopback address: the
+	// Service `kubernetes` then gets the endpoint <node>:6443, as with k3s,
+	// and everybody who asks there meets the supervisor first.
+	apiserverIP  = "127.0.0.2"
+	apiserverURL = "https://" + apiserverIP + ":" + apiPort
+)
+
+// supervisor is what answers on port 6443: nodes join through it, and all
+// other requests are handed on to the API server.
+type supervisor struct {
+	config      *config
+	cas         map[string]*authority
+	serverToken string // secrets alone
+	agentToken  string
+	etcd        *clientv3.Client // nil until etcd runs
+	kube        kubernetes.Interface
+	apiReady    atomic.Bool
+}
+
+// agentConfig is what an agent takes over from its server.
+type agentConfig struct {
+	Version       string `json:"version"`
+	ClusterCIDR   string `json:"clusterCIDR"`
+	ServiceCIDR   string `json:"serviceCIDR"`
+	ClusterDNS    string `json:"clusterDNS"`
+	ClusterDomain string `json:"clusterDomain"`
+	NoKubeProxy   bool   `json:"disableKubeProxy"`
+	StoragePath   string `json:"storagePath"`
+}
+
+const (
+	nodeNameHeader     = "K3s-Node-Name"
+	nodePasswordHeader = "K3s-Node-Password"
+	nodeIPHeader       = "K3s-Node-Ip"
+)
+
+var errNodePassword = errors.New("Node password rejected, duplicate hostname or contents of '" + nodePasswordFile +
+	"' may not match server node-passwd entry, try enabling a unique node name with the --node-name flag")
+
+func (s *supervisor) serve(ctx context.Context) error {
+	handler, err := s.handler()
+	if err != nil {
+		return err
+	}
+	clientCAs := x509.NewCertPool()
+	clientCAs.AddCert(s.cas["client-ca"].cert)
+	base := s.config.dataDir.tls("serving-kube-apiserver")
+	cert, err := tls.LoadX509KeyPair(base+".crt", base+".key")
+	if err != nil {
+		return err
+	}
+	server := &http.Server{
+		Handler: handler,
+		TLSConfig: &tls.Config{
+			MinVersion:   tls.VersionTLS12,
+			Certificates: []tls.Certificate{cert},
+			// Asked for but not demanded: tokens are a way in, too. The
+			// proxy verifies what was presented.
+			ClientAuth: tls.RequestClientCert,
+			ClientCAs:  clientCAs,
+			NextProtos: []string{"h2", "http/1.1"},
+		},
+		// Every scan and every broken handshake would be a line otherwise.
+		ErrorLog:          log.New(io.Discard, "", 0),
+		ReadHeaderTimeout: 30 * time.Second,
+	}
+	// The API server has the same port on another address, so both share it.
+	listen := net.ListenConfig{Control: func(_, _ string, conn syscall.RawConn) error {
+		var failed error
+		err := conn.Control(func(fd uintptr) {
+			failed = unix.SetsockoptInt(int(fd), unix.SOL_SOCKET, unix.SO_REUSEPORT, 1)
+		})
+		return errors.Join(err, failed)
+	}}
+	var listener net.Listener
+	err = poll(ctx, 100*time.Millisecond, 15*time.Second, func() (bool, error) {
+		listener, err = listen.Listen(ctx, "tcp4", "0.0.0.0:"+apiPort)
+		return err == nil, err
+	})
+	if err != nil {
+		return err
+	}
+	go func() {
+		<-ctx.Done()
+		server.Close()
+	}()
+	go func() {
+		if err := server.ServeTLS(listener, "", ""); !errors.Is(err, http.ErrServerClosed) {
+			logf("error", "supervisor: %v", err)
+		}
+	}()
+	return nil
+}
+
+func (s *supervisor) handler() (http.Handler, error) {
+	proxy, err := s.apiProxy()
+	if err != nil {
+		return nil, err
+	}
+	mux := http.NewServeMux()
+	mux.HandleFunc("GET /cacerts", s.serveCA("server-ca"))
+	mux.HandleFunc("GET /ping", func(w http.ResponseWriter, _ *http.Request) { fmt.Fprint(w, "pong") })
+	node := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "node", "server") }
+	server := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "server") }
+	mux.HandleFunc("GET /v1-k3s/config", node(s.serveConfig))
+	mux.HandleFunc("GET /v1-k3s/readyz", node(s.serveReady))
+	mux.HandleFunc("GET /v1-k3s/server-ca.crt", node(s.serveCA("server-ca")))
+	mux.HandleFunc("GET /v1-k3s/client-ca.crt", node(s.serveCA("client-ca")))
+	mux.HandleFunc("GET /v1-k3s/apiservers", node(s.serveAPIServers))
+	mux.HandleFunc("POST /v1-k3s/serving-kubelet.crt", node(s.signForNode("server-ca", func(name, ip string) leaf {
+		return leaf{name: name, names: []string{name, "localhost", "127.0.0.1", ip}, server: true}
+	})))
+	mux.HandleFunc("POST /v1-k3s/client-kubelet.crt", node(s.signForNode("client-ca", func(name, _ string) leaf {
+		return leaf{name: "system:node:" + name, groups: []string{"system:nodes"}, client: true}
+	})))
+	mux.HandleFunc("POST /v1-k3s/client-kube-proxy.crt", node(s.signForNode("client-ca", func(string, string) leaf {
+		return leaf{name: "system:kube-proxy", client: true}
+	})))
+	mux.HandleFunc("POST /v1-k3s/client-k3s-controller.crt", node(s.signForNode("client-ca", func(string, string) leaf {
+		return leaf{name: "system:k3s-controller", client: true}
+	})))
+	mux.HandleFunc("GET /v1-k3s/server-bootstrap", server(s.serveBootstrap))
+	mux.HandleFunc("GET /v1-k3s/etcd-endpoints", server(s.serveEtcdEndpoints))
+	mux.Handle("/v1-k3s/", http.NotFoundHandler())
+	mux.Handle("/", proxy)
+	return mux, nil
+}
+
+// apiProxy hands requests on to the API server. A client certificate cannot
+// travel through, so its verified name does, by the API server's own means
+// for that: request headers, believed from the holder of the proxy's
+// certificate only.
+func (s *supervisor) apiProxy() (http.Handler, error) {
+	target, err := url.Parse(apiserverURL)
+	if err != nil {
+		return nil, err
+	}
+	roots := x509.NewCertPool()
+	roots.AddCert(s.cas["server-ca"].cert)
+	base := s.config.dataDir.tls("client-auth-proxy")
+	cert, err := tls.LoadX509KeyPair(base+".crt", base+".key")
+	if err != nil {
+		return nil, err
+	}
+	transportFor := func(h2 bool, certs ...tls.Certificate) http.RoundTripper {
+		t := &http.Transport{
+			TLSClientConfig:     &tls.Config{RootCAs: roots, Certificates: certs, MinVersion: tls.VersionTLS12},
+			MaxIdleConnsPerHost: 25,
+			IdleConnTimeout:     90 * time.Second,
+			ForceAttemptHTTP2:   h2,
+			// The client decides about compression, not the proxy.
+			DisableCompression: true,
+		}
+		if !h2 {
+			t.TLSNextProto = map[string]func(string, *tls.Conn) http.RoundTripper{}
+		}
+		return t
+	}
+	// Per kind of connection: with and without a verified name, and HTTP/1.1
+	// for the upgrades of exec, attach and port-forward.
+	transports := map[[2]bool]http.RoundTripper{}
+	for _, named := range []bool{true, false} {
+		for _, upgrade := range []bool{true, false} {
+			var certs []tls.Certificate
+			if named {
+				certs = []tls.Certificate{cert}
+			}
+			transports[[2]bool{named, upgrade}] = transportFor(!upgrade, certs...)
+		}
+	}
+	proxy := &httputil.ReverseProxy{
+		Rewrite: func(r *httputil.ProxyRequest) {
+			r.SetURL(target)
+			r.Out.Host = r.In.Host
+			for name := range r.Out.Header {
+				if strings.HasPrefix(name, "X-Remote-") {
+					r.Out.Header.Del(name)
+				}
+			}
+			if user := s.peerUser(r.In); user != nil {
+				r.Out.Header.Set("X-Remote-User", user.Subject.CommonName)
+				for _, group := range user.Subject.Organization {
+					r.Out.Header.Add("X-Remote-Group", group)
+				}
+			}
+		},
+		Transport: roundTripper(func(r *http.Request) (*http.Response, error) {
+			named := r.Header.Get("X-Remote-User") != ""
+			return transports[[2]bool{named, r.Header.Get("Upgrade") != ""}].RoundTrip(r)
+		}),
+		FlushInterval: -1, // watches
+		ErrorLog:      log.New(io.Discard, "", 0),
+		ErrorHandler: func(w http.ResponseWriter, r *http.Request, err error) {
+			if r.Context().Err() == nil {
+				http.Error(w, "apiserver not ready: "+err.Error(), http.StatusServiceUnavailable)
+			}
+		},
+	}
+	return proxy, nil
+}
+
+type roundTripper func(*http.Request) (*http.Response, error)
+
+func (f roundTripper) RoundTrip(r *http.Request) (*http.Response, error) { return f(r) }
+
+// peerUser is the client certificate, if there is one of our client CA.
+func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
+	if r.TLS == nil || len(r.TLS.PeerCertificates) == 0 {
+		return nil
+	}
+	roots, middle := x509.NewCertPool(), x509.NewCertPool()
+	roots.AddCert(s.cas["client-ca"].cert)
+	for _, cert := range r.TLS.PeerCertificates[1:] {
+		middle.AddCert(cert)
+	}
+	leaf := r.TLS.PeerCertificates[0]
+	_, err := leaf.Verify(x509.VerifyOptions{
+		Roots: roots, Intermediates: middle, KeyUsages: []x509.ExtKeyUsage{x509.ExtKeyUsageClientAuth},
+	})
+	if err != nil {
+		return nil
+	}
+	return leaf
+}
+
+// authorized lets in the holders of a token of one of these kinds.
+func (s *supervisor) authorized(next http.HandlerFunc, users ...string) http.HandlerFunc {
+	return func(w http.ResponseWriter, r *http.Request) {
+		name, secret, ok := r.BasicAuth()
+		if !ok || !s.tokenValid(r.Context(), name, secret, users) {
+			logf("warning", "Rejected %s %s from %s: token is not valid", r.Method, r.URL.Path, r.RemoteAddr)
+			http.Error(w, "401 Unauthorized: token is not valid", http.StatusUnauthorized)
+			return
+		}
+		next(w, r)
+	}
+}
+
+func (s *supervisor) tokenValid(ctx context.Context, name, secret string, users []string) bool {
+	for _, user := range users {
+		switch {
+		case name != user && user == "node" && bootstrapToken.MatchString(name+"."+secret):
+			if s.apiReady.Load() && bootstrapTokenValid(ctx, s.kube, name, secret) {
+				return true
+			}
+		case name != user:
+		case same(secret, s.serverToken):
+			return true
+		case user == "node" && same(secret, s.agentToken):
+			return true
+		}
+	}
+	return false
+}
+
+func (s *supervisor) serveCA(name string) http.HandlerFunc {
+	return func(w http.ResponseWriter, _ *http.Request) {
+		w.Header().Set("Content-Type", "text/plain")
+		_, _ = w.Write(s.cas[name].pem)
+	}
+}
+
+func (s *supervisor) serveConfig(w http.ResponseWriter, _ *http.Request) {
+	writeJSON(w, agentConfig{
+		Version: version, ClusterCIDR: s.config.clusterCIDR, ServiceCIDR: s.config.serviceCIDR,
+		ClusterDNS: s.config.clusterDNS, ClusterDomain: s.config.clusterDomain,
+		NoKubeProxy: s.config.noKubeProxy, StoragePath: s.config.storagePath,
+	})
+}
+
+func (s *supervisor) serveReady(w http.ResponseWriter, _ *http.Request) {
+	if !s.apiReady.Load() {
+		http.Error(w, "apiserver not ready", http.StatusServiceUnavailable)
+		return
+	}
+	fmt.Fprint(w, "ok")
+}
+
+// serveAPIServers lists where the API can be reached, for the agents' load
+// balancers.
+func (s *supervisor) serveAPIServers(w http.ResponseWriter, r *http.Request) {
+	if !s.apiReady.Load() {
+		writeJSON(w, []string{net.JoinHostPort(s.config.advertise, apiPort)})
+		return
+	}
+	servers, err := apiServers(r.Context(), s.kube)
+	if err != nil {
+		http.Error(w, err.Error(), http.StatusServiceUnavailable)
+		return
+	}
+	writeJSON(w, servers)
+}
+
+func (s *supervisor) signForNode(ca string, subject func(name, ip string) leaf) http.HandlerFunc {
+	return func(w http.ResponseWriter, r *http.Request) {
+		name, password, ip := r.Header.Get(nodeNameHeader), r.Header.Get(nodePasswordHeader), r.Header.Get(nodeIPHeader)
+		if name == "" || password == "" {
+			http.Error(w, "node name not set", http.StatusBadRequest)
+			return
+		}
+		if !s.apiReady.Load() {
+			http.Error(w, "apiserver not ready", http.StatusServiceUnavailable)
+			return
+		}
+		if err := ensureNodePassword(r.Context(), s.kube, name, password); err != nil {
+			status := http.StatusServiceUnavailable
+			if errors.Is(err, errNodePassword) {
+				status = http.StatusForbidden
+				logf("error", "Rejected node %s from %s: %v", name, r.RemoteAddr, err)
+			}
+			http.Error(w, err.Error(), status)
+			return
+		}
+		body, err := io.ReadAll(io.LimitReader(r.Body, 1<<16))
+		if err != nil {
+			http.Error(w, err.Error(), http.StatusBadRequest)
+			return
+		}
+		public, err := parseCSR(body)
+		if err != nil {
+			http.Error(w, err.Error(), http.StatusBadRequest)
+			return
+		}
+		cert, err := s.cas[ca].sign(subject(name, ip), public)
+		if err != nil {
+			http.Error(w, err.Error(), http.StatusInternalServerError)
+			return
+		}
+		_, _ = w.Write(append(cert, s.cas[ca].pem...))
+	}
+}
+
+func (s *supervisor) serveBootstrap(w http.ResponseWriter, _ *http.Request) {
+	b, err := readBootstrap(s.config.dataDir)
+	if err != nil {
+		http.Error(w, err.Error(), http.StatusInternalServerError)
+		return
+	}
+	writeJSON(w, b)
+}
+
+func (s *supervisor) serveEtcdEndpoints(w http.ResponseWriter, r *http.Request) {
+	if !s.config.clusterInit && s.config.serverURL == "" {
+		http.Error(w, "etcd disabled: this server runs without cluster-init", http.StatusBadRequest)
+		return
+	}
+	list, err := s.etcd.MemberList(r.Context())
+	if err != nil {
+		http.Error(w, err.Error(), http.StatusServiceUnavailable)
+		return
+	}
+	endpoints := []string{}
+	for _, member := range list.Members {
+		if !member.IsLearner {
+			endpoints = append(endpoints, member.ClientURLs...)
+		}
+	}
+	writeJSON(w, endpoints)
+}
+
+func writeJSON(w http.ResponseWriter, value any) {
+	w.Header().Set("Content-Type", "application/json")
+	if err := json.NewEncoder(w).Encode(value); err != nil {
+		logf("warning", "writing a reply: %v", err)
+	}
+}
+
+// apiServers reads the addresses behind the Service `kubernetes`.
+func apiServers(ctx context.Context, kube kubernetes.Interface) ([]string, error) {
+	slices, err := kube.DiscoveryV1().EndpointSlices("default").List(ctx, metav1.ListOptions{
+		LabelSelector: "kubernetes.io/service-name=kubernetes",
+	})
+	if err != nil {
+		return nil, err
+	}
+	servers := []string{}
+	for _, slice := range slices.Items {
+		for _, endpoint := range slice.Endpoints {
+			for _, address := range endpoint.Addresses {
+				for _, port := range slice.Ports {
+					if port.Port != nil {
+						servers = append(servers, net.JoinHostPort(address, fmt.Sprint(*port.Port)))
+					}
+				}
+			}
+		}
+	}
+	return servers, nil
+}
+
+// ensureNodePassword remembers a node's password when the node first comes,
+// and refuses everybody else who comes under its name.
+func ensureNodePassword(ctx context.Context, kube kubernetes.Interface, node, password string) error {
+	name := nodePasswordSecret(node)
+	secrets := kube.CoreV1().Secrets(metav1.NamespaceSystem)
+	existing, err := secrets.Get(ctx, name, metav1.GetOptions{})
+	if apierrors.IsNotFound(err) {
+		immutable := true
+		_, err = secrets.Create(ctx, &corev1.Secret{
+			ObjectMeta: metav1.ObjectMeta{Name: name},
+			Immutable:  &immutable,
+			Data:       map[string][]byte{"hash": []byte(hashPassword(password, randomHex(16)))},
+		}, metav1.CreateOptions{})
+		if apierrors.IsAlreadyExists(err) {
+			return ensureNodePassword(ctx, kube, node, password)
+		}
+		return err
+	}
+	if err != nil {
+		return err
+	}
+	stored := string(existing.Data["hash"])
+	salt, _, _ := strings.Cut(strings.TrimPrefix(stored, "$lab:"), ":")
+	if !same(stored, hashPassword(password, salt)) {
+		return errNodePassword
+	}
+	return nil
+}
+
+func nodePasswordSecret(node string) string { return node + ".node-password.k3s" }
+
+// hashPassword need not be slow: node passwords are 16 random bytes.
+func hashPassword(password, salt string) string {
+	return "$lab:" + salt + ":" + hashCA([]byte(salt+":"+password))
+}
+
+// nodePassword is this host's, made once.
+func nodePassword() (string, error) {
+	if content, err := os.ReadFile(nodePasswordFile); err == nil {
+		return strings.TrimSpace(string(content)), nil
+	}
+	password := randomHex(16)
+	_, err := writeFile(nodePasswordFile, []byte(password+"\n"), 0o600)
+	return password, err
+}

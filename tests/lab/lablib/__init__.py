@@ -1,0 +1,1 @@
+"""The lab: systemd hosts in containers, their images, and a k3s to put on them."""

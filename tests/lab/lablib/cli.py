@@ -1,0 +1,190 @@
+"""The command line of the lab."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from types import FrameType
+
+from . import k3s, state
+from .artifacts import Cache
+from .errors import LabError
+from .hosts import HostRunner
+from .images import app_archives, host_image
+from .inventory import host_variables, inventory
+from .lab import Lab, labs_of_checkout
+from .names import DEFAULT_HOSTS
+from .paths import cache_dir
+from .podman import cgroups, podman_try
+from .run import say, stop_all
+
+ACTIONS = {
+    "up": HostRunner.start,
+    "down": HostRunner.stop,
+    "cut": HostRunner.cut,
+    "join": HostRunner.join,
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    signal.signal(signal.SIGTERM, _terminated)
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.run(options) or 0)
+    except LabError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        stop_all()
+        print("interrupted; what was whole is kept, the next run goes on from there", file=sys.stderr)
+        return 130
+
+
+def _terminated(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="tests/lab/lab", description="Hosts, images and artifacts of the test lab.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    lab = argparse.ArgumentParser(add_help=False)
+    lab.add_argument("--lab", default=os.environ.get("ROSOPS_LAB") or "demo", help="which lab (default: $ROSOPS_LAB or demo)")
+
+    up = commands.add_parser("up", parents=[lab], help="start the hosts; mends or replaces what is broken")
+    up.add_argument("--hosts", help=f"name:group,... (default: the lab's present hosts, else {DEFAULT_HOSTS})")
+    up.add_argument("--fresh", action="store_true", help="replace every host by a bare one")
+    up.set_defaults(run=_up)
+
+    down = commands.add_parser("down", parents=[lab], help="remove the hosts, their volumes, network and state")
+    down.add_argument("--all", action="store_true", help="every lab of this checkout")
+    down.set_defaults(run=_down)
+
+    host = commands.add_parser("host", parents=[lab], help="do something to one host")
+    host.add_argument("name")
+    host.add_argument("action", choices=[*ACTIONS, "reboot"], help="cut and join: off the network and on again")
+    host.set_defaults(run=_host)
+
+    status = commands.add_parser("status", parents=[lab], help="what runs")
+    status.set_defaults(run=_status)
+
+    ssh = commands.add_parser("ssh", parents=[lab], help="a shell, or one command, on a host")
+    ssh.add_argument("name")
+    ssh.add_argument("command", nargs=argparse.REMAINDER)
+    ssh.set_defaults(run=_ssh)
+
+    listing = commands.add_parser("inventory", parents=[lab], help="the lab as an Ansible inventory")
+    listing.add_argument("--list", action="store_true")
+    listing.add_argument("--host")
+    listing.set_defaults(run=_inventory)
+
+    artifacts = commands.add_parser("artifacts", help="build what is missing: images, k3s, archives")
+    artifacts.add_argument("--next-k3s", action="store_true", help="also labk3s's second version, for upgrades")
+    artifacts.set_defaults(run=_artifacts)
+
+    commands.add_parser("wipe-cache", help="remove all built artifacts").set_defaults(run=_wipe)
+    return parser
+
+
+def _cache() -> Cache:
+    return Cache(cache_dir())
+
+
+def _up(options: argparse.Namespace) -> None:
+    started = time.monotonic()
+    found = Lab(options.lab, _cache()).up(options.hosts, fresh=options.fresh)
+    hosts = ", ".join(f"{host.name} {host.address}" for host in found.hosts)
+    say(f"lab {found.name} is up in {time.monotonic() - started:.1f} s: {hosts}")
+
+
+def _down(options: argparse.Namespace) -> None:
+    labs = labs_of_checkout(_cache()) if options.all else [Lab(options.lab, _cache())]
+    for lab in labs:
+        lab.down()
+        say(f"lab {lab.name} is gone")
+
+
+def _runner(options: argparse.Namespace) -> HostRunner:
+    return Lab(options.lab, _cache()).runner(state.require(options.lab), options.name)
+
+
+def _host(options: argparse.Namespace) -> None:
+    runner = _runner(options)
+    if not runner.status():
+        raise LabError(f"host {options.name} has no container", todo=f"run tests/lab/lab up --lab {options.lab}")
+    if options.action == "reboot":
+        runner.stop()
+        runner.start()
+    else:
+        ACTIONS[options.action](runner)
+    say(f"{options.name}: {options.action} done")
+
+
+def _status(options: argparse.Namespace) -> None:
+    found = state.require(options.lab)
+    print(f"lab {found.name}: subnet {found.subnet}, cgroups {cgroups()}, {_k3s_line()}")
+    for runner in Lab(options.lab, _cache()).runners(found):
+        where = runner.host
+        print(f"{where.name:<12} {where.group:<8} {where.address:<16} {_condition(runner)}")
+
+
+def _condition(runner: HostRunner) -> str:
+    status = runner.status()
+    if status != "running":
+        return status or "missing"
+    if runner.is_cut():
+        return "running, cut off"
+    return f"running, systemd {podman_try('exec', runner.container, 'systemctl', 'is-system-running').stdout.strip()}"
+
+
+def _k3s_line() -> str:
+    known = state.load_artifacts()
+    return f"k3s: {k3s.describe(known['k3s'])}" if "k3s" in known else "k3s: not built yet"
+
+
+def _ssh(options: argparse.Namespace) -> None:
+    command = _runner(options).ssh_command()
+    words = options.command[1:] if options.command[:1] == ["--"] else options.command
+    os.execvp(command[0], [*command, *words])  # noqa: S606 - the user asked for a shell there
+
+
+def _inventory(options: argparse.Namespace) -> None:
+    lab = Lab(options.lab, _cache())
+    found = state.require(options.lab)
+    if options.host:
+        value = host_variables(found.host(options.host), lab.keys)
+    else:
+        value = inventory(found, lab.keys, str(lab.directory), state.load_artifacts())
+    print(json.dumps(value, indent=2))
+
+
+def _artifacts(options: argparse.Namespace) -> None:
+    started = time.monotonic()
+    cache = _cache()
+    choice = k3s.choose()
+    # The Go build and the Debian trees use the machine in turns: one computes while the other downloads.
+    with ThreadPoolExecutor(2) as pool:
+        k3s_dir = pool.submit(k3s.airgap, cache, choice)
+        archives = pool.submit(lambda: (host_image(cache), app_archives(cache))[1])
+        built = archives.result()
+        directory = k3s_dir.result()
+    first, *later = built.values()
+    values = {
+        "k3s": choice,
+        "airgap_dir": str(directory),
+        "image_archives": [str(first)],
+        "update_archives": [str(path) for path in later],
+    }
+    if options.next_k3s and choice == "labk3s":
+        values["next_airgap_dir"] = str(k3s.airgap(cache, choice, following=True))
+    state.save_artifacts(values)
+    say(f"artifacts are ready in {time.monotonic() - started:.1f} s")
+
+
+def _wipe(_options: argparse.Namespace) -> None:
+    _cache().wipe()
+    say(f"removed the artifacts under {cache_dir()}")

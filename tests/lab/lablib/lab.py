@@ -1,0 +1,134 @@
+"""A whole lab: up, down, status."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from . import state as states
+from .artifacts import Cache
+from .errors import LabError
+from .hosts import HostRunner
+from .images import host_image
+from .keys import Keys
+from .names import DEFAULT_HOSTS, HostSpec, assign_addresses, check_lab_name, checkout_id, network_name, parse_hosts
+from .network import ensure_network, remove_network
+from .paths import CHECKOUT, STATE, state_dir
+from .podman import podman
+from .state import Host, LabState
+
+PARALLEL = 8
+
+
+@dataclass(frozen=True)
+class Lab:
+    """One lab of this checkout, by name."""
+
+    name: str
+    cache: Cache
+    checkout: str = checkout_id(str(CHECKOUT))
+
+    def __post_init__(self) -> None:
+        check_lab_name(self.name)
+
+    @property
+    def directory(self) -> Path:
+        return state_dir(self.name)
+
+    @property
+    def network(self) -> str:
+        return network_name(self.checkout, self.name)
+
+    @property
+    def keys(self) -> Keys:
+        return Keys(self.directory / "ssh")
+
+    @property
+    def labels(self) -> dict[str, str]:
+        return {"rosops.checkout": self.checkout, "rosops.lab": self.network}
+
+    def runner(self, state: LabState, name: str) -> HostRunner:
+        return HostRunner(self.checkout, state, state.host(name), self.keys, self.directory)
+
+    def runners(self, state: LabState) -> list[HostRunner]:
+        return [self.runner(state, host.name) for host in state.hosts]
+
+    # --- up --------------------------------------------------------------------------------------------------------
+
+    def up(self, hosts: str | None, *, fresh: bool) -> LabState:
+        """Mends what is there and makes what is missing; with `fresh` every host is a new one."""
+        specs = parse_hosts(hosts) if hosts else self._known_specs()
+        image = host_image(self.cache)
+        with self.cache.lock(f"lab-{self.network}", f"another command on lab {self.name}"):
+            if fresh:
+                self._remove_containers(keep=set())
+            state = self._state(specs)
+            self._remove_containers(keep={runner.container for runner in self.runners(state)})
+            self.keys.write_known_hosts({host.name: host.address for host in state.hosts})
+            states.save(state)
+            _each(self.runners(state), lambda runner: runner.ensure(image, self.network, self.labels))
+            return state
+
+    def _known_specs(self) -> list[HostSpec]:
+        known = states.load(self.name)
+        return known.specs() if known else parse_hosts(DEFAULT_HOSTS)
+
+    def _state(self, specs: list[HostSpec]) -> LabState:
+        subnet = ensure_network(self.cache, self.network, self.labels)
+        known = states.load(self.name)
+        fixed = {host.name: host.address for host in known.hosts} if known else {}
+        addresses = assign_addresses(subnet, [spec.name for spec in specs], fixed)
+        hosts = tuple(Host(spec.name, spec.group, str(addresses[spec.name])) for spec in specs)
+        return LabState(self.name, str(subnet), hosts)
+
+    # --- down ------------------------------------------------------------------------------------------------------
+
+    def down(self) -> None:
+        """Removes the hosts, their volumes, the network and the state, also of a lab whose state was lost."""
+        with self.cache.lock(f"lab-{self.network}", f"another command on lab {self.name}"):
+            self._remove_containers(keep=set())
+            for volume in podman("volume", "ls", "--quiet", f"--filter=label=rosops.lab={self.network}").split():
+                podman("volume", "rm", "--force", volume)
+            remove_network(self.network)
+            shutil.rmtree(self.directory, ignore_errors=True)
+
+    def _remove_containers(self, keep: set[str]) -> None:
+        text = f"--filter=label=rosops.lab={self.network}"
+        found = podman("ps", "--all", text, "--format", "{{.Names}}").split()
+        prefix = f"{self.network}-"
+        state = LabState(self.name, "", ())
+        extra = [name.removeprefix(prefix) for name in found if name not in keep]
+        runners = [HostRunner(self.checkout, state, Host(name, "", ""), self.keys, self.directory) for name in extra]
+        _each(runners, HostRunner.remove)
+
+
+def labs_of_checkout(cache: Cache) -> list[Lab]:
+    """All that have state, a container or a network."""
+    checkout = checkout_id(str(CHECKOUT))
+    prefix = f"rosops-{checkout}-"
+    label = f"--filter=label=rosops.checkout={checkout}"
+    containers = podman("ps", "--all", label, "--format", '{{index .Labels "rosops.lab"}}').split()
+    networks = podman("network", "ls", label, "--format", "{{.Name}}").split()
+    names = {name.removeprefix(prefix) for name in [*containers, *networks]}
+    stateful = {path.name for path in STATE.glob("*") if path.is_dir()}
+    return [Lab(name, cache) for name in sorted(names | stateful)]
+
+
+def _each(runners: Iterable[HostRunner], action: Callable[[HostRunner], None]) -> None:
+    """In parallel; all failures are reported, not only the first."""
+    everyone = list(runners)
+    if not everyone:
+        return
+    errors: list[str] = []
+    with ThreadPoolExecutor(PARALLEL) as pool:
+        futures = [pool.submit(action, runner) for runner in everyone]
+        for future in futures:
+            try:
+                future.result()
+            except LabError as error:
+                errors.append(str(error))
+    if errors:
+        raise LabError("\n".join(errors))

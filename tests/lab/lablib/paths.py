@@ -1,0 +1,31 @@
+"""Where things are: the checkout, its lab state, the user's cache, and the pins."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+LAB = Path(__file__).resolve().parent.parent
+CHECKOUT = LAB.parent.parent
+STATE = CHECKOUT / ".lab"
+IMAGES = LAB / "images"
+LABK3S = LAB / "labk3s"
+APPS = CHECKOUT / "tests" / "apps"
+
+
+def cache_dir() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "rosops-fleet"
+
+
+def state_dir(lab: str) -> Path:
+    return STATE / lab
+
+
+@cache
+def pins() -> dict[str, Any]:
+    with (LAB / "pins.toml").open("rb") as handle:
+        return tomllib.load(handle)
