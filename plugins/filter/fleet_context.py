@@ -31,7 +31,7 @@ EXAMPLES = r"""
 
 RETURN = r"""
 _value:
-  description: C({robot, mode, namespace, apps, volumes, master, quota, limits, pull_secrets}).
+  description: The context, with the keys C(robot), C(mode), C(namespace), C(apps), C(volumes), C(master) and more.
   type: dict
 """
 

@@ -37,7 +37,7 @@ EXAMPLES = r"""
 
 RETURN = r"""
 _value:
-  description: C({host: {variable: value}}).
+  description: A host's name to its variables.
   type: dict
 """
 

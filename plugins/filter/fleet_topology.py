@@ -36,7 +36,7 @@ EXAMPLES = r"""
 
 RETURN = r"""
 _value:
-  description: Every host's part, C({host: {role: server|agent, cluster: name, servers: [hosts], init: true|false}}).
+  description: Every host's part, with the keys C(role) (V(server) or V(agent)), C(cluster), C(servers) and C(init).
   type: dict
 """
 

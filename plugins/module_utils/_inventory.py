@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, Mapping, Sequence, TypedDict
 
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._problem import Problem
+from ansible_collections.rosops.fleet.plugins.module_utils._problem import Problem, shown
 
 EDGE_CLUSTER = "edge"
 MODES = ("agent", "standalone")
@@ -71,7 +71,7 @@ def topology_problems(groups: Mapping[str, Any], modes: Mapping[str, Any]) -> li
     """Everything that keeps the groups from making a fleet; empty if they do."""
     edge, robots = members(groups, "edge"), members(groups, "robots")
     problems = [
-        Problem(f"groups.{name}", f"is {type(groups[name]).__name__}", "a list of host names")
+        Problem(f"groups.{name}", f"is {shown(groups[name])}", "a list of host names")
         for name in ("edge", "robots", "k3s_server")
         if groups.get(name) is not None and (isinstance(groups[name], str) or not isinstance(groups[name], Sequence))
     ]
@@ -87,7 +87,7 @@ def topology_problems(groups: Mapping[str, Any], modes: Mapping[str, Any]) -> li
         if host == EDGE_CLUSTER:
             problems.append(Problem(f"groups.robots.{host}", "is the name of the shared cluster", "any other name"))
         if not (isinstance(modes.get(host), str) and modes[host] in MODES):
-            problems.append(Problem(f"hosts.{host}.robot_mode", f"is {modes.get(host)!r}", "agent or standalone"))
+            problems.append(Problem(f"hosts.{host}.robot_mode", f"is {shown(modes.get(host))}", "agent or standalone"))
     agents = [robot for robot in robots if modes.get(robot) == "agent"]
     if agents and not edge:
         problems.append(

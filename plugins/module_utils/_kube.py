@@ -99,11 +99,11 @@ class ApiError(KubeError):
 
 
 def resolve_auth(params: Mapping[str, Any], environ: Mapping[str, str]) -> Object:
-    """Options, and for those not given the K8S_AUTH_* variables. Pure."""
+    """Options, and for those not given (or empty) the K8S_AUTH_* variables. Pure."""
     auth: Object = {}
     for option, names in AUTH_VARIABLES.items():
         value = params.get(option)
-        if value is None:
+        if value in (None, "", {}, []):
             value = next((environ[f"K8S_AUTH_{name}"] for name in names if environ.get(f"K8S_AUTH_{name}")), None)
             if value is not None and option == "validate_certs":
                 value = value.lower() not in ("0", "false", "no")
@@ -143,8 +143,9 @@ def _configuration(auth: Mapping[str, Any]) -> tuple[Any, str]:
         source = _load(auth, configuration)
     except Exception as exc:  # the client's loader lets through what YAML, files and plugins raise
         where = auth.get("kubeconfig") if isinstance(auth.get("kubeconfig"), str) else "kubeconfig"
+        why = " ".join(str(exc).split())
         raise KubeError(
-            f"No usable Kubernetes credentials in {where}: {exc}. Set kubeconfig (or K8S_AUTH_KUBECONFIG) to the "
+            f"No usable Kubernetes credentials in {where}: {why}. Set kubeconfig (or K8S_AUTH_KUBECONFIG) to the "
             "cluster's kubeconfig, or host and api_key (K8S_AUTH_HOST, K8S_AUTH_API_KEY)."
         ) from exc
     if auth.get("host"):

@@ -20,6 +20,22 @@ FIXED = (
     ("spec", "template", "metadata", "name"),
 )
 
+# The shapes of the fields that overrides are used for most (Kubernetes API reference, PodSpec and Container). The API
+# checks the rest; these are checked here because the collection reads them itself, or because they are easily mistaken.
+POD_ENTRIES = ("volumes", "tolerations", "imagePullSecrets", "hostAliases", "topologySpreadConstraints")
+POD_MAPPINGS = ("nodeSelector", "affinity", "securityContext", "dnsConfig")
+CONTAINER_LISTS = ("containers", "initContainers")
+CONTAINER_ENTRIES = ("env", "envFrom", "ports", "volumeMounts", "volumeDevices")
+CONTAINER_TEXTS = ("command", "args")
+CONTAINER_MAPPINGS = (
+    "lifecycle",
+    "livenessProbe",
+    "readinessProbe",
+    "resources",
+    "securityContext",
+    "startupProbe",
+)
+
 
 def override_problems(
     plain: Mapping[str, Any], overrides: Mapping[str, Any], container: str, path: str
@@ -61,12 +77,46 @@ def _pod_problems(plain: Mapping[str, Any], merged: Mapping[str, Any], container
     where = join_path(path, *template, "spec", "containers")
     if not kept:
         yield Problem(where, f"leaves no container {container}", f"entries with the key name, {container} among them")
-    for item in kept:
-        for key in ("args", "env"):
-            if not isinstance(item.get(key, []), list):
-                yield Problem(f"{where}[{container}].{key}", f"is {shown(item[key])}", "a list")
-        if not item.get("image"):
-            yield Problem(f"{where}[{container}].image", "is removed", "an image reference")
+    yield from _spec_problems(_get(merged, (*template, "spec")), join_path(path, *template, "spec"))
+
+
+def _spec_problems(spec: Mapping[str, Any], path: str) -> Iterator[Problem]:
+    """Fields of a pod's specification and of its containers that are of another shape than the API's."""
+    for key in (*POD_ENTRIES, *CONTAINER_LISTS):
+        yield from _listing_problems(spec, key, path, Mapping, "a list of mappings")
+    for key in POD_MAPPINGS:
+        if not isinstance(spec.get(key, {}), Mapping):
+            yield Problem(join_path(path, key), f"is {shown(spec[key])}", "a mapping")
+    for key in CONTAINER_LISTS:
+        listed = spec.get(key, [])
+        for index, container in enumerate(listed if isinstance(listed, list) else []):
+            if isinstance(container, Mapping):
+                yield from _container_problems(container, join_path(path, key, index))
+
+
+def _container_problems(container: Mapping[str, Any], path: str) -> Iterator[Problem]:
+    for key in ("name", "image"):
+        if not isinstance(container.get(key), str) or not container[key]:
+            yield Problem(join_path(path, key), "is missing or no text", "text")
+    for key in CONTAINER_ENTRIES:
+        yield from _listing_problems(container, key, path, Mapping, "a list of mappings")
+    for key in CONTAINER_TEXTS:
+        yield from _listing_problems(container, key, path, str, "a list of texts")
+    for key in CONTAINER_MAPPINGS:
+        if not isinstance(container.get(key, {}), Mapping):
+            yield Problem(join_path(path, key), f"is {shown(container[key])}", "a mapping")
+
+
+def _listing_problems(
+    parent: Mapping[str, Any], key: str, path: str, kind: type, allowed: str
+) -> Iterator[Problem]:
+    value = parent.get(key, [])
+    if not isinstance(value, list):
+        yield Problem(join_path(path, key), f"is {shown(value)}", allowed)
+        return
+    for index, item in enumerate(value):
+        if not isinstance(item, kind):
+            yield Problem(join_path(path, key, index), f"is {shown(item)}", allowed)
 
 
 def _shape_problems(plain: Any, overrides: Any, path: str) -> Iterator[Problem]:

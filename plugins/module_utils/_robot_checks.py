@@ -28,19 +28,19 @@ def robot_problems(ctx: Ctx, positions: list[int], edge_count: int) -> list[Prob
 
 def _same_names(ctx: Ctx, apps: list[tuple[str, Any]]) -> Iterator[Problem]:
     """Two apps of one name are one Deployment; two nodes of one name shut each other down at the master."""
-    by_name: dict[Any, str] = {}
-    by_node: dict[str, str] = {}
+    by_name: dict[tuple[bool, str], str] = {}
+    for index, raw in enumerate(ctx["declared_apps"]):
+        if isinstance(raw.get("name"), str):
+            path = f"hosts.{ctx['robot']}.ros_apps[{index}]"
+            first = by_name.setdefault((raw.get("scope") == "fleet", raw["name"]), path)
+            if first != path:
+                yield Problem(f"{path}.name", f"is '{raw['name']}' as in {first}", "a name of its own")
+    by_node: dict[str, tuple[str, str]] = {}
     for path, app in apps:
-        key = (context.namespace_of(app, ctx), app["name"])
         node = context.graph_node(app, ctx)
-        if key in by_name:
-            yield Problem(f"{path}.name", f"is '{app['name']}' as in {by_name[key]}", "a name of its own")
-        elif node in by_node:
-            yield Problem(
-                f"{path}.node_name", f"gives the ROS node {node} as {by_node[node]} does", "a node name of its own"
-            )
-        by_name.setdefault(key, path)
-        by_node.setdefault(node, path)
+        first, name = by_node.setdefault(node, (path, app["name"]))
+        if first != path and name != app["name"]:
+            yield Problem(f"{path}.node_name", f"gives the ROS node {node} as {first} does", "a node name of its own")
 
 
 def _same_volumes(ctx: Ctx) -> Iterator[Problem]:

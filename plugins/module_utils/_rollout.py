@@ -267,7 +267,7 @@ def _daemon_set(obj: Mapping[str, Any], view: View) -> Verdict:
         return Verdict(WAIT, "its controller revision has not been seen yet")
     on_delete = _strategy(obj)[0] == "OnDelete"
     pods = view.controlled("Pod", namespace, "DaemonSet", name_of(obj))
-    group = _sort(obj, pods, _hash(newest), lambda pod: on_delete)
+    group = _sort(obj, pods, _hash(newest), lambda _pod: on_delete)
     available = min(_number(status, "numberAvailable"), desired - _number(status, "numberUnavailable"))
     verdict = _judge_set(group, view, desired, available, "OnDelete")
     if verdict.verdict == PASS and desired == 0:

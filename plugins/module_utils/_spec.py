@@ -29,7 +29,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot_checks import 
 from ansible_collections.rosops.fleet.plugins.module_utils._schema import HOST
 
 IMPLICIT_HOST = "localhost"
-HIDDEN = ("pull_secrets", "declared_volumes")
+HIDDEN = ("pull_secrets", "declared_apps", "declared_volumes")
 
 
 class Report(NamedTuple):
@@ -163,7 +163,8 @@ def _sound_context(robot: str, variables: Mapping[str, Any], wrong: list[Problem
         "volumes": [item for index, item in enumerate(volumes) if sound("persistent_storage", "volumes", index)]
     }
     ctx = context.fleet_context(kept, robot)
-    # a volume that is declared wrongly is not an unknown one as well
+    # what is declared wrongly is still there: such a volume is not unknown as well, and such an app has its name
+    ctx["declared_apps"] = [app if isinstance(app, dict) else {} for app in apps]
     ctx["declared_volumes"] = [item.get("name") for item in volumes if isinstance(item, dict)]
     return ctx, positions
 

@@ -146,7 +146,7 @@ def main() -> None:
         changed=False,
         machine=os.uname().machine,
         version=host.version(),
-        files={name: host.describe(name) for name in [*files, BINARY]},
+        files={name: host.describe(name) for name in dict.fromkeys([*files, BINARY])},
         images=host.sizes(f"{DATA_DIR}/agent/images"),
         service={
             "active": shown.get("ActiveState", "inactive"),

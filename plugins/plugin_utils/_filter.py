@@ -23,11 +23,11 @@ def _guarded(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         try:
             return function(*args, **kwargs)
         except FleetError as error:
-            raise AnsibleFilterError(f"rosops.fleet.{name}: {error}") from error
+            raise AnsibleFilterError(f"rosops.fleet.{name}: {error}") from None
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             # a shape that fleet_config would have reported: say which filter met it instead of a bare traceback
             raise AnsibleFilterError(
-                f"rosops.fleet.{name}: the input is not shaped as documented ({type(error).__name__}: {error}); "
+                f"rosops.fleet.{name}: the input is not shaped as documented ({type(error).__name__}); "
                 "run the tag `validate`, which says where"
             ) from error
 

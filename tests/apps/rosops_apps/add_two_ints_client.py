@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import rospy  # type: ignore[import-not-found]
@@ -34,14 +35,17 @@ def ask(proxy: Any, request: int) -> dict[str, Any]:
     return {**record, "a": a, "b": b, **outcome, "latency_ms": latency}
 
 
-def request_answers() -> None:
+def read_settings() -> tuple[float, Path]:
+    """Requests a second, and where the log goes."""
+    return settings.positive("RATE_HZ", 10.0), settings.required_log_dir()
+
+
+def request_answers(values: tuple[float, Path]) -> None:
     """Ask until asked to stop."""
     from .srv import AddTwoInts  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    period = 1.0 / settings.positive("RATE_HZ", 10.0)
-    directory = settings.log_dir()
-    if directory is None:
-        raise settings.SettingError("LOG_DIR must name the directory for " + LOG_NAME)
+    rate, directory = values
+    period = 1.0 / rate
     previous = last_record(directory / LOG_NAME, key="request")
     log = JsonLinesLog(directory / LOG_NAME)
     request = previous["request"] + 1 if previous else 0
@@ -68,4 +72,4 @@ def request_answers() -> None:
 
 def main() -> None:
     """Run it."""
-    node.run("add_two_ints_client", request_answers)
+    node.run("add_two_ints_client", read_settings, request_answers)

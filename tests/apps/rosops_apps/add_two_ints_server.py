@@ -13,11 +13,16 @@ from . import node, settings
 from .arithmetic import OPERATIONS, wrap
 
 
-def serve() -> None:
+def read_settings() -> str:
+    """What it answers with."""
+    return settings.choice("OPERATION", tuple(OPERATIONS))
+
+
+def serve(name: str) -> None:
     """Answer until asked to stop."""
     from .srv import AddTwoInts, AddTwoIntsResponse  # type: ignore[import-not-found] # noqa: PLC0415 - made at build
 
-    operation = OPERATIONS[settings.choice("OPERATION", tuple(OPERATIONS))]
+    operation = OPERATIONS[name]
 
     def answer(request: Any) -> Any:
         return AddTwoIntsResponse(wrap(operation(request.a, request.b)))
@@ -29,4 +34,4 @@ def serve() -> None:
 
 def main() -> None:
     """Run it."""
-    node.run("add_two_ints_server", serve)
+    node.run("add_two_ints_server", read_settings, serve)

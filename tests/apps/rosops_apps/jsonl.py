@@ -21,9 +21,7 @@ class JsonLinesLog:
     is made to follow at most every `sync_seconds`: a crash of the machine costs no more than that.
     """
 
-    def __init__(
-        self, path: Path, sync_seconds: float = 1.0, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, path: Path, sync_seconds: float = 1.0, clock: Callable[[], float] = time.monotonic) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
         self._clock = clock

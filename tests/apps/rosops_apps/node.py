@@ -9,15 +9,15 @@ import json
 import os
 import sys
 import time
-from typing import Any, Callable
+from typing import Any, Callable, TypeVar
 
 from . import settings
 
 os.environ.setdefault("ROS_LOG_DIR", "/tmp/ros-log")  # noqa: S108 - rospy wants a home directory, a container has none
 
-import rospy  # type: ignore[import-not-found]  # noqa: E402 - reads the environment when it is imported
+import rospy  # type: ignore[import-not-found]
 
-
+T = TypeVar("T")
 LINGER_SECONDS = 0.05
 
 
@@ -48,23 +48,28 @@ def ready() -> None:
     say("ready")
 
 
-def run(name: str, application: Callable[[], None]) -> None:
+def run(name: str, read_settings: Callable[[], T], application: Callable[[T], None]) -> None:
     """Run one application as the ROS node `name` (or what `__name:=` says) until it is asked to stop.
+
+    Its settings are read first: a wrong one ends it at once, whether there is a ROS master or not.
 
     rospy's own handlers end it on SIGTERM and SIGINT, as process 1 of a container too, and on `shutdown` by the
     slave API.
     """
+    try:
+        values = read_settings()
+    except settings.SettingError as error:
+        sys.exit(f"{name}: {error}")
     settings.ready_file().unlink(missing_ok=True)
     try:
         rospy.init_node(name)
         rospy.on_shutdown(_stop)
         say("started", version=settings.version())
-        application()
+        application(values)
         say("stopped")
-    except settings.SettingError as error:
-        rospy.signal_shutdown(str(error))
-        sys.exit(f"{name}: {error}")
     except rospy.ROSInterruptException:
-        pass
+        say("stopped")  # while it waited for something
+    except rospy.ROSInitException as error:
+        sys.exit(f"{name}: stopped before it reached the ROS master: {error}")
     finally:
         settings.ready_file().unlink(missing_ok=True)

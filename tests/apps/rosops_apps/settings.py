@@ -37,9 +37,17 @@ def choice(name: str, allowed: tuple[str, ...], environ: Mapping[str, str] = os.
 
 
 def log_dir(environ: Mapping[str, str] = os.environ) -> Path | None:
-    """Where the log goes; without it there is none."""
+    """Where the log goes, if there is to be one."""
     text = environ.get("LOG_DIR", "")
     return Path(text) if text else None
+
+
+def required_log_dir(environ: Mapping[str, str] = os.environ) -> Path:
+    """Where the log goes, for an application whose log is the point."""
+    directory = log_dir(environ)
+    if directory is None:
+        raise SettingError("LOG_DIR must name the directory of the log")
+    return directory
 
 
 def ready_file(environ: Mapping[str, str] = os.environ) -> Path:

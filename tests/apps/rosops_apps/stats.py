@@ -29,10 +29,8 @@ class RunningStats:
         delta = value - self.average
         self.average += delta / self.count
         self._squares += delta * (value - self.average)
-        if value < self.minimum:
-            self.minimum = value
-        if value > self.maximum:
-            self.maximum = value
+        self.minimum = min(self.minimum, value)
+        self.maximum = max(self.maximum, value)
         self._window.append(value)
 
     @property

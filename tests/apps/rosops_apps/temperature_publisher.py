@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import rospy  # type: ignore[import-not-found]
@@ -47,12 +48,16 @@ class Sensor:
         return {"sent": self.sent, "skipped": self.skipped, "ranges": self.account.take_ranges()}
 
 
-def publish() -> None:
+def read_settings() -> tuple[float, Path | None]:
+    """The rate, and where the account of what was published goes (LOG_DIR, optional)."""
+    return settings.positive("RATE_HZ", 500.0), settings.log_dir()
+
+
+def publish(values: tuple[float, Path | None]) -> None:
     """Publish until asked to stop."""
     from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    rate = settings.positive("RATE_HZ", 500.0)
-    directory = settings.log_dir()
+    rate, directory = values
     log = JsonLinesLog(directory / "temperature-published.jsonl") if directory else None
     topic = rospy.Publisher("temperature", Temperature, queue_size=QUEUE, tcp_nodelay=True)
     message = Temperature()
@@ -103,4 +108,4 @@ def record(sensor: Sensor, log: JsonLinesLog) -> None:
 
 def main() -> None:
     """Run it."""
-    node.run("temperature_publisher", publish)
+    node.run("temperature_publisher", read_settings, publish)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import rospy  # type: ignore[import-not-found]
@@ -47,8 +48,7 @@ class Account:
             if self._arrived and now - self._arrived > self._gap:
                 self._gap = now - self._arrived
             self._arrived = now
-            if age > self._latency:
-                self._latency = age
+            self._latency = max(self._latency, age)
 
     def report(self) -> dict[str, Any] | None:
         """The figures so far; gap, age, ranges and received are those since the last report. None before any."""
@@ -72,13 +72,10 @@ class Account:
         return report
 
 
-def subscribe() -> None:
+def subscribe(directory: Path) -> None:
     """Count until asked to stop."""
     from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    directory = settings.log_dir()
-    if directory is None:
-        raise settings.SettingError("LOG_DIR must name the directory for " + LOG_NAME)
     previous = last_record(directory / LOG_NAME, key="last_sequence")
     log = JsonLinesLog(directory / LOG_NAME)
     account = Account(previous)
@@ -105,4 +102,4 @@ def record(account: Account, log: JsonLinesLog, *, idle: bool = True) -> None:
 
 def main() -> None:
     """Run it."""
-    node.run("temperature_subscriber", subscribe)
+    node.run("temperature_subscriber", settings.required_log_dir, subscribe)

@@ -19,9 +19,10 @@ from .images import app_archives, host_image
 from .inventory import host_variables, inventory
 from .lab import Lab, labs_of_checkout
 from .names import DEFAULT_HOSTS
-from .paths import cache_dir
+from .paths import LABK3S, cache_dir
 from .podman import cgroups, podman_try
-from .run import say, stop_all
+from .run import interrupt_all, say
+from .setup import setup
 
 ACTIONS = {
     "up": HostRunner.start,
@@ -32,7 +33,8 @@ ACTIONS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    signal.signal(signal.SIGTERM, _terminated)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupted)
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options) or 0)
@@ -40,12 +42,12 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        stop_all()
         print("interrupted; what was whole is kept, the next run goes on from there", file=sys.stderr)
         return 130
 
 
-def _terminated(_number: int, _frame: FrameType | None) -> None:
+def _interrupted(_number: int, _frame: FrameType | None) -> None:
+    interrupt_all()
     raise KeyboardInterrupt
 
 
@@ -53,7 +55,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="tests/lab/lab", description="Hosts, images and artifacts of the test lab.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     lab = argparse.ArgumentParser(add_help=False)
-    lab.add_argument("--lab", default=os.environ.get("ROSOPS_LAB") or "demo", help="which lab (default: $ROSOPS_LAB or demo)")
+    name = os.environ.get("ROSOPS_LAB") or "demo"
+    lab.add_argument("--lab", default=name, help="which lab (default: $ROSOPS_LAB, else demo)")
+
+    prepare = commands.add_parser("setup", help="install missing Debian packages, make .venv and the collections link")
+    prepare.set_defaults(run=lambda _options: setup(_cache()))
 
     up = commands.add_parser("up", parents=[lab], help="start the hosts; mends or replaces what is broken")
     up.add_argument("--hosts", help=f"name:group,... (default: the lab's present hosts, else {DEFAULT_HOSTS})")
@@ -85,6 +91,10 @@ def _parser() -> argparse.ArgumentParser:
     artifacts = commands.add_parser("artifacts", help="build what is missing: images, k3s, archives")
     artifacts.add_argument("--next-k3s", action="store_true", help="also labk3s's second version, for upgrades")
     artifacts.set_defaults(run=_artifacts)
+
+    go = commands.add_parser("go", help="run the pinned Go toolchain in tests/lab/labk3s, with the lab's caches")
+    go.add_argument("arguments", nargs=argparse.REMAINDER)
+    go.set_defaults(run=_go)
 
     commands.add_parser("wipe-cache", help="remove all built artifacts").set_defaults(run=_wipe)
     return parser
@@ -183,6 +193,12 @@ def _artifacts(options: argparse.Namespace) -> None:
         values["next_airgap_dir"] = str(k3s.airgap(cache, choice, following=True))
     state.save_artifacts(values)
     say(f"artifacts are ready in {time.monotonic() - started:.1f} s")
+
+
+def _go(options: argparse.Namespace) -> None:
+    os.chdir(LABK3S)
+    go = k3s.go_command()
+    os.execve(go, [go, *options.arguments], {**os.environ, **k3s.go_environment()})  # noqa: S606 - no shell
 
 
 def _wipe(_options: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ from .artifacts import Cache, Recipe
 from .errors import LabError
 from .paths import IMAGES, pins
 from .podman import PODMAN, podman, podman_try
-from .run import build, run
+from .run import Job, build, run
 
 # The machine's own ways to reach its Debian mirror; a tree is built with an apt configuration of its own.
 _INHERITED = ("Acquire::http", "Acquire::https", "Acquire::Check-Valid-Until", "Acquire::Check-Date")
@@ -48,7 +48,7 @@ def make_tree(recipe: Recipe, directory: Path, log: Path) -> None:
     ]
     if mirror := os.environ.get("ROSOPS_LAB_MIRROR"):
         command.append(mirror)
-    build(command, what=recipe.title, log=log, env={"TMPDIR": str(scratch)})
+    build(Job(command, recipe.title, log, env={"TMPDIR": str(scratch)}))
     scratch.rmdir()
 
 
@@ -65,7 +65,7 @@ def ensure_imported(cache: Cache, recipe: Recipe, tree: Path) -> str:
             if podman_try("image", "exists", image).returncode != 0:
                 log = cache.logs / f"{tree.name}.log"
                 command = [*PODMAN, "import", str(tree / "rootfs.tar"), image]
-                build(command, what=f"{recipe.title} into podman", log=log)
+                build(Job(command, f"{recipe.title} into podman", log))
                 _prune(cache, recipe.kind)
     return image
 

@@ -19,8 +19,8 @@ from .state import Host, LabState, write_whole
 
 BOOT_SECONDS = 90
 STOP_SECONDS = 30
-# No --systemd=always: with it podman mounts the machine's own systemd cgroup hierarchy into every host on cgroup v1, and
-# stopping a service in one host kills it in all. A private cgroup namespace serves v1 and v2 alike.
+# No --systemd=always: with it podman mounts the machine's own systemd cgroup hierarchy into every host on cgroup v1,
+# and stopping a service in one host kills it in all. A private cgroup namespace serves v1 and v2 alike.
 FLAGS = (
     *("--systemd=false", "--privileged", "--cgroupns=private", "--env=container=podman"),
     *("--stop-signal=SIGRTMIN+3", "--pids-limit=-1", "--log-driver=k8s-file", "--log-opt=max-size=10mb"),
@@ -59,8 +59,9 @@ class HostRunner:
 
     def spec(self, image: str) -> str:
         """A digest of all that a host is made of: one that differs is replaced."""
-        parts = [image, self.host.address, mac_address(self.host.address), self.state.subnet, self.keys.user_public(), *FLAGS, *limits()]
-        return hashlib.sha256(json.dumps([*parts, self.keys.host_public(self.host.name)]).encode()).hexdigest()[:16]
+        network = [self.state.subnet, self.host.address, mac_address(self.host.address)]
+        keys = [self.keys.user_public(), self.keys.host_public(self.host.name)]
+        return hashlib.sha256(json.dumps([image, *network, *keys, *FLAGS, *limits()]).encode()).hexdigest()[:16]
 
     def status(self) -> str:
         """podman's word for the container's state; empty where there is none."""
@@ -112,7 +113,7 @@ class HostRunner:
         self._routes.unlink(missing_ok=True)
         podman("volume", "rm", "--force", self.volume, check=False)
         if podman_try("volume", "exists", self.volume).returncode == 0:
-            raise LabError(f"the volume {self.volume} cannot be removed", todo=f"podman volume rm --force {self.volume}")
+            raise LabError(f"volume {self.volume} cannot be removed", todo=f"podman volume rm --force {self.volume}")
 
     # --- what a scenario does to a host ----------------------------------------------------------------------------
 
@@ -170,7 +171,8 @@ class HostRunner:
     # --- waiting ---------------------------------------------------------------------------------------------------
 
     def _failed_units(self) -> str:
-        listing = podman("exec", self.container, "systemctl", "list-units", "--failed", "--plain", "--no-legend", check=False)
+        command = ("systemctl", "list-units", "--failed", "--plain", "--no-legend")
+        listing = podman("exec", self.container, *command, check=False)
         return ", ".join(line.split()[0] for line in listing.splitlines() if line.strip())
 
     def _wait_booted(self) -> None:

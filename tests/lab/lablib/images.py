@@ -9,10 +9,10 @@ from pathlib import Path
 from .artifacts import Cache, Recipe
 from .debian import ensure_imported, make_tree, tree_recipe
 from .errors import LabError
-from .oci import Image, Layer, write_archive
+from .oci import Image, Layer, write_archive, write_update
 from .paths import APPS, IMAGES, pins
 from .podman import PODMAN, limits
-from .run import build
+from .run import Job, build
 
 ROS_ENVIRONMENT = [
     "PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
@@ -42,7 +42,8 @@ def _ros_tree(cache: Cache) -> Path:
 
 
 def app_archives(cache: Cache) -> dict[str, Path]:
-    """Archive of each apps version; the first holds the ROS image, too. Layers are shared among all."""
+    """Archive of each apps version. The first holds the ROS image, too; the later ones are updates of it, without the
+    layers that a node has from the first."""
     versions: list[str] = pins()["apps"]["versions"]
     recipe = Recipe(
         kind="apps",
@@ -75,7 +76,11 @@ def _make_apps(cache: Cache, directory: Path, log: Path) -> None:
                 "Labels": {"org.opencontainers.image.version": version},
             },
         )
-        write_archive(directory / f"apps-{version}.tar", [ros, apps] if number == 0 else [apps])
+        archive = directory / f"apps-{version}.tar"
+        if number == 0:
+            write_archive(archive, [ros, apps])
+        else:
+            write_update(archive, apps, present=[base])
         layer_tar.unlink()
     sources.unlink()
 
@@ -90,7 +95,7 @@ def _inside(image: str, script: str, environment: dict[str, str]) -> list[str]:
 def _check_roscore(image: str, log: Path) -> None:
     """The image is of use only if a master starts in it and answers."""
     script = (Path(IMAGES) / "ros" / "check_roscore.sh").read_text()
-    build(_inside(image, script, {}), what="the ROS image (roscore starts in it)", log=log)
+    build(Job(_inside(image, script, {}), "the ROS image (roscore starts in it)", log))
 
 
 def _run_app_build(image: str, version: str, sources: Path, layer: Path, log: Path) -> None:
@@ -102,7 +107,7 @@ def _run_app_build(image: str, version: str, sources: Path, layer: Path, log: Pa
         "tar -c -C / --sort=name --mtime=@0 --owner=0 --group=0 --numeric-owner opt/rosops-apps"
     )
     command = _inside(image, script, {"ROSOPS_APPS_VERSION": version})
-    build(command, what=f"the apps {version}", log=log, stdin=sources, stdout=layer)
+    build(Job(command, f"the apps {version}", log, stdin=sources, stdout=layer))
 
 
 def _pack(root: Path) -> bytes:

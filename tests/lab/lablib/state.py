@@ -35,7 +35,7 @@ class LabState:
 
     @property
     def gateway(self) -> str:
-        return str(next(IPv4Network(self.subnet).hosts()))
+        return str(next(iter(IPv4Network(self.subnet).hosts())))
 
     def specs(self) -> list[HostSpec]:
         return [HostSpec(host.name, host.group) for host in self.hosts]

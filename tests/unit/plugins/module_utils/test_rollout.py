@@ -319,7 +319,7 @@ PODS = [
         DEPLOYMENT,
         new_container(crashed),
         "fail",
-        "pod talker-new-1, container ros-app: CrashLoopBackOff: restarted 3 times, last exit code 1 (Error): ImportError",
+        "container ros-app: CrashLoopBackOff: restarted 3 times, last exit code 1 (Error): ImportError",
     ),
     Case(
         "a first crash is not a loop",
@@ -450,8 +450,8 @@ def test_pods(case: Case) -> None:
     check(case)
 
 
-def two(kind: str, first: str, second: str, **second_more: list[Object]) -> list[Object]:
-    return [set_pod(kind, "talker-0", first), set_pod(kind, "talker-1", second, **second_more)]
+def two(kind: str, first: str, second: str, containers: list[Object] | None = None) -> list[Object]:
+    return [set_pod(kind, "talker-0", first), set_pod(kind, "talker-1", second, containers)]
 
 
 SETS = [

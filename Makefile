@@ -1,0 +1,106 @@
+# `make` lists what there is. Everything is written into the checkout, the cache (~/.cache/rosops-fleet, or under
+# XDG_CACHE_HOME) and what package managers and podman own.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+MAKEFLAGS += --no-print-directory
+.DEFAULT_GOAL := help
+
+LAB := tests/lab/lab
+VENV := .venv/bin
+INVENTORY := inventories/lab
+
+# This checkout and its tools first: a version manager's shims may come earlier in the caller's PATH.
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+# By name, because Ansible ignores the file in a world-writable directory; its own files go into the checkout, too.
+export ANSIBLE_CONFIG := $(CURDIR)/ansible.cfg
+export ANSIBLE_HOME := $(CURDIR)/.ansible
+export ANSIBLE_COLLECTIONS_PATH := $(CURDIR)/.ansible/collections
+export PYTHONDONTWRITEBYTECODE := 1
+# Ansible refuses to start without a UTF-8 locale; this one is part of Debian.
+export LC_ALL := C.UTF-8
+
+.PHONY: help
+help: ## List the targets
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' Makefile
+
+.PHONY: setup
+setup: ## Install missing Debian packages, make .venv, link the collection
+	@$(LAB) setup
+
+.PHONY: artifacts
+artifacts: setup ## Build what is missing of the lab's images and k3s
+	@$(LAB) artifacts
+
+.PHONY: lab-up
+lab-up: setup ## Start the lab's hosts (edge1, robot1, robot2)
+	@$(LAB) up
+
+.PHONY: lab-down
+lab-down: ## Remove every lab of this checkout
+	@$(LAB) down --all
+
+.PHONY: demo
+demo: ## From nothing to a fleet: set-up, lab, site.yml, status.yml
+	@SECONDS=0; \
+	$(MAKE) artifacts; \
+	$(MAKE) lab-up; \
+	ansible-playbook -i $(INVENTORY) playbooks/site.yml; \
+	ansible-playbook -i $(INVENTORY) playbooks/status.yml; \
+	$(LAB) status; \
+	echo "demo: ready after $$((SECONDS / 60)) min $$((SECONDS % 60)) s"
+
+.PHONY: status
+status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
+	@$(LAB) status
+	@ansible-playbook -i $(INVENTORY) playbooks/status.yml
+
+.PHONY: test
+test: ## Every test; what CI runs
+	@"$$(tests/lab/find_python)" tests/run_stages.py setup artifacts \
+	    lint test-unit test-go sanity units molecule-default molecule-fleet
+
+.PHONY: lint
+lint: ## ruff, mypy, ansible-lint
+	ruff check .
+	ruff format --check .
+	mypy plugins
+	MYPYPATH=tests/lab mypy tests/lab/lablib
+	ansible-lint --offline --profile production
+
+.PHONY: test-unit
+test-unit: ## Unit tests, by pytest
+	python -m pytest tests/unit
+
+.PHONY: test-go
+test-go: ## Unit tests of labk3s's own packages
+	@$(LAB) go vet ./...
+	@$(LAB) go test ./...
+
+.PHONY: sanity
+sanity: ## ansible-test sanity
+	@tests/ansible_test.sh sanity
+
+.PHONY: units
+units: ## ansible-test units
+	@tests/ansible_test.sh units
+
+.PHONY: molecule-default
+molecule-default: ## Molecule: one host, from bare to ready
+	molecule test --scenario-name default
+
+.PHONY: molecule-fleet
+molecule-fleet: ## Molecule: three hosts
+	molecule test --scenario-name fleet
+
+.PHONY: bench-ready
+bench-ready: ## How fast ros_ready answers
+	python benchmarks/bench_ready.py
+
+.PHONY: bench-site
+bench-site: ## Wall time of site.yml on bare, ready and changed hosts
+	python benchmarks/bench_site.py
+
+.PHONY: clean
+clean: lab-down ## Remove what make wrote into the checkout; the cache stays
+	rm -rf .ansible .cache .lab .venv .mypy_cache .ruff_cache reports tests/output

@@ -1,0 +1,208 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Outcome per host at the end of a run, on screen and as JSON. What is said is worked out in `_report`."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+name: fleet_report
+type: aggregate
+short_description: Outcome of every host, and where the time went
+version_added: 0.1.0
+author: rosops.fleet contributors (@rosops)
+description:
+  - At the end of a run prints one line per host and writes all of it as JSON.
+  - "A host's outcome is one of V(updated) (something was changed), V(unchanged), V(failed), V(deferred-offline)
+    (unreachable), and V(deferred-busy) or V(rolled-back), which a play declares itself. On screen, check mode says
+    C(would change) and C(would not change); in the file C(check_mode) is true."
+  - A play declares an outcome with M(ansible.builtin.set_fact) of C(fleet_outcome), a word or C({outcome, reason}). A
+    failure outweighs it, unless the word itself is one of C(failed), C(rolled-back), C(deferred-busy),
+    C(deferred-offline).
+  - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails ends the
+    run for all hosts of its play, so all of them are C(failed).
+  - Results under C(no_log) are neither printed nor written.
+  - An error in the report itself is a warning and never ends the run.
+  - "The file: C(playbook), C(check_mode), C(started) (UTC), C(elapsed), C(outcomes) (how many of each), C(hosts),
+    C(plays) and C(stages) (name, seconds; a stage is a role, or the play for tasks outside of one), C(slowest_tasks)
+    (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many)."
+  - "A host in the file: C(host), C(groups), C(outcome), C(reason), C(failed_task), C(changed) (names of tasks),
+    C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(rollout) (elapsed, objects and unmet ones
+    of M(rosops.fleet.rollout_ready)), C(counts) (Ansible's own)."
+  - Seconds of a task run from its start to its last host's result, so they add up to the run only under a strategy that
+    takes one task after the other.
+options:
+  path:
+    description:
+      - The JSON file. Relative to the directory of the ansible.cfg in use, or without one to the current directory.
+      - Empty writes none.
+    type: str
+    default: reports/fleet-report.json
+    env:
+      - name: ROSOPS_FLEET_REPORT
+    ini:
+      - section: callback_fleet_report
+        key: path
+requirements:
+  - enable in configuration, C(callbacks_enabled = rosops.fleet.fleet_report)
+"""
+
+import functools
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any, Callable
+
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible import context
+from ansible.plugins.callback import CallbackBase
+from ansible_collections.rosops.fleet.plugins.module_utils._report import (
+    BUSY,
+    FAILED,
+    HIDDEN,
+    OFFLINE,
+    ROLLED_BACK,
+    UNCHANGED,
+    UPDATED,
+    Report,
+    TaskInfo,
+    screen,
+    word_of,
+)
+
+COLOURS = {
+    UPDATED: C.COLOR_CHANGED,
+    UNCHANGED: C.COLOR_OK,
+    FAILED: C.COLOR_ERROR,
+    OFFLINE: C.COLOR_UNREACHABLE,
+    BUSY: C.COLOR_WARN,
+    ROLLED_BACK: C.COLOR_WARN,
+}
+
+
+def harmless(method: Callable[..., None]) -> Callable[..., None]:
+    """A report must never end a run: what goes wrong here is told once."""
+
+    @functools.wraps(method)
+    def call(self: CallbackModule, *args: Any, **kwargs: Any) -> None:
+        try:
+            method(self, *args, **kwargs)
+        except Exception as exc:
+            if not self.broken:
+                self._display.warning(f"fleet_report: {method.__name__}: {exc!r}; the report may be incomplete")
+            self.broken = True
+
+    return call
+
+
+def stage_of(task: Any) -> str:
+    """The role that the task belongs to, without its collection; empty outside of roles."""
+    role = getattr(task, "_role", None)
+    return str(role.get_name()).rpartition(".")[2] if role else ""
+
+
+def secret_free(result: Any) -> dict[str, Any]:
+    """Ansible has taken out what no_log covers; where the task itself says no_log, keep only what happened."""
+    data = dict(result.result)
+    if result.task.no_log or "censored" in data:
+        kept = {key: data[key] for key in ("changed", "failed", "unreachable") if key in data}
+        return {**kept, "censored": HIDDEN}
+    return data
+
+
+class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries no types
+    CALLBACK_VERSION = 2.0
+    CALLBACK_TYPE = "aggregate"
+    CALLBACK_NAME = "rosops.fleet.fleet_report"
+    CALLBACK_NEEDS_ENABLED = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.broken = False
+        self.report = Report(time.monotonic())
+        self.started = time.time()
+        self.playbook = ""
+
+    # --- what happens -----------------------------------------------------------------------------------------------
+
+    @harmless
+    def v2_playbook_on_start(self, playbook: Any) -> None:
+        self.playbook = Path(str(playbook._file_name)).name
+
+    @harmless
+    def v2_playbook_on_play_start(self, play: Any) -> None:
+        manager = play.get_variable_manager()
+        found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
+        self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
+
+    @harmless
+    def v2_playbook_on_task_start(self, task: Any, is_conditional: bool) -> None:  # noqa: ARG002 - Ansible's signature
+        self._begin(task)
+
+    @harmless
+    def v2_playbook_on_handler_task_start(self, task: Any) -> None:
+        self._begin(task)
+
+    def _begin(self, task: Any) -> None:
+        for_all = task.run_once is True or task.any_errors_fatal is True
+        name = task.get_name(include_role_fqcn=False).strip()
+        self.report.task(task._uuid, TaskInfo(name, str(task.action), stage_of(task), for_all), time.monotonic())
+
+    def _host(self, result: Any) -> str:
+        name = str(result.host.get_name())
+        self.report.host(name, [group.get_name() for group in result.host.get_groups()])
+        return name
+
+    @harmless
+    def v2_runner_on_ok(self, result: Any) -> None:
+        self.report.ok(result.task._uuid, self._host(result), secret_free(result), time.monotonic())
+
+    @harmless
+    def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:
+        self.report.failed(result.task._uuid, self._host(result), secret_free(result), time.monotonic(), ignore_errors)
+
+    @harmless
+    def v2_runner_on_skipped(self, result: Any) -> None:
+        self.report.skipped(result.task._uuid, self._host(result), time.monotonic())
+
+    @harmless
+    def v2_runner_on_unreachable(self, result: Any) -> None:
+        self.report.unreachable(result.task._uuid, self._host(result), secret_free(result), time.monotonic())
+
+    # --- the report -------------------------------------------------------------------------------------------------
+
+    @harmless
+    def v2_playbook_on_stats(self, stats: Any) -> None:
+        report = self.report.finish(
+            {host: stats.summarize(host) for host in stats.processed},
+            time.monotonic(),
+            playbook=self.playbook,
+            check_mode=bool(context.CLIARGS.get("check")),
+            started=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.started)),
+        )
+        self._print(report)
+        self._write(report)
+
+    def _print(self, report: dict[str, Any]) -> None:
+        check_mode = report["check_mode"]
+        self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if check_mode else ""))
+        colours = {word_of(outcome, check_mode): colour for outcome, colour in COLOURS.items()}
+        hosts = [""] + [colours[word_of(host["outcome"], check_mode)] for host in report["hosts"]]
+        for number, line in enumerate(screen(report, max(int(self._display.columns), 120))):
+            self._display.display(line, color=(hosts[number] or None) if number < len(hosts) else None)
+
+    def _write(self, report: dict[str, Any]) -> None:
+        path = self._path()
+        if path is None:
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+        unfinished.write_text(json.dumps(report, indent=2, default=str) + "\n", encoding="utf-8")
+        unfinished.replace(path)  # a reader never sees half a report
+        self._display.display(f"report: {path}")
+
+    def _path(self) -> Path | None:
+        given = str(self.get_option("path") or "")
+        base = Path(C.CONFIG_FILE).parent if C.CONFIG_FILE else Path.cwd()
+        return base / Path(given).expanduser() if given else None

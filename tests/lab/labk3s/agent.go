@@ -1,0 +1,428 @@
+package main
+
+import (
+	"context"
+	"encoding/json"
+	"errors"
+	"fmt"
+	"net"
+	"net/http"
+	"net/url"
+	"os"
+	"os/exec"
+	"os/signal"
+	"strings"
+	"syscall"
+	"time"
+
+	corev1 "k8s.io/api/core/v1"
+	apierrors "k8s.io/apimachinery/pkg/api/errors"
+	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
+	"k8s.io/apimachinery/pkg/types"
+	"k8s.io/client-go/kubernetes"
+	"sigs.k8s.io/yaml"
+)
+
+func agentCommand(args []string) error {
+	c, err := loadConfig("agent", args, os.Environ())
+	if err != nil {
+		return err
+	}
+	t, err := parseToken(c.token, "node")
+	if err != nil {
+		return err
+	}
+	ctx, stop := signal.NotifyContext(context.Background(), syscall.SIGTERM, syscall.SIGINT)
+	defer stop()
+	logf("info", "Starting k3s agent %s", version)
+
+	procs := newProcesses()
+	run, cancel := context.WithCancel(ctx)
+	failed := make(chan error, 1)
+	go func() {
+		if err := runAgent(run, c, procs, t, func() { notify("READY=1") }); err != nil && run.Err() == nil {
+			failed <- err
+		}
+	}()
+	var result error
+	select {
+	case <-ctx.Done():
+		logf("info", "Stopping: asked to")
+		notify("STOPPING=1")
+	case result = <-failed:
+	case result = <-procs.died:
+	}
+	procs.stop("kubelet", "kube-proxy")
+	cancel()
+	procs.stop()
+	return result
+}
+
+// runAgent makes this host a node and returns when the node has registered;
+// what it started goes on until ctx ends. A server runs one as well, towards
+// itself, and passes no registered.
+func runAgent(ctx context.Context, c *config, procs *processes, t token, registered func()) error {
+	lock, err := lockDir(c.dataDir.agent(".lock"))
+	if err != nil {
+		return err
+	}
+	go func() {
+		<-ctx.Done()
+		lock.Close()
+	}()
+	password, err := nodePassword()
+	if err != nil {
+		return err
+	}
+	prepareHost()
+
+	// On a server there is work to do while the control plane starts. An
+	// agent, like k3s's, runs nothing before its server has spoken to it.
+	images := &imageImporter{dir: c.dataDir.agent("images")}
+	var runtime chan error
+	startRuntime := func() {
+		runtime = make(chan error, 1)
+		go func() { runtime <- startContainerd(ctx, c, procs, images) }()
+	}
+	supervisorURL, apiURL := "https://127.0.0.1:"+apiPort, apiserverURL
+	var lb *loadBalancer
+	if c.server {
+		startRuntime()
+	} else {
+		u, err := url.Parse(c.serverURL)
+		if err != nil || u.Hostname() == "" {
+			return fmt.Errorf("server: %q is not a URL", c.serverURL)
+		}
+		port := u.Port()
+		if port == "" {
+			port = "443"
+		}
+		lb = newLoadBalancer(c.dataDir.agent("etc", "k3s-agent-load-balancer.json"), net.JoinHostPort(u.Hostname(), port))
+		if err := lb.serve(ctx, "127.0.0.1:"+c.lbPort); err != nil {
+			return err
+		}
+		supervisorURL = "https://127.0.0.1:" + c.lbPort
+		apiURL = supervisorURL
+	}
+	cluster, err := join(ctx, c, supervisorURL, t, password, lb)
+	if err != nil {
+		return err
+	}
+	if runtime == nil {
+		startRuntime()
+	}
+	if err := <-runtime; err != nil {
+		return err
+	}
+
+	agent := c.dataDir.agent
+	for name, base := range map[string]string{
+		"kubelet": "client-kubelet", "kubeproxy": "client-kube-proxy", "k3scontroller": "client-k3s-controller",
+	} {
+		if err := writeKubeconfig(agent(name+".kubeconfig"), apiURL, agent("server-ca.crt"), agent(base), false, 0o600); err != nil {
+			return err
+		}
+	}
+	kube, err := kubernetes.NewForConfig(restConfig(apiURL, agent("server-ca.crt"), agent("client-k3s-controller")))
+	if err != nil {
+		return err
+	}
+	if err := startKubelet(ctx, c, cluster, procs); err != nil {
+		return err
+	}
+	if !cluster.NoKubeProxy {
+		if err := startKubeProxy(ctx, c, cluster, procs); err != nil {
+			return err
+		}
+	}
+	node, err := waitRegistered(ctx, c, kube)
+	if err != nil {
+		return err
+	}
+	logf("info", "Node %s is registered", node.Name)
+	if registered != nil {
+		registered()
+		logf("info", "k3s agent is up and running")
+	}
+	go runRoutes(ctx, c, cluster, kube)
+	go runVolumes(ctx, c, cluster, kube)
+	go images.watch(ctx)
+	if lb != nil {
+		go followServers(ctx, kube, lb)
+	}
+	return labelNode(ctx, c, kube)
+}
+
+// join retries until the server has accepted this node: a server that is away
+// comes back, and a wrong token or password can be put right on either side.
+func join(ctx context.Context, c *config, supervisor string, t token, password string, lb *loadBalancer) (*agentConfig, error) {
+	cluster := &agentConfig{}
+	said, saidAt := "", time.Time{}
+	err := poll(ctx, 200*time.Millisecond, 0, func() (bool, error) {
+		err := tryJoin(ctx, c, supervisor, t, password, lb, cluster)
+		if err == nil {
+			return true, nil
+		}
+		// The same trouble is worth a line every few seconds, not five a second.
+		if text := err.Error(); (text != said || time.Since(saidAt) > 5*time.Second) && ctx.Err() == nil {
+			said, saidAt = text, time.Now()
+			var no *refusal
+			switch {
+			case errors.As(err, &no) || strings.Contains(text, "failed to validate token"):
+				logf("error", "%s", text)
+			default:
+				logf("info", "Waiting to retrieve agent configuration; server is not ready: %s", text)
+			}
+		}
+		return false, err
+	})
+	return cluster, err
+}
+
+func tryJoin(ctx context.Context, c *config, supervisor string, t token, password string, lb *loadBalancer, cluster *agentConfig) error {
+	j, err := newJoiner(ctx, supervisor, t)
+	if err != nil {
+		return err
+	}
+	if err := j.getJSON(ctx, "/v1-k3s/config", cluster); err != nil {
+		return err
+	}
+	agent := c.dataDir.agent
+	for _, signed := range []string{"serving-kubelet", "client-kubelet", "client-kube-proxy", "client-k3s-controller"} {
+		if err := j.sign(ctx, "/v1-k3s/"+signed+".crt", agent(signed), c.nodeName, password, c.nodeIP); err != nil {
+			return err
+		}
+	}
+	clientCA, err := j.get(ctx, "/v1-k3s/client-ca.crt")
+	if err != nil {
+		return err
+	}
+	for path, content := range map[string][]byte{agent("server-ca.crt"): j.ca, agent("client-ca.crt"): clientCA} {
+		if _, err := writeFile(path, content, 0o644); err != nil {
+			return err
+		}
+	}
+	if lb != nil {
+		var servers []string
+		if err := j.getJSON(ctx, "/v1-k3s/apiservers", &servers); err != nil {
+			return err
+		}
+		lb.update(servers)
+	}
+	return nil
+}
+
+func followServers(ctx context.Context, kube kubernetes.Interface, lb *loadBalancer) {
+	_ = poll(ctx, 10*time.Second, 0, func() (bool, error) {
+		if servers, err := apiServers(ctx, kube); err == nil {
+			lb.update(servers)
+		}
+		return false, nil
+	})
+}
+
+// prepareHost sets what pods and Services need of the kernel. On a host that
+// does not allow it, it is often already so; if not, the log says what is amiss.
+func prepareHost() {
+	for _, module := range []string{"br_netfilter", "overlay"} {
+		_ = exec.Command("modprobe", module).Run() // may well be built in
+	}
+	for name, value := range map[string]string{
+		"net/ipv4/ip_forward": "1", "net/ipv4/conf/all/forwarding": "1", "net/bridge/bridge-nf-call-iptables": "1",
+	} {
+		path := "/proc/sys/" + name
+		if content, err := os.ReadFile(path); err == nil && strings.TrimSpace(string(content)) == value {
+			continue
+		}
+		if err := os.WriteFile(path, []byte(value), 0o644); err != nil {
+			logf("warning", "setting %s: %v", strings.ReplaceAll(name, "/", "."), err)
+		}
+	}
+	// Volumes that a pod mounts must be visible on the host, whatever the
+	// mount propagation that a container engine left us with.
+	if err := syscall.Mount("", "/", "", syscall.MS_SHARED|syscall.MS_REC, ""); err != nil {
+		logf("warning", "making / a shared mount: %v", err)
+	}
+}
+
+// kubeletConfig is for hosts that are containers themselves (and does no harm
+// on others): no right to lower oom_score_adj, no view of the file system's
+// device, no say about swap and huge pages.
+func kubeletConfig(c *config, cluster *agentConfig) map[string]any {
+	agent := c.dataDir.agent
+	config := map[string]any{
+		"kind": "KubeletConfiguration", "apiVersion": "kubelet.config.k8s.io/v1beta1",
+		"authentication": map[string]any{
+			"anonymous": map[string]any{"enabled": false},
+			"webhook":   map[string]any{"enabled": true},
+			"x509":      map[string]any{"clientCAFile": agent("client-ca.crt")},
+		},
+		"authorization":                 map[string]any{"mode": "Webhook"},
+		"address":                       "0.0.0.0",
+		"cgroupDriver":                  "cgroupfs",
+		"clusterDNS":                    []string{cluster.ClusterDNS},
+		"clusterDomain":                 cluster.ClusterDomain,
+		"containerRuntimeEndpoint":      "unix://" + containerdSocket,
+		"evictionHard":                  map[string]string{},
+		"failCgroupV1":                  false,
+		"failSwapOn":                    false,
+		"featureGates":                  map[string]bool{"KubeletInUserNamespace": true},
+		"healthzBindAddress":            "127.0.0.1",
+		"imageGCHighThresholdPercent":   100,
+		"localStorageCapacityIsolation": false,
+		"protectKernelDefaults":         c.protectKernel,
+		"resolvConf":                    resolvConf(c),
+		"serializeImagePulls":           false,
+		"staticPodPath":                 agent("pod-manifests"),
+		"tlsCertFile":                   agent("serving-kubelet.crt"),
+		"tlsPrivateKeyFile":             agent("serving-kubelet.key"),
+		"volumePluginDir":               agent("libexec", "kubernetes", "kubelet-plugins", "volume", "exec"),
+		// A container that stops at once should be seen at once.
+		"syncFrequency": "30s",
+	}
+	return config
+}
+
+// resolvConf keeps a nameserver on the loopback, which pods could not reach,
+// away from them, as k3s does.
+func resolvConf(c *config) string {
+	if c.resolvConf != "" {
+		return c.resolvConf
+	}
+	for _, path := range []string{"/etc/resolv.conf", "/run/systemd/resolve/resolv.conf"} {
+		content, err := os.ReadFile(path)
+		if err == nil && usableNameservers(string(content)) {
+			return path
+		}
+	}
+	own := c.dataDir.agent("etc", "resolv.conf")
+	if _, err := writeFile(own, []byte("nameserver 8.8.8.8\n"), 0o644); err != nil {
+		logf("warning", "%v", err)
+	}
+	return own
+}
+
+func usableNameservers(content string) bool {
+	found := false
+	for _, line := range strings.Split(content, "\n") {
+		fields := strings.Fields(line)
+		if len(fields) < 2 || fields[0] != "nameserver" {
+			continue
+		}
+		ip := net.ParseIP(fields[1])
+		if ip == nil || !ip.IsGlobalUnicast() {
+			return false
+		}
+		found = true
+	}
+	return found
+}
+
+func startKubelet(ctx context.Context, c *config, cluster *agentConfig, procs *processes) error {
+	content, err := yaml.Marshal(kubeletConfig(c, cluster))
+	if err != nil {
+		return err
+	}
+	path := c.dataDir.agent("etc", "kubelet.yaml")
+	if _, err := writeFile(path, content, 0o600); err != nil {
+		return err
+	}
+	if err := os.MkdirAll(c.dataDir.agent("pod-manifests"), 0o700); err != nil {
+		return err
+	}
+	base := map[string]string{
+		"config":            path,
+		"hostname-override": c.nodeName,
+		"kubeconfig":        c.dataDir.agent("kubelet.kubeconfig"),
+		"node-ip":           c.nodeIP,
+		"root-dir":          kubeletDir,
+	}
+	if len(c.nodeLabels) > 0 {
+		base["node-labels"] = strings.Join(c.nodeLabels, ",")
+	}
+	if len(c.nodeTaints) > 0 {
+		base["register-with-taints"] = strings.Join(c.nodeTaints, ",")
+	}
+	if c.verbosity != "" {
+		base["v"] = c.verbosity
+	}
+	args, err := mergeArgs(base, c.kubeletArgs)
+	if err != nil {
+		return fmt.Errorf("kubelet-arg: %w", err)
+	}
+	if err := waitFree(ctx, "0.0.0.0:10250", "127.0.0.1:10248"); err != nil {
+		return err
+	}
+	return procs.component("kubelet", args)
+}
+
+func startKubeProxy(ctx context.Context, c *config, cluster *agentConfig, procs *processes) error {
+	base := map[string]string{
+		"cluster-cidr":      cluster.ClusterCIDR,
+		"hostname-override": c.nodeName,
+		"kubeconfig":        c.dataDir.agent("kubeproxy.kubeconfig"),
+		"proxy-mode":        "iptables",
+		// Read-only sysctls in a container; 0 leaves them alone.
+		"conntrack-max-per-core":            "0",
+		"conntrack-tcp-timeout-established": "0s",
+		"conntrack-tcp-timeout-close-wait":  "0s",
+		"healthz-bind-address":              "127.0.0.1:10256",
+		"metrics-bind-address":              "127.0.0.1:10249",
+	}
+	args, err := mergeArgs(base, c.proxyArgs)
+	if err != nil {
+		return fmt.Errorf("kube-proxy-arg: %w", err)
+	}
+	if err := waitFree(ctx, "127.0.0.1:10256", "127.0.0.1:10249"); err != nil {
+		return err
+	}
+	return procs.component("kube-proxy", args)
+}
+
+// waitRegistered waits for this run's kubelet and for the node object, which
+// on a restart is there already.
+func waitRegistered(ctx context.Context, c *config, kube kubernetes.Interface) (*corev1.Node, error) {
+	var node *corev1.Node
+	err := poll(ctx, 200*time.Millisecond, 0, func() (bool, error) {
+		response, err := http.Get("http://127.0.0.1:10248/healthz")
+		if err != nil {
+			return false, err
+		}
+		response.Body.Close()
+		if response.StatusCode != http.StatusOK {
+			return false, fmt.Errorf("kubelet: %s", response.Status)
+		}
+		node, err = kube.CoreV1().Nodes().Get(ctx, c.nodeName, metav1.GetOptions{})
+		return err == nil, err
+	})
+	return node, err
+}
+
+// labelNode sets the configured labels again at every start and never removes
+// one: so does k3s, its documentation notwithstanding. Taints are for the
+// registration alone.
+func labelNode(ctx context.Context, c *config, kube kubernetes.Interface) error {
+	labels := map[string]string{}
+	for _, label := range c.nodeLabels {
+		name, value, _ := strings.Cut(label, "=")
+		labels[name] = value
+	}
+	hostname, err := os.Hostname()
+	if err != nil {
+		return err
+	}
+	patch, err := json.Marshal(map[string]any{"metadata": map[string]any{
+		"labels":      labels,
+		"annotations": map[string]string{"k3s.io/hostname": hostname, "k3s.io/internal-ip": c.nodeIP},
+	}})
+	if err != nil {
+		return err
+	}
+	return poll(ctx, time.Second, 0, func() (bool, error) {
+		_, err := kube.CoreV1().Nodes().Patch(ctx, c.nodeName, types.MergePatchType, patch, metav1.PatchOptions{})
+		if apierrors.IsInvalid(err) {
+			return true, fmt.Errorf("node-label: %w", err)
+		}
+		return err == nil, err
+	})
+}

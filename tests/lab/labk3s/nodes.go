@@ -1,0 +1,173 @@
+package main
+
+import (
+	"context"
+	"encoding/json"
+	"fmt"
+	"os"
+	"sort"
+	"strings"
+	"time"
+
+	clientv3 "go.etcd.io/etcd/client/v3"
+	corev1 "k8s.io/api/core/v1"
+	apierrors "k8s.io/apimachinery/pkg/api/errors"
+	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
+	"k8s.io/apimachinery/pkg/labels"
+	"k8s.io/apimachinery/pkg/types"
+	"k8s.io/client-go/informers"
+	"k8s.io/client-go/kubernetes"
+	"k8s.io/client-go/tools/cache"
+)
+
+const etcdNameAnnotation = "etcd.k3s.cattle.io/node-name"
+
+// runNodeController keeps what follows from the list of nodes: the roles of
+// this server's own node, the nodes' names in the cluster's DNS, and, when a
+// node is deleted, the end of its password and of its etcd member.
+func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface, etcd *clientv3.Client) {
+	factory := informers.NewSharedInformerFactory(kube, 0)
+	nodes := factory.Core().V1().Nodes()
+	gone := make(chan *corev1.Node, 64)
+	if _, err := nodes.Informer().AddEventHandler(cache.ResourceEventHandlerFuncs{
+		DeleteFunc: func(object any) {
+			if unknown, ok := object.(cache.DeletedFinalStateUnknown); ok {
+				object = unknown.Obj
+			}
+			if node, ok := object.(*corev1.Node); ok {
+				gone <- node
+			}
+		},
+	}); err != nil {
+		logf("error", "watching nodes: %v", err)
+		return
+	}
+	factory.Start(ctx.Done())
+	if !cache.WaitForCacheSync(ctx.Done(), nodes.Informer().HasSynced) {
+		return
+	}
+	tick := time.NewTicker(time.Second)
+	defer tick.Stop()
+	said := ""
+	for {
+		var err error
+		select {
+		case <-ctx.Done():
+			return
+		case node := <-gone:
+			err = forgetNode(ctx, c, node, kube, etcd)
+		case <-tick.C:
+			all, listErr := nodes.Lister().List(labels.Everything())
+			err = listErr
+			for _, node := range all {
+				if err == nil && node.Name == c.nodeName {
+					err = markServer(ctx, c, node, kube)
+				}
+			}
+			if err == nil && !c.disable["coredns"] {
+				err = nameNodes(ctx, all, kube)
+			}
+		}
+		if err != nil && ctx.Err() == nil && err.Error() != said {
+			said = err.Error()
+			logf("warning", "nodes: %v", err)
+		}
+	}
+}
+
+// markServer gives this server's node its roles.
+func markServer(ctx context.Context, c *config, node *corev1.Node, kube kubernetes.Interface) error {
+	roles := []string{"control-plane"}
+	annotations := map[string]string{}
+	if c.clusterInit || c.serverURL != "" {
+		roles = append(roles, "etcd")
+		name, err := c.etcdName()
+		if err != nil {
+			return err
+		}
+		annotations[etcdNameAnnotation] = name
+	}
+	wanted := map[string]string{}
+	for _, role := range roles {
+		if key := "node-role.kubernetes.io/" + role; node.Labels[key] != "true" {
+			wanted[key] = "true"
+		}
+	}
+	for key, value := range annotations {
+		if node.Annotations[key] == value {
+			delete(annotations, key)
+		}
+	}
+	if len(wanted) == 0 && len(annotations) == 0 {
+		return nil
+	}
+	patch, err := json.Marshal(map[string]any{"metadata": map[string]any{"labels": wanted, "annotations": annotations}})
+	if err != nil {
+		return err
+	}
+	_, err = kube.CoreV1().Nodes().Patch(ctx, node.Name, types.MergePatchType, patch, metav1.PatchOptions{})
+	return err
+}
+
+// nodeHosts is the hosts file that CoreDNS serves the nodes' names from.
+func nodeHosts(nodes []*corev1.Node) string {
+	var lines []string
+	for _, node := range nodes {
+		if address := nodeAddress(node); address != "" {
+			lines = append(lines, address+" "+node.Name)
+		}
+	}
+	sort.Strings(lines)
+	if len(lines) == 0 {
+		return ""
+	}
+	return strings.Join(lines, "\n") + "\n"
+}
+
+func nameNodes(ctx context.Context, nodes []*corev1.Node, kube kubernetes.Interface) error {
+	maps := kube.CoreV1().ConfigMaps(metav1.NamespaceSystem)
+	current, err := maps.Get(ctx, "coredns", metav1.GetOptions{})
+	if apierrors.IsNotFound(err) {
+		return nil // not applied yet
+	}
+	if err != nil {
+		return err
+	}
+	hosts := nodeHosts(nodes)
+	if current.Data["NodeHosts"] == hosts {
+		return nil
+	}
+	patch, err := json.Marshal(map[string]any{"data": map[string]string{"NodeHosts": hosts}})
+	if err != nil {
+		return err
+	}
+	_, err = maps.Patch(ctx, "coredns", types.MergePatchType, patch, metav1.PatchOptions{})
+	return err
+}
+
+// forgetNode lets a host of the same name, but perhaps with a new disk, come
+// again, and takes a lost server out of etcd's quorum.
+func forgetNode(ctx context.Context, c *config, node *corev1.Node, kube kubernetes.Interface, etcd *clientv3.Client) error {
+	err := kube.CoreV1().Secrets(metav1.NamespaceSystem).Delete(ctx, nodePasswordSecret(node.Name), metav1.DeleteOptions{})
+	if err != nil && !apierrors.IsNotFound(err) {
+		return err
+	}
+	member := node.Annotations[etcdNameAnnotation]
+	own, err := os.ReadFile(c.etcdDir("name"))
+	if err != nil || member == "" || member == strings.TrimSpace(string(own)) {
+		return err
+	}
+	list, err := etcd.MemberList(ctx)
+	if err != nil {
+		return err
+	}
+	for _, m := range list.Members {
+		if m.Name == member {
+			logf("info", "Removing etcd member %s of deleted node %s", member, node.Name)
+			if _, err := etcd.MemberRemove(ctx, m.ID); err != nil {
+				return fmt.Errorf("removing etcd member %s: %w", member, err)
+			}
+		}
+	}
+	return nil
+}

@@ -1,0 +1,122 @@
+"""What the project needs on this machine: Debian packages that are missing, `.venv`, the collections link."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+
+from .artifacts import Cache
+from .errors import LabError
+from .names import checkout_id
+from .paths import CHECKOUT
+from .run import Job, build, run, say
+
+# Each with what it is for. Commands are looked for, too: they may come from elsewhere than Debian's packages.
+PACKAGES = {
+    "ca-certificates": "",  # the registries' certificates
+    "curl": "curl",  # the real k3s, where it can be downloaded
+    "git": "git",  # ansible-test's copy of the checkout
+    "iproute2": "ip",
+    "iptables": "iptables",  # podman's network
+    "mmdebstrap": "mmdebstrap",
+    "netavark": "",
+    "openssh-client": "ssh",
+    "podman": "podman",
+    "python3-venv": "",
+    "runc": "runc",
+}
+VENV = CHECKOUT / ".venv"
+STAMP = VENV / ".requirements"
+LOGS = CHECKOUT / ".cache"
+LINK = CHECKOUT / ".ansible" / "collections" / "ansible_collections" / "rosops" / "fleet"
+
+
+def setup(cache: Cache) -> None:
+    """All of it; what is there already is left alone, what an interruption left half-done is done again."""
+    LOGS.mkdir(exist_ok=True)
+    with cache.lock(f"setup-{checkout_id(str(CHECKOUT))}", "another set-up of this checkout"):
+        _packages(cache)
+        _venv()
+        _link()
+
+
+# --- Debian packages -----------------------------------------------------------------------------------------------
+
+
+def _installed(names: list[str]) -> set[str]:
+    listing = run(["dpkg-query", "--show", "--showformat=${Package} ${db:Status-Status}\n", *names], check=False).stdout
+    return {line.split()[0] for line in listing.splitlines() if line.endswith(" installed")}
+
+
+def _packages(cache: Cache) -> None:
+    if not shutil.which("dpkg-query"):
+        _require_commands()
+        return
+    missing = sorted(set(PACKAGES) - _installed(list(PACKAGES)))
+    if not missing:
+        return
+    if os.geteuid() != 0:
+        raise LabError("Debian packages are missing", todo=f"as root: apt-get install {' '.join(missing)}")
+    apt = ["apt-get", "--quiet", "--yes", "-o", "DPkg::Lock::Timeout=300", "-o", "Acquire::Retries=3"]
+    env = {"DEBIAN_FRONTEND": "noninteractive"}
+    log = LOGS / "apt.log"
+    log.unlink(missing_ok=True)
+    say(f"installing Debian packages: {' '.join(missing)} (log {log})")
+    with cache.lock("apt", "another set-up's package installation"):
+        build(Job([*apt, "update"], "Debian's package lists", log, env=env))
+        build(Job([*apt, "install", "--no-install-recommends", *missing], "Debian packages", log, env=env))
+
+
+def _require_commands() -> None:
+    missing = [command for command in PACKAGES.values() if command and not shutil.which(command)]
+    if missing:
+        raise LabError(
+            f"these programs are missing: {', '.join(missing)}",
+            where="this is no Debian system, so nothing is installed for you",
+            todo="install them; the lab is made for Debian 12",
+        )
+
+
+# --- Python --------------------------------------------------------------------------------------------------------
+
+
+def fingerprint(requirements: bytes, python: str, version: str) -> str:
+    """What the environment was made of; it stands in the stamp that is written last."""
+    return hashlib.sha256(requirements + f"\0{python}\0{version}".encode()).hexdigest()
+
+
+def _venv() -> None:
+    requirements = CHECKOUT / "requirements.txt"
+    wanted = fingerprint(requirements.read_bytes(), sys.executable, sys.version)
+    if STAMP.exists() and STAMP.read_text() == wanted and (VENV / "bin" / "python").exists():
+        return
+    log = LOGS / "pip.log"
+    log.unlink(missing_ok=True)
+    started = time.monotonic()
+    say(f"making .venv from requirements.txt (log {log})")
+    STAMP.unlink(missing_ok=True)
+    build(Job([sys.executable, "-m", "venv", "--clear", str(VENV)], ".venv", log))
+    pip = [str(VENV / "bin" / "python"), "-m", "pip", "--disable-pip-version-check", "--no-input"]
+    install = [*pip, "install", "--retries", "5", "--requirement", str(requirements)]
+    build(Job(install, "Python packages of .venv", log))
+    STAMP.write_text(wanted)
+    say(f"made .venv in {time.monotonic() - started:.0f} s")
+
+
+# --- the collection's place in a collections tree ------------------------------------------------------------------
+
+
+def _link() -> None:
+    """`ansible_collections/rosops/fleet` leads to the checkout, so that the collection's full names are found."""
+    target = Path(os.path.relpath(CHECKOUT, LINK.parent))
+    if LINK.is_symlink() and LINK.readlink() == target:
+        return
+    LINK.parent.mkdir(parents=True, exist_ok=True)
+    if LINK.exists() and not LINK.is_symlink():
+        raise LabError("the collection's place is taken", where=str(LINK), todo="remove it, then run `make setup` again")
+    LINK.unlink(missing_ok=True)
+    LINK.symlink_to(target)

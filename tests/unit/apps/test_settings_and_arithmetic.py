@@ -1,0 +1,57 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings from the environment, and what the service computes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rosops_apps import settings
+from rosops_apps.arithmetic import OPERATIONS, operands, operation_of, wrap
+
+
+@pytest.mark.parametrize(("text", "number"), [("", 500.0), ("0.5", 0.5), ("1000", 1000.0)])
+def test_positive(text: str, number: float) -> None:
+    assert settings.positive("RATE_HZ", 500.0, {"RATE_HZ": text}) == number
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "fast", "nan", "inf", "1,5"])
+def test_not_positive(text: str) -> None:
+    with pytest.raises(settings.SettingError, match="RATE_HZ must be a number above 0"):
+        settings.positive("RATE_HZ", 500.0, {"RATE_HZ": text})
+
+
+def test_choice() -> None:
+    assert settings.choice("OPERATION", ("add", "subtract"), {}) == "add"
+    assert settings.choice("OPERATION", ("add", "subtract"), {"OPERATION": "subtract"}) == "subtract"
+    with pytest.raises(settings.SettingError, match="one of add, subtract, not 'divide'"):
+        settings.choice("OPERATION", ("add", "subtract"), {"OPERATION": "divide"})
+
+
+def test_paths() -> None:
+    assert settings.log_dir({}) is None
+    assert settings.required_log_dir({"LOG_DIR": "/data"}) == Path("/data")
+    with pytest.raises(settings.SettingError, match="LOG_DIR"):
+        settings.required_log_dir({"LOG_DIR": ""})
+    assert settings.ready_file({}) == Path("/tmp/ready")  # noqa: S108 - not made here
+    assert settings.ready_file({"READY_FILE": "/run/ready"}) == Path("/run/ready")
+
+
+def test_version() -> None:
+    assert settings.version({"ROSOPS_APPS_VERSION": "1.1"}) == "1.1"
+    assert settings.version({}) == "unversioned"  # VERSION is made by build.sh
+
+
+@pytest.mark.parametrize("request_number", [0, 1, 96, 97, 12345, 2**62])
+def test_the_answer_tells_the_operation(request_number: int) -> None:
+    a, b = operands(request_number)
+    assert [operation_of(a, b, wrap(f(a, b))) for f in OPERATIONS.values()] == list(OPERATIONS)
+    assert operation_of(a, b, wrap(a + b + 1)) == "wrong"
+
+
+@pytest.mark.parametrize(
+    ("number", "wrapped"), [(0, 0), (2**63 - 1, 2**63 - 1), (2**63, -(2**63)), (-(2**63) - 1, 2**63 - 1)]
+)
+def test_wrap(number: int, wrapped: int) -> None:
+    assert wrap(number) == wrapped

@@ -1,0 +1,47 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The table of inputs that must be refused (cases.yml), made whole: for the unit tests and for the end-to-end run."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+GROUPS = {"edge": ["edge1"], "robots": ["robot1"]}
+GOOD_APP = {"name": "talker", "image": "example.org/talker:1.0", "args": ["talk"], "placement": "local"}
+
+
+def load_cases() -> list[dict[str, Any]]:
+    """All cases as they stand in the file."""
+    cases: list[dict[str, Any]] = yaml.safe_load((Path(__file__).resolve().parent / "cases.yml").read_text("utf-8"))
+    return cases
+
+
+def fleet_of(case: dict[str, Any]) -> dict[str, Any]:
+    """fleet_config's option `fleet` of a case: `{groups: {..}, hosts: {..}}`."""
+    groups = {**(case.get("groups") or GROUPS)}
+    listed = [host for group in groups.values() if isinstance(group, list) for host in group]
+    groups.setdefault("all", list(dict.fromkeys(listed)))
+    hosts: dict[str, Any] = {host: {} for host in groups["all"]}
+    hosts.update(copy.deepcopy(case.get("vars") or {}))
+    apps = case.get("apps") or ([case["app"]] if "app" in case else [])
+    if apps:
+        hosts["robot1"]["ros_apps"] = [changed_app(app) for app in apps]
+    return {"groups": groups, "hosts": hosts}
+
+
+def changed_app(changes: dict[str, Any]) -> dict[str, Any]:
+    """The good app with some keys changed, and those that are null taken out."""
+    merged = {**copy.deepcopy(GOOD_APP), **copy.deepcopy(changes)}
+    return {key: value for key, value in merged.items() if key not in changes or changes[key] is not None}
+
+
+def missing_words(case: dict[str, Any], text: str) -> list[str]:
+    """What a message fails to say: each line must hold the path and, after `allowed`, the words."""
+    wanted = str(case["words"]).replace("; allowed ", "; allowed: ")
+    wanted = "allowed: " + wanted[len("allowed ") :] if wanted.startswith("allowed ") else wanted
+    lines = [line for line in text.splitlines() if line.strip().startswith(f"{case['path']}: ")]
+    return [] if any(wanted in line for line in lines) else [f"{case['path']}: ... {wanted}"]

@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Write the golden files anew: `.venv/bin/python tests/unit/golden/regenerate.py`. Read the diff before keeping it.
+
+A case is `cases/<name>.yml` with `robot` and `variables`; its golden file is `<name>.yml` beside this script:
+`{objects: [..], conditions: {..}, images: {local: [..], remote: [..]}}`.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+HERE = Path(__file__).resolve().parent
+
+
+def built(case: dict[str, Any]) -> dict[str, Any]:
+    """All that the workload functions make of a case."""
+    from ansible_collections.rosops.fleet.plugins.module_utils import _workloads as workloads
+    from ansible_collections.rosops.fleet.plugins.module_utils._context import fleet_context
+
+    ctx = fleet_context(case["variables"], case["robot"])
+    return {
+        "objects": [
+            *workloads.namespace_objects(ctx),
+            *workloads.storage_objects(ctx),
+            *workloads.ros_master_objects(ctx),
+            *workloads.ros_app_objects(ctx),
+        ],
+        "conditions": workloads.ros_conditions(ctx),
+        "images": {placement: workloads.fleet_images(ctx, placement) for placement in ("local", "remote")},
+    }
+
+
+def cases() -> dict[str, dict[str, Any]]:
+    """The cases by name."""
+    return {path.stem: yaml.safe_load(path.read_text("utf-8")) for path in sorted((HERE / "cases").glob("*.yml"))}
+
+
+class _Dumper(yaml.SafeDumper):
+    """Without anchors and with indented lists: a golden file is read by people, and linted."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+        super().increase_indent(flow, False)
+
+
+def main() -> None:
+    """Write all golden files."""
+    sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
+    for name, case in cases().items():
+        text = yaml.dump(built(case), Dumper=_Dumper, sort_keys=False, width=120)
+        (HERE / f"{name}.yml").write_text(f"---\n{text}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The callback's own part: what it takes from Ansible's objects, the file, and that it never ends a run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from ansible import constants, context
+from ansible.executor.stats import AggregateStats
+from ansible.utils.context_objects import CLIArgs
+from ansible_collections.rosops.fleet.plugins.callback import fleet_report
+
+
+class FakeDisplay:
+    columns = 79
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.warnings: list[str] = []
+
+    def display(self, text: str, **_style: Any) -> None:
+        self.lines.append(text)
+
+    def banner(self, text: str) -> None:
+        self.lines.append(text)
+
+    def warning(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+def play(*hosts: str) -> Any:
+    manager = SimpleNamespace(get_vars=lambda **_: {"ansible_play_hosts_all": list(hosts)})
+    return SimpleNamespace(get_name=lambda: "Robots", get_variable_manager=lambda: manager)
+
+
+def task(**more: Any) -> Any:
+    role = SimpleNamespace(get_name=lambda: "rosops.fleet.k3s")
+    given = {"run_once": False, "any_errors_fatal": None, "no_log": None, "_role": role, **more}
+    return SimpleNamespace(_uuid="t1", action="command", get_name=lambda **_: "Apply", **given)
+
+
+def result(the_task: Any, data: dict[str, Any], host: str = "robot1") -> Any:
+    groups = [SimpleNamespace(get_name=lambda name=name: name) for name in ("all", "robots")]
+    return SimpleNamespace(
+        task=the_task, result=data, host=SimpleNamespace(get_name=lambda: host, get_groups=lambda: groups)
+    )
+
+
+@pytest.fixture
+def callback(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    made = fleet_report.CallbackModule()
+    made._display = FakeDisplay()
+    monkeypatch.setattr(made, "get_option", lambda _name: str(tmp_path / "deep" / "report.json"))
+    monkeypatch.setattr(context, "CLIARGS", CLIArgs({"check": False}))
+    made.v2_playbook_on_start(SimpleNamespace(_file_name="/x/playbooks/site.yml"))
+    made.v2_playbook_on_play_start(play("robot1", "robot2"))
+    return made
+
+
+def stats(**counts: str) -> AggregateStats:
+    made = AggregateStats()
+    for host, what in counts.items():
+        made.increment(what, host)
+    return made
+
+
+def written(tmp_path: Path) -> Any:
+    return json.loads((tmp_path / "deep" / "report.json").read_text())
+
+
+def test_a_run(callback: Any, tmp_path: Path) -> None:
+    callback.v2_playbook_on_task_start(task(), False)
+    callback.v2_runner_on_ok(result(task(), {"changed": True}))
+    callback.v2_runner_on_unreachable(result(task(), {"msg": "no route"}, "robot2"))
+    callback.v2_playbook_on_stats(stats(robot1="changed", robot2="dark"))
+    report = written(tmp_path)
+    assert (report["playbook"], report["check_mode"]) == ("site.yml", False)
+    assert [(host["host"], host["outcome"], host["groups"]) for host in report["hosts"]] == [
+        ("robot1", "updated", ["robots"]),
+        ("robot2", "deferred-offline", ["robots"]),
+    ]
+    assert report["stages"][0]["name"] == "k3s"
+    assert callback._display.lines[0] == "FLEET REPORT"
+    assert callback._display.lines[-1] == f"report: {tmp_path / 'deep' / 'report.json'}"
+    assert callback._display.warnings == []
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["report.json"]
+
+
+def test_check_mode_says_so(callback: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(context, "CLIARGS", CLIArgs({"check": True}))
+    callback.v2_playbook_on_stats(stats(robot1="changed"))
+    assert callback._display.lines[0] == "FLEET REPORT (check mode: nothing was changed)"
+    assert "would change" in callback._display.lines[2]
+    assert written(tmp_path)["check_mode"] is True
+
+
+@pytest.mark.parametrize("no_log", [True, None])
+def test_secrets_stay_out(callback: Any, tmp_path: Path, no_log: bool | None) -> None:
+    data = {"msg": "token K10abc", "cmd": "K10abc", **({} if no_log else {"censored": "hidden"})}
+    callback.v2_playbook_on_task_start(task(no_log=no_log), False)
+    callback.v2_runner_on_failed(result(task(no_log=no_log), data))
+    callback.v2_playbook_on_stats(stats(robot1="failures"))
+    assert "K10abc" not in json.dumps(written(tmp_path)) + "".join(callback._display.lines)
+    assert written(tmp_path)["hosts"][0]["reason"] == "hidden by no_log"
+
+
+def test_nothing_that_goes_wrong_ends_the_run(callback: Any) -> None:
+    callback.v2_playbook_on_play_start(None)
+    callback.v2_runner_on_ok(None)
+    callback.v2_playbook_on_task_start(None, False)
+    callback.v2_playbook_on_stats(None)
+    assert len(callback._display.warnings) == 1
+    assert "v2_playbook_on_play_start" in callback._display.warnings[0]
+
+
+def test_an_unwritable_path_is_a_warning(callback: Any, tmp_path: Path) -> None:
+    (tmp_path / "deep").write_text("in the way")
+    callback.v2_playbook_on_stats(stats(robot1="ok"))
+    assert "v2_playbook_on_stats" in callback._display.warnings[0]
+
+
+def test_an_empty_path_writes_none(callback: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(callback, "get_option", lambda _name: "")
+    callback.v2_playbook_on_stats(stats(robot1="ok"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_relative_path_starts_at_the_configuration(callback: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(callback, "get_option", lambda _name: "reports/fleet-report.json")
+    monkeypatch.setattr(constants, "CONFIG_FILE", "/project/ansible.cfg", raising=False)
+    assert callback._path() == Path("/project/reports/fleet-report.json")

@@ -1,0 +1,590 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Mapping
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils import _gate
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._gate import (
+    ActionCondition,
+    Check,
+    Conditions,
+    TopicCondition,
+    conditions_from,
+    evaluate,
+    look,
+    questions,
+    resolve,
+    sample_seconds,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._graph import (
+    Graph,
+    MasterState,
+    NodeAnswer,
+    Questions,
+    Rate,
+    ServiceProbe,
+    StatusReading,
+    build,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
+
+HUNG = NodeAnswer("http://h:1/", error="no answer from http://h:1/ within 2 s")
+IDLE = StatusReading(((), (3, 4)))
+
+
+def without(state: MasterState, node: str) -> MasterState:
+    """The registrations of one node taken back."""
+
+    def less(part: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        kept = {name: tuple(n for n in nodes if n != node) for name, nodes in part.items()}
+        return {name: nodes for name, nodes in kept.items() if nodes}
+
+    return replace(
+        state, publishers=less(state.publishers), subscribers=less(state.subscribers), services=less(state.services)
+    )
+
+
+def graph(
+    answers: Mapping[str, NodeAnswer] | None = None,
+    probes: Mapping[str, ServiceProbe] | None = None,
+    statuses: Mapping[str, Mapping[str, StatusReading]] | None = None,
+    gone: str = "",
+    **state: Any,
+) -> Graph:
+    """The recorded graph, with some answers, registrations or types replaced, or one node gone."""
+    return build(
+        replace(without(recorded_state(), gone), **state), {**recorded_answers(), **(answers or {})}, probes, statuses
+    )
+
+
+def only(conditions: Conditions, of: Graph, rates: Mapping[str, Rate] | None = None) -> Check:
+    checks = evaluate(of, conditions, rates)
+    assert len(checks) == 1
+    return checks[0]
+
+
+def topic(of: Graph, **wanted: Any) -> Check:
+    return only(Conditions(topics=(TopicCondition(**{"name": "/chatter", **wanted}),)), of)
+
+
+def healthy() -> Graph:
+    """The recorded graph without the node that was killed."""
+    return graph(gone=DEAD)
+
+
+# ---- names and options
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace", "expected"),
+    [
+        ("/chatter", "/", "/chatter"),
+        ("chatter", "/", "/chatter"),
+        ("chatter", "/robot1", "/robot1/chatter"),
+        ("chatter", "/robot1/", "/robot1/chatter"),
+        ("chatter", "robot1", "/robot1/chatter"),
+        ("/chatter", "/robot1", "/chatter"),
+        ("a/b", "/r/s", "/r/s/a/b"),
+    ],
+)
+def test_resolve(name: str, namespace: str, expected: str) -> None:
+    assert resolve(name, namespace) == expected
+
+
+def test_conditions_from_the_modules_options() -> None:
+    found = conditions_from(
+        {
+            "namespace": "/robot1",
+            "nodes": ["talker", "/rosout"],
+            "topics": [
+                {"name": "chatter", "type": "std_msgs/String", "publishers": 1, "connected": True, "min_rate": 450.0},
+                {"name": "/cmd", "type": None, "publishers": None, "subscribers": 0, "connected": None, "min_rate": 0},
+            ],
+            "services": [{"name": "add"}],
+            "actions": [{"name": "move", "state": "idle"}, {"name": "/look"}],
+            "absent": ["/old_1234"],
+        }
+    )
+    assert found == Conditions(
+        nodes=("/robot1/talker", "/rosout"),
+        topics=(
+            TopicCondition("/robot1/chatter", "std_msgs/String", 1, None, True, 450.0),
+            TopicCondition("/cmd", None, None, 0, False, None),
+        ),
+        services=("/robot1/add",),
+        actions=(ActionCondition("/robot1/move", "idle"), ActionCondition("/look", "up")),
+        absent=("/old_1234",),
+    )
+
+
+def test_no_options_are_no_conditions() -> None:
+    assert conditions_from({}) == Conditions()
+
+
+@pytest.mark.parametrize(
+    ("params", "path"),
+    [
+        ({"nodes": ["a b"]}, "nodes[0]"),
+        ({"nodes": ["/ok", ""]}, "nodes[1]"),
+        ({"nodes": ["/a/"]}, "nodes[0]"),
+        ({"nodes": ["/a//b"]}, "nodes[0]"),
+        ({"nodes": ["/a\n"]}, "nodes[0]"),
+        ({"nodes": ["tälker"]}, "nodes[0]"),
+        ({"nodes": ["9lives"]}, "nodes[0]"),
+        ({"absent": ["~private"]}, "absent[0]"),
+        ({"absent": ["/a-b"]}, "absent[0]"),
+        ({"topics": [{"name": "/t", "type": "String"}]}, "topics[0].type"),
+        ({"topics": [{"name": "/t", "publishers": -1}]}, "topics[0].publishers"),
+        ({"topics": [{"name": "/t", "subscribers": -1}]}, "topics[0].subscribers"),
+        ({"topics": [{"name": "/t", "min_rate": -0.5}]}, "topics[0].min_rate"),
+        ({"topics": [{"name": "/t", "min_rate": float("nan")}]}, "topics[0].min_rate"),
+        ({"topics": [{"name": "/t"}, {"name": "?"}]}, "topics[1].name"),
+        ({"services": [{"name": "a.b"}]}, "services[0].name"),
+        ({"actions": [{"name": "a", "state": "busy"}]}, "actions[0].state"),
+        ({"namespace": "a b"}, "namespace"),
+        ({"nodes": ["a"], "absent": ["/a"]}, "absent"),
+        ({"timeout": -1.0}, "timeout"),
+        ({"timeout": float("inf")}, "timeout"),
+        ({"interval": 0.0}, "interval"),
+        ({"consecutive": 0}, "consecutive"),
+        ({"node_timeout": 0.0}, "node_timeout"),
+    ],
+)
+def test_a_bad_option_is_named_with_its_path(params: dict[str, Any], path: str) -> None:
+    with pytest.raises(SpecError) as caught:
+        conditions_from(params)
+    assert [error.split(":")[0] for error in caught.value.details["errors"]] == [path]
+
+
+def test_all_bad_options_come_in_one_error() -> None:
+    with pytest.raises(SpecError) as caught:
+        conditions_from({"nodes": ["?"], "absent": ["!"], "timeout": -1.0, "services": [{"name": ""}]})
+    assert len(caught.value.details["errors"]) == 4
+    assert all(error in str(caught.value) for error in caught.value.details["errors"])
+
+
+# ---- what is asked
+
+
+def test_only_what_the_conditions_need_is_asked() -> None:
+    state = recorded_state()
+    assert questions(state, Conditions()) == Questions()
+    wanted = questions(
+        state,
+        Conditions(
+            nodes=("/relay", "/nobody"),
+            topics=(TopicCondition("/chatter_relay", connected=True), TopicCondition("/work/goal", "a/B")),
+            services=("/trigger", "/nothing"),
+            actions=(ActionCondition("/work"), ActionCondition("/nothing")),
+            absent=("/helper", "/gone"),
+        ),
+    )
+    assert wanted.nodes == {
+        "/relay": {"bus"},
+        "/listener_relay": frozenset(),
+        "/asker": {"types"},
+        "/worker": {"types"},
+        "/helper": frozenset(),
+    }
+    assert wanted.services == ("/trigger",)
+    assert wanted.actions == ("/work", "/nothing")
+
+
+@pytest.mark.parametrize(("rate", "seconds"), [(500, 1), (4, 1), (2, 2), (0.5, 8), (0.01, 20)])
+def test_how_long_a_rate_is_measured(rate: float, seconds: float) -> None:
+    assert sample_seconds(rate) == seconds
+
+
+# ---- nodes
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "words"),
+    [
+        ("/talker_a", PASS, "up, process"),
+        ("/relay", PASS, "up, process"),
+        (DEAD, WAIT, "registered, but down: nothing listens at http://127.0.0.1:9/"),
+        ("/nobody", WAIT, "not registered"),
+    ],
+)
+def test_nodes(name: str, verdict: str, words: str) -> None:
+    check = only(Conditions(nodes=(name,)), graph())
+    assert (check.kind, check.name, check.verdict) == ("node", name, verdict)
+    assert words in check.reason
+
+
+def test_a_hung_node_is_down_with_its_reason() -> None:
+    check = only(Conditions(nodes=("/relay",)), graph({"/relay": HUNG}))
+    assert (check.verdict, "within 2 s" in check.reason, check.observed["pid"]) == (WAIT, True, None)
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "words"),
+    [
+        ("/nobody", PASS, "gone"),
+        ("/talker_a", WAIT, "still registered, and answers"),
+        (DEAD, WAIT, "a stale registration"),
+    ],
+)
+def test_absent(name: str, verdict: str, words: str) -> None:
+    check = only(Conditions(absent=(name,)), graph())
+    assert (check.kind, check.verdict) == ("absent", verdict)
+    assert words in check.reason
+
+
+# ---- topics
+
+
+def test_a_topic_nobody_registered() -> None:
+    check = topic(healthy(), name="/nothing", publishers=0)
+    assert (check.verdict, check.reason) == (WAIT, "nobody has registered it with the master")
+
+
+def test_a_topic_by_name_needs_a_living_publisher() -> None:
+    assert topic(healthy()).verdict == PASS
+    one = topic(graph({"/talker_a": HUNG}))
+    assert (one.verdict, one.reason[:45]) == (PASS, "1 publisher; registered, but down: /talker_a ")
+    both = topic(graph({"/talker_a": HUNG, "/talker_b": HUNG}))
+    assert (both.verdict, both.reason[:27]) == (WAIT, "0 publishers of at least 1;")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "verdict", "reason"),
+    [
+        ({"publishers": 2}, PASS, "2 publishers"),
+        ({"publishers": 3}, WAIT, "2 publishers of at least 3"),
+        ({"subscribers": 3}, PASS, "3 subscribers"),
+        ({"subscribers": 4}, WAIT, "3 subscribers of at least 4"),
+        ({"subscribers": 0}, PASS, "3 subscribers"),
+        ({"publishers": 3, "subscribers": 4}, WAIT, "2 publishers of at least 3; 3 subscribers of at least 4"),
+        # what passes is not told beside what does not
+        ({"publishers": 2, "subscribers": 4}, WAIT, "3 subscribers of at least 4"),
+        ({"name": "/work/goal", "subscribers": 1}, PASS, "1 subscriber"),
+    ],
+)
+def test_numbers(wanted: dict[str, Any], verdict: str, reason: str) -> None:
+    check = topic(healthy(), **wanted)
+    assert (check.verdict, check.reason) == (verdict, reason)
+
+
+def test_a_dead_nodes_registration_does_not_count() -> None:
+    check = topic(graph(), subscribers=4)
+    assert (check.verdict, check.reason) == (
+        WAIT,
+        f"3 subscribers of at least 4; registered, but down: {DEAD} (nothing listens at http://127.0.0.1:9/)",
+    )
+    assert DEAD in check.observed["subscribers"]
+
+
+def test_types() -> None:
+    assert topic(healthy(), type="std_msgs/String").verdict == PASS
+    check = topic(healthy(), type="std_msgs/Int32")
+    assert check.verdict == FAIL
+    assert "std_msgs/String at /talker_a" in check.reason
+    assert check.reason.endswith("not std_msgs/Int32")
+
+
+def test_a_type_that_only_the_master_remembers_is_no_failure() -> None:
+    """The publisher that had it is gone; the one that is to come may have the right one."""
+    hung = dict.fromkeys(("/talker_a", "/talker_b", "/listener_a", "/listener_b"), HUNG)
+    check = topic(graph(hung, gone=DEAD), type="std_msgs/Int32", publishers=0)
+    assert (check.verdict, check.reason) == (WAIT, "the type is std_msgs/String to the master, not std_msgs/Int32")
+    assert topic(graph(hung, gone=DEAD), type="std_msgs/String", publishers=0).verdict == PASS
+
+
+def test_a_subscriber_that_takes_any_type_contradicts_nothing() -> None:
+    answers = {"/relay": recorded_answers()["/relay"]}  # says "*" of /chatter
+    state = MasterState({}, {"/chatter": ("/relay",)}, {}, {"/chatter": "std_msgs/Int32"})
+    assert topic(build(state, answers), type="std_msgs/Int32", subscribers=1).verdict == PASS
+
+
+# ---- connected
+
+
+def rows_without(node: str, *peers: str) -> dict[str, NodeAnswer]:
+    """The recorded answer of a publisher that is not connected to these subscribers."""
+    answer = recorded_answers()[node]
+    return {node: replace(answer, bus=[row for row in answer.bus if row[1] not in peers])}
+
+
+def test_connected_when_every_subscriber_is_a_destination_of_every_publisher() -> None:
+    check = topic(healthy(), connected=True)
+    assert (check.verdict, check.reason) == (PASS, "3 subscribers connected to 2 publishers")
+    assert check.observed["missing"] == []
+
+
+def test_a_roscpp_publisher_and_a_rospy_subscriber_are_connected() -> None:
+    assert topic(healthy(), name="/chatter_relay", connected=True).verdict == PASS
+
+
+def test_one_subscriber_missing_on_one_publisher() -> None:
+    """The subscribers' own rows still say "connected": they are worth nothing."""
+    check = topic(graph(rows_without("/talker_b", "/listener_b"), gone=DEAD), connected=True)
+    assert (check.verdict, check.reason) == (WAIT, "2 of 3 subscribers connected to /talker_b: missing /listener_b")
+    assert check.observed["missing"] == ["/listener_b"]
+
+
+def test_a_roscpp_subscriber_missing() -> None:
+    check = topic(graph(rows_without("/talker_a", "/relay"), gone=DEAD), connected=True)
+    assert (check.verdict, check.observed["missing"]) == (WAIT, ["/relay"])
+
+
+def test_a_row_that_says_not_connected_is_no_connection() -> None:
+    answer = recorded_answers()["/relay"]
+    bus = [[*row[:5], 0, *row[6:]] if row[1] == "/listener_relay" else row for row in answer.bus]
+    check = topic(graph({"/relay": replace(answer, bus=bus)}), name="/chatter_relay", connected=True)
+    assert (check.verdict, check.observed["missing"]) == (WAIT, ["/listener_relay"])
+
+
+def test_a_hung_publisher_says_nothing_of_its_connections() -> None:
+    check = topic(graph({"/talker_b": HUNG}, gone=DEAD), connected=True)
+    assert check.verdict == WAIT
+    assert "the connections of /talker_b are not known (no answer" in check.reason
+
+
+def test_a_publisher_that_does_not_know_getbusinfo_is_not_taken_as_connected() -> None:
+    bare = replace(recorded_answers()["/talker_b"], bus=None)
+    check = topic(graph({"/talker_b": bare}, gone=DEAD), connected=True)
+    assert (check.verdict, "it did not tell them" in check.reason) == (WAIT, True)
+
+
+def test_a_dead_subscriber_keeps_a_topic_from_being_connected_and_is_named_as_down() -> None:
+    check = topic(graph(rows_without("/talker_a", DEAD)), connected=True)
+    assert (check.verdict, check.reason) == (
+        WAIT,
+        f"3 of 4 subscribers connected to /talker_a: missing {DEAD} (down: nothing listens at http://127.0.0.1:9/)",
+    )
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (MasterState({"/chatter": ("/talker_a",)}, {}), "no subscriber is registered"),
+        (MasterState({}, {"/chatter": ("/listener_a",)}), "no publisher is registered"),
+    ],
+)
+def test_connected_needs_both_ends(state: MasterState, words: str) -> None:
+    check = topic(build(state, recorded_answers()), connected=True)
+    assert (check.verdict, words in check.reason) == (WAIT, True)
+
+
+# ---- rates
+
+
+@pytest.mark.parametrize(
+    ("rate", "verdict", "words"),
+    [
+        (None, WAIT, "not measured: at least 100 Hz is looked at once all else passes"),
+        (Rate(error="no publisher"), WAIT, "not measured: no publisher"),
+        (Rate(0.0, 0, 1.0), WAIT, "0.0 Hz (0 messages in 1.0 s) of at least 100 Hz"),
+        (Rate(98.9, 99, 1.0), WAIT, "98.9 Hz"),
+        (Rate(99.1, 99, 1.0), PASS, "99.1 Hz (99 messages in 1.0 s), at least 100 Hz"),
+        (Rate(500.0, 500, 1.0), PASS, "500.0 Hz"),
+    ],
+)
+def test_rates(rate: Rate | None, verdict: str, words: str) -> None:
+    wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=100.0),))
+    check = evaluate(healthy(), wanted, {"/chatter": rate} if rate else None)[1]
+    assert (check.kind, check.verdict) == ("rate", verdict)
+    assert words in check.reason
+
+
+# ---- services
+
+
+@pytest.mark.parametrize(
+    ("name", "probe", "verdict", "words"),
+    [
+        ("/nothing", None, WAIT, "not registered"),
+        ("/trigger", None, WAIT, "registered by /helper, not asked"),
+        ("/trigger", ServiceProbe("rosrpc://h:1", "/helper", "std_srvs/Trigger"), PASS, "served by /helper"),
+        ("/trigger", ServiceProbe("rosrpc://h:1", error="refused: [/helper] is not"), WAIT, "not served: refused"),
+        ("/trigger", ServiceProbe("rosrpc://h:1", "/other"), WAIT, "/other answers at rosrpc://h:1: a stale"),
+        ("/trigger", ServiceProbe("rosrpc://h:1"), PASS, "served by /helper"),  # a peer without a callerid
+    ],
+)
+def test_services(name: str, probe: ServiceProbe | None, verdict: str, words: str) -> None:
+    check = only(Conditions(services=(name,)), graph(probes={name: probe} if probe else None))
+    assert (check.kind, check.verdict) == ("service", verdict)
+    assert words in check.reason
+
+
+# ---- actions
+
+
+def action(status: Mapping[str, StatusReading], state: str = "up", **changes: Any) -> Check:
+    return only(Conditions(actions=(ActionCondition("/work", state),)), graph(statuses={"/work": status}, **changes))
+
+
+def test_an_action_nobody_registered() -> None:
+    check = only(Conditions(actions=(ActionCondition("/nothing"),)), graph(statuses={"/nothing": {}}))
+    assert (check.verdict, check.reason) == (WAIT, "no action server is registered with the master")
+
+
+def test_an_action_is_up_when_its_status_arrives() -> None:
+    check = action({"/worker": IDLE})
+    assert (check.verdict, check.reason) == (PASS, "served by /worker")
+    assert check.observed["goals"] == {"/worker": ["SUCCEEDED", "ABORTED"]}
+
+
+def test_an_action_server_that_hangs_is_not_up() -> None:
+    check = action({"/worker": StatusReading(error="no answer from http://h:1/ within 2 s")})
+    assert (check.verdict, "no status can be read: /worker (no answer" in check.reason) == (WAIT, True)
+
+
+def test_an_action_without_its_cancel_topic_is_not_whole() -> None:
+    subscribers = {**recorded_state().subscribers, "/work/cancel": ()}
+    check = action({}, subscribers=subscribers)
+    assert (check.verdict, "no node takes its cancels" in check.reason) == (WAIT, True)
+
+
+def test_two_servers_of_one_action_are_wrong() -> None:
+    """Both would execute every goal."""
+    state = recorded_state()
+    two = ("/relay", "/worker")
+    check = action(
+        {"/worker": IDLE, "/relay": IDLE},
+        publishers={**state.publishers, "/work/status": two},
+        subscribers={**state.subscribers, "/work/goal": two, "/work/cancel": two},
+    )
+    assert (check.verdict, check.reason) == (WAIT, "2 servers take the same goals: /relay, /worker")
+
+
+def test_a_dead_second_server_does_not_count() -> None:
+    state = recorded_state()
+    two = (DEAD, "/worker")
+    check = action(
+        {"/worker": IDLE, DEAD: StatusReading(error="nothing listens")},
+        "idle",
+        publishers={**state.publishers, "/work/status": two},
+        subscribers={**state.subscribers, "/work/goal": two, "/work/cancel": two},
+    )
+    assert check.verdict == PASS
+
+
+@pytest.mark.parametrize(
+    ("readings", "verdict", "reason"),
+    [
+        (((), ()), PASS, "idle on /worker, seen twice"),
+        (((2, 3, 4, 5, 8, 9), (3,)), PASS, "idle on /worker, seen twice"),
+        (((),), WAIT, "idle on /worker, seen once only: a second status is due"),
+        (((0,),), WAIT, "busy on /worker: 1 PENDING"),
+        (((1,),), WAIT, "busy on /worker: 1 ACTIVE"),
+        (((6,),), WAIT, "busy on /worker: 1 PREEMPTING"),
+        (((7,),), WAIT, "busy on /worker: 1 RECALLING"),
+        (((), (3, 1, 1, 0)), WAIT, "busy on /worker: 2 ACTIVE, 1 PENDING"),
+        (((1,), ()), WAIT, "busy on /worker: 1 ACTIVE"),
+    ],
+)
+def test_idle_is_seen_twice(readings: tuple[tuple[int, ...], ...], verdict: str, reason: str) -> None:
+    check = action({"/worker": StatusReading(readings)}, "idle")
+    assert (check.verdict, check.reason) == (verdict, reason)
+
+
+def test_a_busy_server_is_up() -> None:
+    assert action({"/worker": StatusReading(((1,),))}).verdict == PASS
+
+
+# ---- the look
+
+
+class FakeRos:
+    """A backend that plays a graph."""
+
+    uri = "http://master:11311/"
+
+    def __init__(self, of: Graph, rate: Rate | None = None, error: str = "") -> None:
+        self.graph, self.rate, self.error = of, rate, error
+        self.types: bool | None = None
+        self.sampled: dict[str, float] = {}
+
+    def state(self, types: bool = False) -> MasterState:
+        self.types = types
+        if self.error:
+            raise RosError(self.error)
+        return recorded_state()
+
+    def ask(self, state: MasterState, wanted: Questions) -> Graph:
+        del state, wanted
+        return self.graph
+
+    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
+        del graph
+        self.sampled = dict(seconds)
+        return dict.fromkeys(seconds, self.rate or Rate(error="none"))
+
+
+def test_a_look_that_passes() -> None:
+    ros = FakeRos(healthy())
+    seen = look(ros, Conditions(nodes=("/relay",), topics=(TopicCondition("/chatter", connected=True),)))
+    assert (seen.verdict, [check.kind for check in seen.checks], seen.unmet) == (PASS, ["master", "node", "topic"], [])
+    assert ros.types is False
+
+
+def test_no_condition_is_a_master_that_answers() -> None:
+    assert look(FakeRos(healthy()), Conditions()).verdict == PASS
+    assert look(FakeRos(healthy(), error="down"), Conditions()).verdict == WAIT
+
+
+def test_the_types_are_asked_for_only_when_needed() -> None:
+    ros = FakeRos(healthy())
+    look(ros, Conditions(topics=(TopicCondition("/chatter", type="std_msgs/String"),)))
+    assert ros.types is True
+
+
+def test_rates_are_measured_once_all_else_passes() -> None:
+    ros = FakeRos(healthy(), Rate(100.0, 100, 1.0))
+    wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0), TopicCondition("/work/status", min_rate=2)))
+    seen = look(ros, wanted)
+    assert seen.verdict == PASS
+    assert ros.sampled == {"/chatter": 1.0, "/work/status": 2.0}
+
+
+def test_rates_are_not_measured_before() -> None:
+    ros = FakeRos(graph())
+    seen = look(ros, Conditions(nodes=(DEAD,), topics=(TopicCondition("/chatter", min_rate=90.0),)))
+    assert (seen.verdict, ros.sampled) == (WAIT, {})
+    assert [check.kind for check in seen.unmet] == ["node", "rate"]
+
+
+def test_a_failure_outweighs_what_may_still_come() -> None:
+    wanted = Conditions(nodes=("/nobody",), topics=(TopicCondition("/chatter", type="std_msgs/Int32"),))
+    assert look(FakeRos(healthy()), wanted).verdict == FAIL
+
+
+def test_without_a_master_every_condition_is_unmet_and_named() -> None:
+    wanted = Conditions(
+        ("/n",),
+        (TopicCondition("/t", min_rate=1.0),),
+        ("/s",),
+        (ActionCondition("/a"),),
+        ("/x",),
+    )
+    seen = look(FakeRos(healthy(), error="the ROS master does not answer: nothing listens"), wanted)
+    assert seen.verdict == WAIT
+    assert [(check.kind, check.name) for check in seen.unmet] == [
+        ("master", "http://master:11311/"),
+        ("node", "/n"),
+        ("topic", "/t"),
+        ("rate", "/t"),
+        ("service", "/s"),
+        ("action", "/a"),
+        ("absent", "/x"),
+    ]
+    assert "nothing listens" in str(seen.unmet[0])
+
+
+def test_a_check_as_data() -> None:
+    check = _gate.Check("node", "/a", WAIT, "not registered", {"pid": None})
+    assert check.as_dict() == {
+        "kind": "node",
+        "name": "/a",
+        "verdict": WAIT,
+        "reason": "not registered",
+        "observed": {"pid": None},
+    }

@@ -1,0 +1,340 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The wait, with a cluster, a clock and a stream that the test holds in its hands."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Iterable
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReady, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._kube import ApiError, Target
+from ansible_collections.rosops.fleet.plugins.module_utils._pods import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import (
+    Settings,
+    look_once,
+    run,
+    targets_for,
+    wait_for_rollout,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._view import Ref
+from ansible_collections.rosops.fleet.plugins.module_utils._watch import Change
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils.kube_objects import (
+    NEW,
+    NS,
+    OLD,
+    deployment,
+    gone_soon,
+    obj,
+    pod,
+    ref,
+    replica_set,
+    unscheduled,
+    waiting,
+)
+
+DEPLOYMENT = ref("Deployment")
+DEPLOYMENTS, SETS, PODS = Target("Deployment", NS), Target("ReplicaSet", NS), Target("Pod", NS)
+TALKER = {"kind": "Deployment", "name": "talker", "namespace": NS}
+new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.time = 1000.0
+
+    def __call__(self) -> float:
+        return self.time
+
+
+class Script:
+    """Plays changes at set times; the clock moves only while the wait waits."""
+
+    def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[Change]]]) -> None:
+        self.clock, self.start = clock, clock.time
+        self.steps = sorted(steps, key=lambda step: step[0])
+        self.followed: list[Target] = []
+
+    def __call__(self, _kube: Any, targets: Iterable[Target]) -> Script:
+        self.follow(targets)
+        return self
+
+    def __enter__(self) -> Script:
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        """Nothing to end."""
+
+    def follow(self, targets: Iterable[Target]) -> None:
+        self.followed += targets
+
+    def changes(self, timeout: float) -> list[Change]:
+        until = self.clock.time + timeout
+        if self.steps and self.start + self.steps[0][0] <= until:
+            at, found = self.steps.pop(0)
+            self.clock.time = max(self.clock.time, self.start + at)
+            return found
+        self.clock.time = until
+        return []
+
+
+class FakeKube:
+    host = "https://edge1:6443"
+
+    def __init__(self, lists: dict[str, list[Object]] | None = None, log: str = "", refuse: int = 0) -> None:
+        self.lists, self.log, self.refuse = lists or {}, log, refuse
+
+    def objects(self, kind: str, *_where: str, **_which: str) -> list[Object]:
+        if self.refuse:
+            raise ApiError("no", status=self.refuse)
+        return self.lists.get(kind, [])
+
+    def log_tail(self, *_whose: Any) -> str:
+        return self.log
+
+
+def listed(target: Target, *objects: Object) -> Change:
+    return Change("listed", target, list(objects))
+
+
+def changed(target: Target, obj: Object, what: str = "set") -> Change:
+    return Change(what, target, [obj])
+
+
+def lists(*pods: Object, **state: Any) -> list[Change]:
+    return [
+        listed(DEPLOYMENTS, deployment(**state)),
+        listed(SETS, replica_set("talker-old", "1"), replica_set("talker-new", "2")),
+        listed(PODS, *pods),
+    ]
+
+
+class Run:
+    """One wait and all that came of it."""
+
+    def __init__(
+        self, *steps: tuple[float, list[Change]], refs: list[Ref] | None = None, kube: Any = None, **more: Any
+    ):
+        self.clock = Clock()
+        self.said: list[str] = []
+        self.script = Script(self.clock, steps)
+        settings = Settings(say=self.said.append, now=self.clock, watch=self.script, **more)
+        self.error: Exception | None = None
+        self.result: dict[str, Any] = {}
+        try:
+            self.result = wait_for_rollout(kube or FakeKube(), refs or [DEPLOYMENT], settings)
+        except (NotReady, ApiError) as exc:
+            self.error = exc
+            self.result = dict(exc.details)
+        self.took = self.clock.time - 1000.0
+
+    @property
+    def message(self) -> str:
+        return str(self.error)
+
+
+def test_ready_at_the_first_look() -> None:
+    done = Run((0.1, lists(new_pod)))
+    assert done.result == {
+        "objects": [{**TALKER, "verdict": "pass", "reason": "1 of 1 pods updated and available"}],
+        "elapsed": 0.1,
+    }
+
+
+def test_returns_with_the_change_that_makes_it_ready() -> None:
+    done = Run(
+        (0.1, lists(new_pod, old_pod)),
+        (2.0, [changed(PODS, gone_soon(old_pod))]),
+        (4.5, [changed(PODS, old_pod, "gone")]),
+    )
+    assert done.error is None
+    assert done.took == pytest.approx(4.5)
+
+
+def test_nothing_passes_before_every_stream_has_listed() -> None:
+    first, second, third = lists(new_pod, gone_soon(old_pod))
+    done = Run((0.1, [first, second]), (3.0, [third]), (4.0, [changed(PODS, old_pod, "gone")]))
+    assert done.took == pytest.approx(4.0)
+
+
+def test_an_object_that_comes_later_is_waited_for() -> None:
+    done = Run((0.1, [listed(DEPLOYMENTS), listed(SETS), listed(PODS)]), (2.0, lists(new_pod)))
+    assert done.error is None
+
+
+def test_fails_at_once_with_the_pods_reason() -> None:
+    bad = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "not found")])
+    done = Run((0.1, lists(old_pod, status={"availableReplicas": 0})), (1.0, [changed(PODS, bad)]))
+    assert done.took == pytest.approx(1.0)
+    assert done.message == (
+        f"1 of 1 cannot be rolled out:\n  Deployment {NS}/talker: pod talker-new-1, container ros-app: "
+        "ImagePullBackOff: image lab/apps:1.0: not found"
+    )
+    assert done.result["objects"][0]["verdict"] == "fail"
+
+
+def test_unschedulable_fails_after_the_grace_without_any_further_news() -> None:
+    stuck = unscheduled("talker-new-1", NEW, "0/3 nodes are available: 3 Insufficient memory.")
+    done = Run((0.5, lists(stuck, status={"availableReplicas": 0})), grace=5.0)
+    assert done.took == pytest.approx(5.5)
+    assert "Insufficient memory" in done.message
+
+
+def test_time_out_names_everything_that_is_open_and_its_last_reason() -> None:
+    refs = [DEPLOYMENT, ref("Deployment", "listener"), ref("ConfigMap", "params")]
+    done = Run((0.1, lists(new_pod, old_pod)), refs=refs, timeout=25)
+    assert done.took == pytest.approx(25)
+    assert done.message == (
+        "2 of 3 are not rolled out after 25 s:\n"
+        f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1\n"
+        f"  Deployment {NS}/listener: is not there yet"
+    )
+    assert [row["verdict"] for row in done.result["objects"]] == ["wait", "wait", "pass"]
+    assert done.result["elapsed"] == 25
+
+
+def test_says_every_ten_seconds_what_is_open() -> None:
+    done = Run((0.1, lists(new_pod, old_pod)), timeout=25)
+    assert done.said == [
+        f"rollout: 1 of 1 still open after {seconds} s\n"
+        f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1"
+        for seconds in (10, 20)
+    ]
+
+
+def test_a_progress_message_stays_short() -> None:
+    refs = [ref("Deployment", f"app{index}") for index in range(20)]
+    done = Run((0.1, [listed(DEPLOYMENTS), listed(SETS), listed(PODS)]), refs=refs, timeout=12)
+    assert done.said[0].splitlines()[-1] == "  and 8 more"
+
+
+def test_a_timeout_of_zero_looks_once() -> None:
+    assert "0 s" in Run((0.1, lists(new_pod)), timeout=0).message
+
+
+def test_nothing_to_wait_for() -> None:
+    done = Run(refs=[ref("ConfigMap")])
+    assert (done.took, done.script.followed) == (0, [])
+    assert wait_for_rollout(FakeKube(), [], Settings(watch=done.script))["objects"] == []
+
+
+# --- the API is away ------------------------------------------------------------------------------------------------
+
+REFUSED = ApiError("The Kubernetes API at https://edge1:6443 cannot be reached: connection refused.", transient=True)
+
+
+def lost(target: Target) -> Change:
+    return Change("lost", target, error=REFUSED)
+
+
+def test_never_reached_fails_soon_with_the_cause() -> None:
+    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=300)
+    assert done.error is REFUSED
+    assert done.took == pytest.approx(10, abs=1)
+
+
+def test_reached_after_some_tries() -> None:
+    assert Run((0.0, [lost(DEPLOYMENTS)]), (6.0, lists(new_pod))).error is None
+
+
+def test_away_later_is_waited_for_and_told() -> None:
+    done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), timeout=25)
+    assert "no news at the moment: The Kubernetes API at https://edge1:6443" in done.said[0]
+    assert "The last news is old" in done.message
+    back = Run((0.1, lists(new_pod, old_pod)), (5.0, [lost(PODS)]), (22.0, [listed(PODS, new_pod)]), timeout=60)
+    assert back.error is None
+
+
+def test_refused_credentials_end_the_wait() -> None:
+    error = ApiError("401", status=401)
+    assert Run((0.1, [Change("refused", DEPLOYMENTS, error=error)])).error is error
+
+
+# --- many namespaces, few permissions -------------------------------------------------------------------------------
+
+
+def fleet(count: int) -> list[Ref]:
+    return [Ref("PersistentVolumeClaim", "logs-pvc", f"robot-{index}") for index in range(count)]
+
+
+def test_few_namespaces_have_streams_of_their_own() -> None:
+    assert targets_for(fleet(2)) == [
+        Target("PersistentVolumeClaim", "robot-0"),
+        Target("PersistentVolumeClaim", "robot-1"),
+        Target("StorageClass"),
+    ]
+
+
+def test_many_namespaces_share_one() -> None:
+    assert targets_for(fleet(5)) == [Target("PersistentVolumeClaim"), Target("StorageClass")]
+
+
+def test_who_may_not_see_the_whole_cluster_looks_namespace_by_namespace() -> None:
+    forbidden = ApiError("403", status=403)
+    refs, everywhere = fleet(5), Target("PersistentVolumeClaim")
+    bound = [{**obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})} for _ in refs]
+    for one, claim in zip(refs, bound):
+        claim["metadata"]["namespace"] = one.namespace
+    each = [listed(Target("PersistentVolumeClaim", one.namespace), claim) for one, claim in zip(refs, bound)]
+    refusals = [Change("refused", target, error=forbidden) for target in (everywhere, Target("StorageClass"))]
+    done = Run((0.1, refusals), (0.2, each), refs=refs)
+    assert done.error is None
+    assert done.script.followed[2:] == [Target("PersistentVolumeClaim", one.namespace) for one in refs]
+
+
+def test_forbidden_in_the_namespace_itself_is_an_error() -> None:
+    error = ApiError("403", status=403)
+    assert Run((0.1, [Change("refused", PODS, error=error)])).error is error
+
+
+# --- what explains a failure ----------------------------------------------------------------------------------------
+
+
+def warning(kind: str, name: str, reason: str, message: str, when: str) -> Object:
+    return {
+        "involvedObject": {"kind": kind, "name": name},
+        "reason": reason,
+        "message": message,
+        "lastTimestamp": when,
+    }
+
+
+def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
+    events = [
+        warning("Pod", "talker-new-1", "FailedMount", "second", "2026-01-01T12:00:02Z"),
+        warning("Pod", "talker-new-1", "FailedMount", "first", "2026-01-01T12:00:01Z"),
+        warning("Pod", "other-1", "FailedMount", "not ours", "2026-01-01T12:00:03Z"),
+        warning("Pod", "talker-new-2", "BackOff", "known", "2026-01-01T12:00:03Z"),
+    ]
+    done = Run((0.1, lists(old_pod)), kube=FakeKube({"Event": events}), timeout=5)
+    assert done.message.splitlines()[2:] == ["  event of Pod talker-new-1: FailedMount: second"]
+
+
+def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
+    crash = waiting("CrashLoopBackOff", lastState={"terminated": {"exitCode": 1}})
+    steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
+    done = Run(steps, kube=FakeKube(log="Traceback\nImportError: rospy"))
+    assert done.message.splitlines()[-1] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
+
+
+def test_what_may_not_be_read_is_done_without() -> None:
+    done = Run((0.1, lists(old_pod)), kube=FakeKube(refuse=403), timeout=5)
+    assert len(done.message.splitlines()) == 2
+
+
+# --- check mode, parameters -----------------------------------------------------------------------------------------
+
+
+def test_check_mode_looks_once_and_never_fails() -> None:
+    shown = {"Deployment": [deployment()], "ReplicaSet": [replica_set("talker-new", "2")], "Pod": [new_pod]}
+    params = {"objects": [TALKER, {"kind": "Node", "name": "robot1"}]}
+    result = run(params, FakeKube(shown), Settings(), check_mode=True)
+    assert [row["verdict"] for row in result["objects"]] == ["pass", "wait"]
+    assert look_once(FakeKube(refuse=403), [DEPLOYMENT])["objects"][0]["verdict"] == "wait"
+
+
+@pytest.mark.parametrize("check_mode", [True, False])
+def test_bad_parameters_are_told_before_anything_is_asked(check_mode: bool) -> None:
+    watch: Callable[..., Any] = lambda *_: pytest.fail("asked the cluster")  # noqa: E731
+    with pytest.raises(SpecError, match=r"objects\[0\].name: missing"):
+        run({"objects": [{"kind": "Pod", "namespace": "x"}]}, FakeKube(), Settings(watch=watch), check_mode)

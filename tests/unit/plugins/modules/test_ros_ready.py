@@ -1,0 +1,209 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The module through its main(), with a backend that plays the recorded graph."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any, Mapping
+
+import pytest
+import yaml
+from ansible.module_utils.testing import patch_module_args
+from ansible_collections.rosops.fleet.plugins.doc_fragments._ros import ModuleDocFragment
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._gate import GATE_ARGS, WAIT_ARGS
+from ansible_collections.rosops.fleet.plugins.module_utils._graph import Graph, MasterState, Questions, Rate, build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import ROS_ARGS
+from ansible_collections.rosops.fleet.plugins.modules import ros_ready
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
+
+
+class FakeMaster:
+    """Each look sees the next graph; the last one stays. An error in place of a graph is a master that is away."""
+
+    graphs: list[Graph | str] = []  # noqa: RUF012 - set by each test
+    made: list[tuple[str, float]] = []  # noqa: RUF012
+
+    def __init__(self, uri: str, timeout: float) -> None:
+        self.uri = uri
+        FakeMaster.made.append((uri, timeout))
+
+    def state(self, types: bool = False) -> MasterState:
+        del types
+        self.now = self.graphs.pop(0) if len(self.graphs) > 1 else self.graphs[0]
+        if isinstance(self.now, str):
+            raise RosError(self.now)
+        return recorded_state()
+
+    def ask(self, state: MasterState, wanted: Questions) -> Graph:
+        del state, wanted
+        assert isinstance(self.now, Graph)
+        return self.now
+
+    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
+        del graph
+        return {name: Rate(100.0, 100, 1.0) for name in seconds}
+
+
+HEALTHY = build(recorded_state(), recorded_answers())
+TALKER_DOWN = build(
+    recorded_state(),
+    {**recorded_answers(), "/talker_a": replace(recorded_answers()["/talker_a"], pid=None, error="off")},
+)
+
+
+def run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], graphs: list[Graph | str], **params: Any
+) -> dict[str, Any]:
+    monkeypatch.setattr(ros_ready, "RosMaster", FakeMaster)
+    monkeypatch.setattr(FakeMaster, "graphs", graphs)
+    monkeypatch.setattr(FakeMaster, "made", [])
+    with patch_module_args(params), pytest.raises(SystemExit) as ended:
+        ros_ready.main()
+    result: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert ended.value.code == (1 if result.get("failed") else 0)
+    assert result.get("changed", False) is False
+    return result
+
+
+@pytest.mark.parametrize("check_mode", [False, True])
+def test_ready(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], check_mode: bool) -> None:
+    result = run(
+        monkeypatch,
+        capsys,
+        [HEALTHY],
+        master_uri="http://m:1",
+        node_timeout=1.5,
+        nodes=["talker_a"],
+        topics=[{"name": "/chatter", "type": "std_msgs/String", "min_rate": 90}],
+        absent=["/gone"],
+        timeout=0,
+        _ansible_check_mode=check_mode,
+    )
+    assert (result["ready"], result["verdict"], result["looks"]) == (True, "pass", 1)
+    assert [(c["kind"], c["name"], c["verdict"]) for c in result["checks"]] == [
+        ("master", "http://m:1", "pass"),
+        ("node", "/talker_a", "pass"),
+        ("topic", "/chatter", "pass"),
+        ("rate", "/chatter", "pass"),
+        ("absent", "/gone", "pass"),
+    ]
+    assert set(result["checks"][0]) == {"kind", "name", "verdict", "reason", "observed"}
+    assert FakeMaster.made == [("http://m:1", 1.5)]
+
+
+def test_it_waits_until_the_graph_is_ready(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    result = run(
+        monkeypatch,
+        capsys,
+        ["the ROS master does not answer", TALKER_DOWN, HEALTHY],
+        nodes=["/talker_a"],
+        timeout=10,
+        interval=0.05,
+    )
+    assert (result["ready"], result["looks"]) == (True, 3)
+    assert 0.1 <= result["elapsed"] < 5
+
+
+def test_a_time_out_names_every_unmet_condition(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = run(
+        monkeypatch,
+        capsys,
+        [TALKER_DOWN],
+        nodes=["/talker_a", "/talker_b", DEAD, "/nobody"],
+        topics=[{"name": "/chatter", "publishers": 2}],
+        services=[{"name": "/nothing"}],
+        timeout=0.1,
+        interval=0.05,
+    )
+    assert (result["ready"], result["verdict"], result["looks"] >= 2) == (False, "wait", True)
+    assert result["msg"].startswith("The ROS graph is not ready after 0.")
+    for text in (
+        "node /talker_a: registered, but down: off",
+        f"node {DEAD}: registered, but down",
+        "node /nobody: not registered",
+        "topic /chatter: 1 publisher of at least 2; registered, but down: /talker_a (off)",
+        "service /nothing: not registered",
+    ):
+        assert text in result["msg"]
+    assert "/talker_b:" not in result["msg"]
+    assert len(result["checks"]) == 7
+
+
+def test_what_waiting_cannot_mend_fails_at_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = run(monkeypatch, capsys, [HEALTHY], topics=[{"name": "/chatter", "type": "std_msgs/Int32"}], timeout=60)
+    assert (result["verdict"], result["looks"]) == ("fail", 1)
+    assert "cannot become ready" in result["msg"]
+
+
+def test_a_master_that_stays_away(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    result = run(monkeypatch, capsys, ["the ROS master does not answer: nothing listens"], nodes=["/a"], timeout=0)
+    assert (result["verdict"], [c["kind"] for c in result["checks"]]) == ("wait", ["master", "node"])
+    assert "nothing listens" in result["msg"]
+
+
+def test_passes_in_a_row(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    looks: list[Graph | str] = [HEALTHY, TALKER_DOWN, HEALTHY]
+    result = run(monkeypatch, capsys, looks, nodes=["/talker_a"], consecutive=3, timeout=10, interval=0.05)
+    assert (result["ready"], result["looks"]) == (True, 5)
+
+
+def test_too_few_passes_in_a_row_say_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    result = run(monkeypatch, capsys, [HEALTHY], nodes=["/talker_a"], consecutive=2, timeout=0)
+    assert (result["ready"], result["verdict"]) == (False, "wait")
+    assert "ready in 1 of 2 looks in a row" in result["msg"]
+
+
+@pytest.mark.parametrize(
+    ("params", "words"),
+    [
+        ({"nodes": ["a b"], "timeout": -1}, ["nodes[0]", "timeout"]),
+        ({"topics": [{"type": "a/B"}]}, ["name"]),
+        ({"topics": [{"name": "/t", "rate": 5}]}, ["rate"]),
+        ({"actions": [{"name": "/a", "state": "busy"}]}, ["state", "busy"]),
+        ({"services": ["/plain"]}, ["dictionary"]),
+        ({"interval": "soon"}, ["interval"]),
+    ],
+)
+def test_bad_options(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], params: dict[str, Any], words: list[str]
+) -> None:
+    result = run(monkeypatch, capsys, [HEALTHY], **params)
+    assert result["failed"]
+    assert all(word in result["msg"] for word in words)
+    assert FakeMaster.made == []
+
+
+def test_a_master_uri_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    with patch_module_args({"master_uri": "ros-master:11311"}), pytest.raises(SystemExit):
+        ros_ready.main()
+    result = json.loads(capsys.readouterr().out)
+    assert (result["ready"], "is not http://host:port" in result["msg"]) == (False, True)
+
+
+def documented(text: str) -> dict[str, Any]:
+    """The documentation's options as an argument spec."""
+    spec = {}
+    for name, option in yaml.safe_load(text)["options"].items():
+        entry = {key: value for key, value in option.items() if key not in ("description", "suboptions")}
+        if "suboptions" in option:
+            entry["options"] = documented(yaml.safe_dump({"options": option["suboptions"]}))
+        spec[name] = entry
+    return spec
+
+
+def test_the_documentation_is_the_argument_spec() -> None:
+    assert documented(ros_ready.DOCUMENTATION) == {**WAIT_ARGS, **GATE_ARGS}
+    assert documented(ModuleDocFragment.DOCUMENTATION) == ROS_ARGS
+
+
+def test_the_examples_use_options_that_there_are() -> None:
+    options = {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS}
+    for task in yaml.safe_load(ros_ready.EXAMPLES):
+        assert set(task["rosops.fleet.ros_ready"]) <= set(options)
