@@ -27,8 +27,8 @@ description:
     C(plays) and C(stages) (name, seconds; a stage is a role, or the play for tasks outside of one), C(slowest_tasks)
     (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many)."
   - "A host in the file: C(host), C(groups), C(outcome), C(reason), C(failed_task), C(changed) (names of tasks),
-    C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(rollout) (elapsed, objects and unmet ones
-    of M(rosops.fleet.rollout_ready)), C(counts) (Ansible's own)."
+    C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(rollout) (elapsed, objects and
+    unmet ones of M(rosops.fleet.rollout_ready)), C(counts) (Ansible's own)."
   - Seconds of a task run from its start to its last host's result, so they add up to the run only under a strategy that
     takes one task after the other.
 options:

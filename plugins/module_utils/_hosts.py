@@ -10,6 +10,7 @@ from typing import Any, Iterable, Mapping
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.module_utils._problem import Problem
+from ansible_collections.rosops.fleet.plugins.module_utils._role_variables import ROLE_VARIABLES
 from ansible_collections.rosops.fleet.plugins.module_utils._schema import VARIABLES
 from ansible_collections.rosops.fleet.plugins.module_utils._secrets import redact
 
@@ -23,21 +24,24 @@ def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, 
     """`{host: {variable: value}}` for fleet_config: known variables and misspelt ones, secrets replaced by numbers."""
     seen: dict[Any, str] = {}
     problems: list[Problem] = []
-    hosts = {str(name): _picked(hostvars, str(name), problems) for name in names}
+    hosts = {str(name): _picked(hostvars, str(name), seen, problems) for name in names}
     if problems:
         lines = "\n".join(problem.line() for problem in problems)
         raise SpecError(f"variables that cannot be read:\n{lines}", errors=[problem.as_dict() for problem in problems])
-    return {name: redact(variables, seen) for name, variables in hosts.items()}
+    return hosts
 
 
-def _picked(hostvars: Mapping[str, Any], host: str, problems: list[Problem]) -> dict[str, Any]:
+def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], problems: list[Problem]) -> dict[str, Any]:
     variables = hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
     picked = {}
     for name in variables:
         if is_ours(str(name)):
             try:
-                picked[str(name)] = variables[name]
+                # a variable may be templated piece by piece, as redact() reads it
+                picked.update(redact({str(name): variables[name]}, seen))
             except Exception as error:  # the templar raises a dozen kinds for an undefined or malformed template
+                if name in ROLE_VARIABLES:
+                    continue  # such a value may rest on what only the role's own play knows; the role will look at it
                 reason = str(error).split("\n", maxsplit=1)[0]
                 problems.append(
                     Problem(f"hosts.{host}.{name}", f"cannot be templated: {reason}", "a value that is defined")

@@ -30,6 +30,8 @@ SECRETS = (
     re.compile(r"K10[0-9a-f]{64}::[^\s\"']+"),
     re.compile(r"(?i)((?:token|password|secret)[\w-]*[\"']?\s*[=:]\s*)([^\s\"',]{6,})"),
 )
+TROUBLE = re.compile(r"^[EF]\d{4} |level=(error|fatal|panic)|^panic:|\"level\":\"(error|fatal|panic)\"|^error:", re.I)
+LONGEST_LINE = 300
 
 Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard output, standard error)
 
@@ -67,6 +69,12 @@ def redact(text: str, secrets: Iterable[str] = ()) -> str:
         text = text.replace(secret, "********")
     text = SECRETS[0].sub("********", text)
     return SECRETS[1].sub(r"\1********", text)
+
+
+def worth_telling(journal: list[str], count: int) -> list[str]:
+    """The last lines of errors, each cut to a readable length; k3s writes much, and most of it is no news."""
+    errors = [line for line in journal if TROUBLE.search(line)]
+    return [line[:LONGEST_LINE] for line in (errors or journal)[-count:]]
 
 
 def properties(text: str) -> dict[str, str]:
@@ -168,9 +176,11 @@ class K3sHost:
             now.add(f"{name} {stat.st_ino} {stat.st_size} {stat.st_mtime_ns // 10**9}")
         return now != set(self.read(STARTED_WITH.format(service=service)).splitlines())
 
-    def journal(self, service: str, lines: int, secrets: Iterable[str]) -> str:
-        text = self.run(["journalctl", "-u", service, "-n", str(lines), "-o", "cat", "--no-pager"])[1]
-        return redact(str(text), secrets)
+    def journal(self, service: str, lines: int, since: float, secrets: Iterable[str]) -> str:
+        """The last lines that say something is wrong; of a unit that says nothing of the kind, the last lines."""
+        command = ["journalctl", "-u", service, "--since", f"@{int(since)}", "-n", "500", "-o", "cat", "--no-pager"]
+        text = redact(str(self.run(command)[1]), secrets)
+        return "\n".join(worth_telling(text.splitlines(), lines))
 
     def secrets(self) -> list[str]:
         return [self.read(f"{CONFIG_DIR}/{name}") for name in ("token", "agent-token")]

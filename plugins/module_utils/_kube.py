@@ -271,7 +271,7 @@ class Kube:
         todo = (
             "Check ca_cert, or that the kubeconfig belongs to this cluster"
             if untrusted
-            else f"Check that its server runs and can be reached from here, and that {self._source} names its address"
+            else f"Check that its server runs, that it can be reached from here, and the address (from {self._source})"
         )
         return ApiError(
             f"The Kubernetes API at {self.host} cannot be reached: {_cause(exc)}. {todo}.", transient=not untrusted

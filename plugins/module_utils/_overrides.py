@@ -107,9 +107,7 @@ def _container_problems(container: Mapping[str, Any], path: str) -> Iterator[Pro
             yield Problem(join_path(path, key), f"is {shown(container[key])}", "a mapping")
 
 
-def _listing_problems(
-    parent: Mapping[str, Any], key: str, path: str, kind: type, allowed: str
-) -> Iterator[Problem]:
+def _listing_problems(parent: Mapping[str, Any], key: str, path: str, kind: type, allowed: str) -> Iterator[Problem]:
     value = parent.get(key, [])
     if not isinstance(value, list):
         yield Problem(join_path(path, key), f"is {shown(value)}", allowed)

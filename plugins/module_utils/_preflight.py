@@ -65,8 +65,10 @@ def fleet_findings(name: str, fleet: Mapping[str, Facts]) -> list[Finding]:
     others = {host: facts for host, facts in fleet.items() if host != name}
     found = []
     if twins := [host for host, facts in others.items() if facts["hostname"].lower() == mine["hostname"].lower()]:
+        # The one that comes first keeps the name and goes on: a copied SD card must not stop the fleet's server.
+        first = list(fleet).index(name) < min(list(fleet).index(twin) for twin in twins)
         found.append(
-            error(
+            (warning if first else error)(
                 f"the host name {mine['hostname']} is also that of {', '.join(sorted(twins))}",
                 "uname -n",
                 "give every host its own name: hostnamectl set-hostname NAME",

@@ -119,12 +119,13 @@ def volume_warnings(ctx: Ctx) -> list[str]:
 def master_problems(ctx: Ctx, variables: Mapping[str, Any]) -> list[Problem]:
     """Problems of the robot's ROS master; `variables` are the host's as the operator wrote them."""
     master, base = ctx["master"], f"hosts.{ctx['robot']}"
+    uri = variables.get("ros_master_uri", "")
     problems = []
-    if master["mode"] == "external" and "ros_master_uri" not in variables:
+    if master["mode"] == "external" and not uri:
         problems.append(
             Problem(f"{base}.ros_master_uri", "is missing for ros_master_mode external", "http://<host>:<port>")
         )
-    if master["mode"] != "external" and "ros_master_uri" in variables:
+    if master["mode"] != "external" and uri:
         found = f"is set, but ros_master_mode is {master['mode']}"
         problems.append(Problem(f"{base}.ros_master_uri", found, "leave it out, or ros_master_mode: external"))
     if ctx["mode"] == "standalone" and master["mode"] == "shared":

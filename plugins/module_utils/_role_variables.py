@@ -3,27 +3,144 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Types of the roles' public variables, so that a wrong one is reported before anything is touched.
 
-Types only: the roles' own meta/argument_specs.yml says the rest, and tests/unit/test_role_specs.py compares the two.
+The roles' own meta/argument_specs.yml say the rest; tests/unit/test_role_specs.py fails where this table and they
+differ, and its message is the table as it should be.
 """
 
 from __future__ import annotations
 
 from typing import Any, Mapping
 
-# The types of Ansible's argument specs as JSON Schema has them.
-JSON_TYPES: dict[str, Mapping[str, Any]] = {
-    "str": {"type": "string"},
+Option = Mapping[str, Any]
+
+# Whatever is below these is the operator's business with k3s, and may hold passwords (proxies, registries).
+OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries")
+# YAML takes 007 for a number; a token has to be written as the text it is.
+STRICT_TEXT = ("k3s_token", "k3s_agent_token")
+
+# Variables given by `-e name=value` arrive as text, so Ansible's own conversions are followed.
+_SCALARS: dict[str, dict[str, Any]] = {
+    "str": {"type": ["string", "number"]},
     "path": {"type": "string"},
     "raw": {},
-    "int": {"type": "integer"},
-    "float": {"type": "number"},
-    "bool": {"type": "boolean"},
-    "list": {"type": "array"},
-    "dict": {"type": "object"},
+    "int": {"anyOf": [{"type": "integer"}, {"type": "string", "pattern": "^-?[0-9]+$"}], "x-allowed": "a whole number"},
+    "float": {
+        "anyOf": [{"type": "number"}, {"type": "string", "pattern": r"^-?[0-9]+(\.[0-9]+)?$"}],
+        "x-allowed": "a number",
+    },
+    "bool": {
+        "anyOf": [{"type": "boolean"}, {"enum": ["true", "false", "yes", "no", "on", "off", "1", "0", 1, 0]}],
+        "x-allowed": "true or false",
+    },
 }
 
-TYPES: dict[str, str] = {
-    "k3s_token": "str",
+# As in the argument specs, without defaults and descriptions.
+OPTIONS: dict[str, Option] = {
+    "cluster_api_kubeconfig": {"type": "str"},
+    "cluster_api_objects": {"type": "list", "elements": "dict"},
+    "cluster_api_what": {"type": "str"},
+    "cluster_api_throttle": {"type": "int"},
+    "images_archives": {
+        "type": "list",
+        "elements": "dict",
+        "options": {"path": {"type": "str", "required": True}, "images": {"type": "list", "elements": "str"}},
+    },
+    "images_refs": {"type": "list", "elements": "str"},
+    "images_throttle": {"type": "int"},
+    "images_rate_limit": {"type": "str"},
+    "images_dir": {"type": "str"},
+    "k3s_role": {"type": "str", "choices": ["server", "agent"]},
+    "k3s_cluster": {"type": "str"},
+    "k3s_server_hosts": {"type": "list", "elements": "str"},
+    "k3s_state": {"type": "str", "choices": ["present", "absent"]},
+    "k3s_install_source": {"type": "str", "choices": ["release", "airgap"]},
+    "k3s_version": {"type": "str"},
+    "k3s_release_url": {"type": "str"},
+    "k3s_release_checksums": {
+        "type": "dict",
+        "options": {"x86_64": {"type": "str"}, "aarch64": {"type": "str"}, "armv7l": {"type": "str"}},
+    },
+    "k3s_airgap_dir": {"type": "str"},
+    "k3s_config": {"type": "dict"},
+    "k3s_disable": {"type": "list", "elements": "str"},
+    "k3s_tls_sans": {"type": "list", "elements": "str"},
+    "k3s_registries": {"type": "dict"},
+    "k3s_environment": {"type": "dict"},
+    "k3s_node_name": {"type": "str"},
+    "k3s_node_ip": {"type": "str"},
+    "k3s_api_endpoint": {"type": "str"},
+    "k3s_token": {"type": "str"},
+    "k3s_agent_token": {"type": "str"},
+    "k3s_kubeconfig_path": {"type": "str"},
+    "k3s_limit_nofile": {"type": "int"},
+    "k3s_limit_nproc": {"type": "str"},
+    "k3s_limit_tasks": {"type": "str"},
+    "k3s_memory_high": {"type": "str"},
+    "k3s_memory_max": {"type": "str"},
+    "k3s_start_timeout": {"type": "int"},
+    "k3s_remove_volumes": {"type": "bool"},
+    "k3s_remove_identity": {"type": "bool"},
+    "node_name": {"type": "str"},
+    "node_placement": {"type": "str", "choices": ["local", "remote"]},
+    "node_robot": {"type": "str"},
+    "node_ready_timeout": {"type": "int"},
+    "preflight_role": {"type": "str", "choices": ["server", "agent"]},
+    "preflight_server_hosts": {"type": "list", "elements": "str"},
+    "preflight_node_name": {"type": "str"},
+    "preflight_systems": {"type": "list", "elements": "str"},
+    "preflight_server_memory_mb": {
+        "type": "dict",
+        "options": {"minimum": {"type": "int", "required": True}, "recommended": {"type": "int", "required": True}},
+    },
+    "preflight_agent_memory_mb": {
+        "type": "dict",
+        "options": {"minimum": {"type": "int", "required": True}, "recommended": {"type": "int", "required": True}},
+    },
+    "preflight_disk_mb": {
+        "type": "dict",
+        "options": {"minimum": {"type": "int", "required": True}, "recommended": {"type": "int", "required": True}},
+    },
+    "preflight_clock_offset": {
+        "type": "dict",
+        "options": {"maximum": {"type": "float", "required": True}, "recommended": {"type": "float", "required": True}},
+    },
+    "preflight_minimum_mtu": {"type": "int"},
+    "preflight_server_ports": {
+        "type": "list",
+        "elements": "dict",
+        "options": {"port": {"type": "int", "required": True}, "protocol": {"type": "str", "choices": ["tcp", "udp"]}},
+    },
+    "preflight_agent_ports": {
+        "type": "list",
+        "elements": "dict",
+        "options": {"port": {"type": "int", "required": True}, "protocol": {"type": "str", "choices": ["tcp", "udp"]}},
+    },
+    "preflight_timeout": {"type": "float"},
+    "ros_app_rollout_timeout": {"type": "int"},
+    "storage_remove_claims": {"type": "list", "elements": "str"},
+    "storage_remove_confirm": {"type": "bool"},
 }
 
-ROLE_VARIABLES: dict[str, Mapping[str, Any]] = {name: JSON_TYPES[kind] for name, kind in TYPES.items()}
+
+def json_schema(option: Option) -> dict[str, Any]:
+    """An option of an argument spec as JSON Schema."""
+    kind = option.get("type", "str")
+    if "choices" in option:
+        return {"enum": list(option["choices"])}
+    if kind == "list":
+        return {"type": "array", "items": json_schema({**option, "type": option.get("elements", "raw")})}
+    if kind != "dict":
+        return dict(_SCALARS[kind])
+    if "options" not in option:
+        return {"type": "object"}
+    return {
+        "type": "object",
+        "properties": {name: json_schema(inner) for name, inner in option["options"].items()},
+        "required": [name for name, inner in option["options"].items() if inner.get("required")],
+        "additionalProperties": False,
+    }
+
+
+ROLE_VARIABLES: dict[str, Mapping[str, Any]] = {
+    name: {"type": "string"} if name in STRICT_TEXT else json_schema(option) for name, option in OPTIONS.items()
+}

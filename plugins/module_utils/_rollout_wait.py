@@ -177,10 +177,11 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             verdict, now = overall([row.verdict.verdict for row in rows]), settings.now()
             if verdict == PASS:
                 return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
-            if verdict == FAIL or now >= wait.start + settings.timeout:
-                break
-            if wait.unlisted and wait.lost and wait.elapsed() >= CONNECT_PATIENCE:
+            over = now >= wait.start + settings.timeout
+            if wait.unlisted and wait.lost and (over or wait.elapsed() >= CONNECT_PATIENCE):
                 raise next(iter(wait.lost.values()))
+            if verdict == FAIL or over:
+                break
             if now >= say_at:
                 settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS

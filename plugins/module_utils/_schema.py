@@ -167,13 +167,15 @@ TAINT: Schema = mapping(
 )
 
 FLEET_VARIABLES: dict[str, Schema] = {
+    "fleet_kubeconfig_dir": text(),
     "robot_mode": one_of("agent", "standalone"),
     "ros_apps": listing(APP),
     "persistent_storage": mapping({"volumes": listing(VOLUME)}),
     "ros_master_mode": one_of("robot", "shared", "external"),
     "ros_master_image": text("image"),
-    "ros_master_uri": text("master-uri"),
-    "ros_master_placement": one_of("local", "remote"),
+    # empty is the roles' default and says the same as leaving them out
+    "ros_master_uri": {"anyOf": [text("master-uri"), {"const": ""}], "x-allowed": "http://<host>:<port>"},
+    "ros_master_placement": {**one_of("", "local", "remote"), "x-allowed": "local or remote"},
     "ros_master_overrides": FREE,
     "node_labels": table("label-name", text("label-value")),
     "node_taints": listing(TAINT),

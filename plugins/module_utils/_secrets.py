@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.module_utils._role_variables import OPAQUE
+
 # k3s_token, k3s_agent_token, password, identity_token, auth; but not k3s_token_file and the like, which are paths
 _SECRET_KEY = re.compile(r"(?:^|_)(?:token|password|passwd|secret|secret_key)$|^auth$", re.IGNORECASE)
 
@@ -28,17 +30,23 @@ def redact(value: Any, seen: dict[Any, str]) -> Any:
     check of the type still finds them.
     """
     if isinstance(value, Mapping):
-        return {
-            key: _redacted(item, seen) if is_secret(str(key)) else redact(item, seen) for key, item in value.items()
-        }
+        return {key: _under(str(key), item, seen) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [redact(item, seen) for item in value]
     return value
 
 
-def _redacted(value: Any, seen: dict[Any, str]) -> Any:
+def _under(key: str, value: Any, seen: dict[Any, str]) -> Any:
+    if key in OPAQUE and isinstance(value, (Mapping, list, tuple)):
+        return {} if isinstance(value, Mapping) else []  # only its type is looked at
+    return _hidden(value, seen) if is_secret(key) or key in OPAQUE else redact(value, seen)
+
+
+def _hidden(value: Any, seen: dict[Any, str]) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _hidden(item, seen) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_hidden(item, seen) for item in value]
     if isinstance(value, str):
         return seen.setdefault(str(value), f"(secret {len(seen) + 1})") if value else ""
-    if isinstance(value, (Mapping, list, tuple)):
-        return redact(value, seen)
     return 0 if isinstance(value, (int, float)) and not isinstance(value, bool) else value

@@ -67,6 +67,8 @@ elapsed:
   type: float
 """
 
+import time
+
 from ansible.module_utils.basic import AnsibleModule
 from ansible_collections.rosops.fleet.plugins.module_utils._k3s import SERVICES, K3sHost
 from ansible_collections.rosops.fleet.plugins.module_utils._poll import PASS, poll
@@ -85,13 +87,14 @@ def main() -> None:
     params = module.params
     host = K3sHost(module.run_command)
     service = SERVICES[params["role"]]
+    began = time.time() - 5  # the start was asked for just before
     restarts = int(host.show(service).get("NRestarts") or 0)
     polled = poll(lambda: host.look(params["role"], params["member"], restarts), params["timeout"], params["interval"])
     result = {"observed": str(polled.last), "elapsed": round(polled.elapsed, 2)}
     if polled.verdict == PASS:
         module.exit_json(changed=False, **result)
     how = f"not ready after {params['timeout']:g} s" if polled.timed_out else "will not become ready"
-    journal = host.journal(service, params["journal_lines"], host.secrets())
+    journal = host.journal(service, params["journal_lines"], began, host.secrets())
     module.fail_json(
         msg=f"{service} {how}: {polled.last}\nThe end of its journal (journalctl -u {service}):\n{journal}", **result
     )

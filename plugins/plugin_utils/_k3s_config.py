@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import Any
 
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._k3s import token_verdict
 
 SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$")
 SUFFIX = {"x86_64": "", "aarch64": "-arm64", "armv7l": "-armhf"}
@@ -78,6 +80,19 @@ def file_changes(wanted: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) 
         elif (there["sha256"], there["mode"]) != (hashlib.sha256(file["content"].encode()).hexdigest(), file["mode"]):
             changes["secret" if file["secret"] else "open"].append(dict(file))
     return changes
+
+
+def wrong_tokens(read: Sequence[Mapping[str, Any]], given: Mapping[str, str]) -> list[str]:
+    """Names of the inventory's variables whose token is not the one read from the cluster; none given is none wrong.
+
+    `read` is what slurp returned for each file name.
+    """
+    return [
+        f"k3s_{file['item'].replace('-', '_')}"
+        for file in read
+        if given[file["item"]]
+        and token_verdict(given[file["item"]], base64.b64decode(file["content"]).decode(), "") != "same"
+    ]
 
 
 def local_kubeconfig(text: str, server: str, cluster: str, source: str) -> str:

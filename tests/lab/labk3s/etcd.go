@@ -68,6 +68,8 @@ func startEtcd(ctx context.Context, c *config, initial string, joining, forceNew
 	cfg.PeerTLSInfo = c.etcdTLS("peer-ca", "peer-server-client")
 	cfg.TickMs, cfg.ElectionMs = 100, 1000
 	cfg.Logger, cfg.LogLevel, cfg.LogOutputs = "zap", "warn", []string{"stderr"}
+	// NewConfig leaves it at zero, which is a warning for every request.
+	cfg.WarningUnaryRequestDuration = embed.DefaultWarningUnaryRequestDuration
 	// Lab hosts are containers: they lose power only together with the disk's
 	// page cache owner, the machine, and then the whole lab is gone anyway.
 	cfg.UnsafeNoFsync = true

@@ -217,7 +217,7 @@ func (s *supervisor) apiProxy() (http.Handler, error) {
 			}
 		},
 		Transport: roundTripper(func(r *http.Request) (*http.Response, error) {
-			named := r.Header.Get("X-Remote-User") != ""
+			named := r.Header.Get("X-Remote-User") != ""; logf("debug", "%s named %v %v", r.URL, named, r.Header)
 			return transports[[2]bool{named, r.Header.Get("Upgrade") != ""}].RoundTrip(r)
 		}),
 		FlushInterval: -1, // watches
@@ -237,6 +237,7 @@ func (f roundTripper) RoundTrip(r *http.Request) (*http.Response, error) { retur
 
 // peerUser is the client certificate, if there is one of our client CA.
 func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
+	logf("debug", "tls %v %s %s %p", r.TLS, r.RemoteAddr, r.Proto, r)
 	if r.TLS == nil || len(r.TLS.PeerCertificates) == 0 {
 		return nil
 	}
@@ -245,7 +246,7 @@ func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
 	for _, cert := range r.TLS.PeerCertificates[1:] {
 		middle.AddCert(cert)
 	}
-	leaf := r.TLS.PeerCertificates[0]
+	leaf := r.TLS.PeerCertificates[0]; logf("debug","peer %s", leaf.Subject)
 	_, err := leaf.Verify(x509.VerifyOptions{
 		Roots: roots, Intermediates: middle, KeyUsages: []x509.ExtKeyUsage{x509.ExtKeyUsageClientAuth},
 	})

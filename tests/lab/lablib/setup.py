@@ -1,3 +1,6 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What the project needs on this machine: Debian packages that are missing, `.venv`, the collections link."""
 
 from __future__ import annotations
@@ -117,6 +120,6 @@ def _link() -> None:
         return
     LINK.parent.mkdir(parents=True, exist_ok=True)
     if LINK.exists() and not LINK.is_symlink():
-        raise LabError("the collection's place is taken", where=str(LINK), todo="remove it, then run `make setup` again")
+        raise LabError("the collection's place is taken", where=str(LINK), todo="remove it, then run `make setup`")
     LINK.unlink(missing_ok=True)
     LINK.symlink_to(target)

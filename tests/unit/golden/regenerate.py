@@ -16,13 +16,15 @@ from typing import Any
 import yaml
 
 HERE = Path(__file__).resolve().parent
+if __name__ == "__main__":  # pytest's conftest.py has done this already
+    sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
+
+from ansible_collections.rosops.fleet.plugins.module_utils import _workloads as workloads  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._context import fleet_context  # noqa: E402
 
 
 def built(case: dict[str, Any]) -> dict[str, Any]:
     """All that the workload functions make of a case."""
-    from ansible_collections.rosops.fleet.plugins.module_utils import _workloads as workloads
-    from ansible_collections.rosops.fleet.plugins.module_utils._context import fleet_context
-
     ctx = fleet_context(case["variables"], case["robot"])
     return {
         "objects": [
@@ -47,13 +49,12 @@ class _Dumper(yaml.SafeDumper):
     def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
         return True
 
-    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:  # noqa: ARG002
         super().increase_indent(flow, False)
 
 
 def main() -> None:
     """Write all golden files."""
-    sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
     for name, case in cases().items():
         text = yaml.dump(built(case), Dumper=_Dumper, sort_keys=False, width=120)
         (HERE / f"{name}.yml").write_text(f"---\n{text}", encoding="utf-8")

@@ -55,6 +55,16 @@ def frames(part: str, key: str) -> list[bytes]:
 # ---- peers
 
 
+def read_request(sock: socket.socket) -> None:
+    """Read a whole HTTP request: a socket that is closed with unread bytes resets the connection."""
+    stream = sock.makefile("rb")
+    length = 0
+    for line in iter(stream.readline, b"\r\n"):
+        if line.lower().startswith(b"content-length:"):
+            length = int(line.split(b":")[1])
+    stream.read(length)
+
+
 class _Handler(SimpleXMLRPCRequestHandler):
     protocol_version = "HTTP/1.1"  # as rospy's
     rpc_paths = ()

@@ -1,4 +1,4 @@
-#!/bin/bash
+#!/usr/bin/env bash
 # As the official image's entry point: the environment of ROS, then the command. Debian installs ROS under /usr, so there
 # is no setup.bash to source.
 set -e

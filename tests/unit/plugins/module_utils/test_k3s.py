@@ -182,4 +182,11 @@ def test_files_are_described_and_missing_ones_too(tmp_path: Path) -> None:
 
 def test_the_journal_comes_without_secrets() -> None:
     run = Commands({"journalctl": (0, f"bad token {FULL}\n", "")})
-    assert K3sHost(run).journal("k3s", 5, ["s3cret"]) == "bad token ********\n"
+    assert K3sHost(run).journal("k3s", 5, 0, ["s3cret"]) == "bad token ********"
+
+
+def test_the_journal_comes_with_what_matters() -> None:
+    wrong = 'time="2026-11-21" level=fatal msg="flag provided but not defined: -nodename"'
+    journal = [wrong, "I1121 04:06:58 all is well", '{"level":"warn","msg":"slow"}', "x" * 999]
+    assert _k3s.worth_telling(journal, 5) == [wrong]
+    assert _k3s.worth_telling(journal[1:], 2) == [journal[2], "x" * 300]

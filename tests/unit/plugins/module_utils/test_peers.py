@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._peers import (
     reason,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._tcpros import encode_header
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, read_request
 
 SHORT = 0.3
 
@@ -46,7 +46,7 @@ def why(uri: str, seconds: float = SHORT) -> str:
     start = time.monotonic()
     with pytest.raises(Exception) as caught:
         ask(uri, seconds=seconds)
-    assert time.monotonic() - start < seconds + 0.5
+    assert time.monotonic() - start < seconds + 3
     return reason(caught.value, uri, seconds)
 
 
@@ -133,7 +133,7 @@ def test_a_peer_that_drips_bytes_cannot_hold_us(peers: Peers) -> None:
 
     def talk(sock: socket.socket) -> None:
         sock.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n")
-        for _ in range(100):
+        for _ in range(1000):
             sock.sendall(b"x")
             if ended.wait(0.05):
                 return
@@ -173,7 +173,7 @@ BOMB = (
 )
 def test_a_peer_that_talks_nonsense(peers: Peers, data: bytes, words: str) -> None:
     def talk(sock: socket.socket) -> None:
-        sock.recv(65536)
+        read_request(sock)
         sock.sendall(data)
 
     told = why(f"http://127.0.0.1:{peers.tcp(talk)}/", 2)
@@ -259,7 +259,7 @@ def test_a_task_that_cannot_be_interrupted_is_left_behind() -> None:
     start = time.monotonic()
     tasks = {"quick": lambda: "done", "stuck": lambda: str(release.wait(30))}
     results = in_parallel(tasks, SHORT, lambda key, error: f"{key}: {reason(error, 'u', SHORT)}")
-    assert time.monotonic() - start < SHORT + 1
+    assert time.monotonic() - start < SHORT + 10
     release.set()
     assert results == {"quick": "done", "stuck": "stuck: no answer from u within 0.3 s"}
 

@@ -268,6 +268,11 @@ def test_hosts_are_compared_with_one_another() -> None:
     ]
 
 
+def test_the_first_of_two_twins_goes_on() -> None:
+    fleet = {"edge1": host(), "robot1": host(machine_id="other")}
+    assert [_preflight.fleet_findings(name, fleet)[0]["severity"] for name in fleet] == ["warning", "error"]
+
+
 def test_a_host_alone_has_nothing_to_compare_with() -> None:
     assert _preflight.fleet_findings("robot1", {"robot1": host()}) == []
 

@@ -233,6 +233,12 @@ def test_never_reached_fails_soon_with_the_cause() -> None:
     assert done.took == pytest.approx(10, abs=1)
 
 
+def test_never_reached_within_a_short_timeout() -> None:
+    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=3)
+    assert done.error is REFUSED
+    assert done.took == pytest.approx(3)
+
+
 def test_reached_after_some_tries() -> None:
     assert Run((0.0, [lost(DEPLOYMENTS)]), (6.0, lists(new_pod))).error is None
 

@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import Ro
 from ansible_collections.rosops.fleet.plugins.module_utils._tcpros import encode_header
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, Peers, frames, recorded
 
-SHORT = 0.4
+SHORT = 1.0  # where something hangs; what answers must do so within it on a busy machine, too
 
 
 def framed(body: bytes) -> bytes:
@@ -64,7 +64,7 @@ class Replay:
             yield framed(frames("topics", "/chatter by rospy")[0])
             yield from self.messages
 
-    def start(self, multicall: bool = True, timeout: float = SHORT) -> RosMaster:
+    def start(self, multicall: bool = True, timeout: float = 10) -> RosMaster:
         def look_up(names: dict[str, str], name: str) -> list[Any]:
             return [1, "", names[name]] if name in names else [-1, f"unknown node [{name}]", ""]
 
@@ -120,7 +120,7 @@ def test_a_master_that_is_none(ros: Replay, uri: str, words: str) -> None:
     start = time.monotonic()
     with pytest.raises(RosError, match=words):
         master.state(types=True)
-    assert time.monotonic() - start < SHORT + 1
+    assert time.monotonic() - start < SHORT + 3
 
 
 @pytest.mark.parametrize(("uri", "timeout"), [("master:11311", 2.0), ("http://m", 2.0), ("http://m:1", 0.0)])
@@ -170,7 +170,7 @@ def test_hung_nodes_cost_one_time_out_together(ros: Replay) -> None:
     for name in ("/talker_b", "/listener_a", "/helper", "/worker"):
         ros.nodes[name] = f"http://127.0.0.1:{ros.peers.hung()}/"
     ros.services["/trigger"] = f"rosrpc://127.0.0.1:{ros.peers.hung()}"
-    master = ros.start()
+    master = ros.start(timeout=SHORT)
     start = time.monotonic()
     seen = judge(
         master,
@@ -179,16 +179,16 @@ def test_hung_nodes_cost_one_time_out_together(ros: Replay) -> None:
         services=[{"name": "/trigger"}],
         actions=[{"name": "/work"}],
     )
-    assert time.monotonic() - start < 2 * SHORT
+    assert time.monotonic() - start < 3 * SHORT  # one after the other they would take 7
     assert seen["node", "/talker_a"][0] == PASS
     for key in (("node", "/talker_b"), ("topic", "/chatter"), ("service", "/trigger"), ("action", "/work")):
         assert seen[key][0] == WAIT
-        assert "within 0.4 s" in seen[key][1]
+        assert "within 1 s" in seen[key][1]
 
 
 def test_a_node_whose_name_does_not_resolve(ros: Replay) -> None:
     ros.nodes["/relay"] = "http://robot-without-dns.invalid:4711/"
-    seen = judge(ros.start(timeout=5), nodes=["/relay", "/talker_a"])
+    seen = judge(ros.start(), nodes=["/relay", "/talker_a"])
     assert seen["node", "/relay"] == (
         WAIT,
         "registered, but down: the name in http://robot-without-dns.invalid:4711/ does not resolve here",
@@ -258,7 +258,7 @@ def test_a_service_that_is_not_there(ros: Replay, uri: str, words: str) -> None:
         "stranger": ros.peers.tcpros(lambda _: [encode_header({"callerid": "/stranger"})]),
     }
     ros.services["/trigger"] = uri.format(**ports)
-    verdict, reason = judge(ros.start(), services=[{"name": "/trigger"}])["service", "/trigger"]
+    verdict, reason = judge(ros.start(timeout=SHORT), services=[{"name": "/trigger"}])["service", "/trigger"]
     assert verdict == WAIT
     assert words in reason
 
@@ -293,7 +293,7 @@ def test_idle(ros: Replay, statuses: list[str], verdict: str, reason: str) -> No
 
 def test_a_status_that_comes_only_once_is_not_idle(ros: Replay) -> None:
     ros.statuses = ros.statuses[:1]
-    master = ros.start()
+    master = ros.start(timeout=SHORT)
     verdict, reason = judge(master, actions=[{"name": "/work", "state": "idle"}])["action", "/work"]
     assert (verdict, reason.startswith("idle on /worker, seen once only: no answer from")) == (WAIT, True)
     assert judge(master, actions=[{"name": "/work"}])["action", "/work"][0] == PASS
@@ -313,9 +313,9 @@ def test_rates_are_counted_over_all_publishers(ros: Replay) -> None:
     master = ros.start()
     state = master.state()
     graph = master.ask(state, Questions({"/talker_a": frozenset(), "/talker_b": frozenset()}))
-    rates = master.rates(graph, {"/chatter": 0.2, "/chatter_relay": 0.1, "/nothing": 0.1})
+    rates = master.rates(graph, {"/chatter": 0.6, "/chatter_relay": 0.4, "/nothing": 0.1})
     assert (rates["/chatter"].messages, rates["/chatter_relay"].messages) == (60, 30)
-    assert rates["/chatter"].seconds == pytest.approx(0.2, abs=0.1)
+    assert rates["/chatter"].seconds >= 0.6
     assert rates["/nothing"] == Rate(error="no publisher")
     wanted = {"callerid": "/test", "topic": "/chatter", "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
     assert wanted in ros.handshakes
@@ -331,15 +331,15 @@ def test_a_rate_of_publishers_that_are_gone(ros: Replay) -> None:
 def test_one_of_two_publishers_gone_leaves_the_others_rate(ros: Replay) -> None:
     ros.messages = [framed(b"hello") * 5]
     ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.hung()}/"
-    master = ros.start()
-    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter": 0.1})
+    master = ros.start(timeout=SHORT)
+    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter": 0.5})
     assert (rates["/chatter"].messages, rates["/chatter"].error) == (5, "")
 
 
 def test_large_messages_are_skipped(ros: Replay) -> None:
     ros.messages = [framed(bytes(3_000_000))] * 5
-    master = ros.start(timeout=5)
-    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter_relay": 1.0})
+    master = ros.start()
+    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter_relay": 2.0})
     assert rates["/chatter_relay"].messages == 5
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,15 @@ def test_only_files_that_differ_are_written() -> None:
     assert [f["path"] for f in changes["open"]] == ["/new", "/mode"]
     assert [f["path"] for f in changes["secret"]] == ["/s"]
     assert changes["remove"] == ["/old"]
+
+
+@pytest.mark.parametrize(
+    ("given", "wrong"),
+    [("", []), ("s3cret", []), (f"K10{'a' * 64}::node:s3cret", []), ("other", ["k3s_agent_token"])],
+)
+def test_wrong_tokens_are_named_by_their_variable(given: str, wrong: list[str]) -> None:
+    read = [{"item": "agent-token", "content": base64.b64encode(f"K10{'a' * 64}::node:s3cret\n".encode()).decode()}]
+    assert _k3s_config.wrong_tokens(read, {"token": "ignored", "agent-token": given}) == wrong
 
 
 ADMIN = """apiVersion: v1

@@ -1,1 +1,0 @@
-../../../inventories/lab/hosts.py

@@ -1,0 +1,133 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The table of bad inputs, end to end: `site.yml` refuses each before it touches anything.
+
+Run on its own: `.venv/bin/pytest tests/bad_input` (about 2 s a case). Hosts are 127.0.0.1, port 1: whoever got past the
+validation would be seen as unreachable. Only `ansible-playbook` is run, as an operator does it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PLAYBOOK = CHECKOUT / "playbooks" / "site.yml"
+TABLE = CHECKOUT / "tests" / "unit" / "bad_input" / "table.py"
+NOWHERE = {"ansible_host": "127.0.0.1", "ansible_port": 1, "ansible_connection": "ssh"}
+TASK = re.compile(r"^TASK \[(?P<name>.*?)\]", re.MULTILINE)
+PLAY = re.compile(r"^PLAY \[(?P<name>.*?)\]", re.MULTILINE)
+VALIDATION = "rosops.fleet.fleet_config"
+
+
+def _table() -> Any:
+    spec = importlib.util.spec_from_file_location("bad_input_table", TABLE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+table = _table()
+CASES: list[dict[str, Any]] = [case for case in table.load_cases() if "pure" not in case]
+
+# Not YAML, or not an inventory: Ansible's own words, but still no traceback, no host and an exit status that says so.
+MALFORMED = {
+    "tab": "all:\n\tchildren:\n",
+    "unclosed-list": "all:\n  children:\n    robots:\n      hosts:\n        robot1: {ros_apps: [\n",
+    "colon-in-text": "all:\n  hosts:\n    robot1:\n      ros_master_image: ros: noetic\n",
+    "indentation": "all:\n  children:\n    edge:\n      hosts:\n        edge1:\n     robots:\n      hosts:\n",
+}
+
+
+def inventory(case: dict[str, Any]) -> str:
+    """The case as an inventory file."""
+    fleet = table.fleet_of(case)
+    groups = {name: hosts for name, hosts in fleet["groups"].items() if name != "all"}
+    return yaml.safe_dump(
+        {
+            "all": {
+                "hosts": {host: {**NOWHERE, **fleet["hosts"].get(host, {})} for host in fleet["groups"]["all"]},
+                "children": {name: {"hosts": dict.fromkeys(hosts, None)} for name, hosts in groups.items()},
+            }
+        }
+    )
+
+
+def site(path: Path, home: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """`ansible-playbook playbooks/site.yml` with an inventory, as the operator of a checkout starts it."""
+    environment = {
+        key: value for key, value in os.environ.items() if not key.startswith(("ANSIBLE_", "K8S_AUTH_", "KUBECONFIG"))
+    }
+    environment.update(
+        HOME=str(home),
+        ANSIBLE_CONFIG=str(CHECKOUT / "ansible.cfg"),
+        ANSIBLE_COLLECTIONS_PATH=str(CHECKOUT / ".ansible" / "collections"),
+        ANSIBLE_LOCAL_TEMP=str(home / "tmp"),
+        ANSIBLE_NOCOLOR="1",
+        ROSOPS_FLEET_REPORT=str(home / "report.json"),
+    )
+    command = [str(Path(sys.executable).parent / "ansible-playbook"), "-i", str(path), str(PLAYBOOK), *arguments]
+    return subprocess.run(  # noqa: S603
+        command, cwd=home, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def validation_tasks() -> list[str]:
+    """The names of the tasks of site.yml's validation, read from the playbook."""
+    plays = yaml.safe_load(PLAYBOOK.read_text("utf-8"))
+    tasks = [task for play in plays for task in play.get("tasks", []) if VALIDATION in task]
+    return [task["name"] for task in tasks]
+
+
+def assert_untouched(result: subprocess.CompletedProcess[str]) -> None:
+    """Nothing but the validation ran, and it changed nothing."""
+    assert set(TASK.findall(result.stdout)) <= set(validation_tasks())
+    assert len(PLAY.findall(result.stdout)) <= 1
+    assert "changed: [" not in result.stdout
+    assert "UNREACHABLE" not in result.stdout
+    assert not re.search(r"changed=[1-9]", result.stdout)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
+def test_refused(case: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "inventory.yml"
+    path.write_text(inventory(case), encoding="utf-8")
+    result = site(path, tmp_path)
+    output = result.stdout + result.stderr
+    assert result.returncode not in (0, 4), output  # 4: somebody tried to reach a host
+    assert case["path"] in output
+    assert table.missing_words(case, output.replace("\\n", "\n")) == [], output
+    assert "Traceback" not in output
+    assert "hush" not in output
+    assert_untouched(result)
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_malformed_yaml(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "inventory.yml"
+    path.write_text(MALFORMED[name], encoding="utf-8")
+    result = site(path, tmp_path)
+    output = result.stdout + result.stderr
+    assert result.returncode not in (0, 4), output
+    assert "inventory.yml" in output
+    assert "Traceback" not in output
+    assert_untouched(result)
+
+
+def test_a_good_inventory_gets_past_the_validation(tmp_path: Path) -> None:
+    """Else everything above could pass because nothing ever works."""
+    path = tmp_path / "inventory.yml"
+    path.write_text(inventory({"app": {}}), encoding="utf-8")
+    result = site(path, tmp_path)
+    assert len(PLAY.findall(result.stdout)) > 1, result.stdout + result.stderr
+    assert "UNREACHABLE" in result.stdout

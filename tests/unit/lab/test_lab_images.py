@@ -1,0 +1,94 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image archives, checksums and the set-up's stamp."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tarfile
+from pathlib import Path
+from typing import Any
+
+from lablib.k3s import parse_sums
+from lablib.oci import Image, Layer, write_archive, write_layer, write_update
+from lablib.setup import fingerprint
+
+
+def read_json(tar: tarfile.TarFile, name: str) -> Any:
+    member = tar.extractfile(name)
+    assert member is not None
+    return json.load(member)
+
+
+def digest_of(tar: tarfile.TarFile, name: str) -> str:
+    member = tar.extractfile(name)
+    assert member is not None
+    return hashlib.sha256(member.read()).hexdigest()
+
+
+def layer(directory: Path, name: str) -> Layer:
+    program = directory / name
+    program.write_text(name)
+    return write_layer(directory / f"{name}.tar", [(f"/bin/{name}", program)])
+
+
+def test_a_layer_holds_executables(tmp_path: Path) -> None:
+    made = layer(tmp_path, "pause")
+    with tarfile.open(made.tar) as tar:
+        assert [(entry.name, entry.mode, entry.mtime) for entry in tar] == [("bin/pause", 0o755, 0)]
+
+
+def test_images_share_their_layers(tmp_path: Path) -> None:
+    base, top = layer(tmp_path, "base"), layer(tmp_path, "top")
+    archive = tmp_path / "images.tar"
+    write_archive(archive, [Image("docker.io/lab/a:1", [base]), Image("docker.io/lab/b:1", [base, top])])
+    with tarfile.open(archive) as tar:
+        names = tar.getnames()
+        manifest = read_json(tar, "manifest.json")
+        configuration = read_json(tar, manifest[1]["Config"])
+        assert digest_of(tar, manifest[1]["Config"]) + ".json" == manifest[1]["Config"]
+    assert len(names) == len(set(names)) == 5
+    assert [entry["RepoTags"] for entry in manifest] == [["docker.io/lab/a:1"], ["docker.io/lab/b:1"]]
+    assert configuration["rootfs"]["diff_ids"] == [f"sha256:{base.digest}", f"sha256:{top.digest}"]
+
+
+def test_archives_are_reproducible(tmp_path: Path) -> None:
+    image = Image("docker.io/lab/a:1", [layer(tmp_path, "base")], {"Env": ["A=1"]})
+    write_archive(tmp_path / "one.tar", [image])
+    write_archive(tmp_path / "two.tar", [image])
+    assert (tmp_path / "one.tar").read_bytes() == (tmp_path / "two.tar").read_bytes()
+
+
+def test_an_update_leaves_out_the_layers_that_are_there(tmp_path: Path) -> None:
+    base, top = layer(tmp_path, "base"), layer(tmp_path, "top")
+    archive = tmp_path / "update.tar"
+    write_update(archive, Image("docker.io/lab/b:2", [base, top]), present=[base])
+    with tarfile.open(archive) as tar:
+        names = tar.getnames()
+        entry = read_json(tar, "index.json")["manifests"][0]
+        manifest = read_json(tar, "blobs/sha256/" + entry["digest"].removeprefix("sha256:"))
+        blobs = [name for name in names if name.startswith("blobs/")]
+        assert all(name.endswith(digest_of(tar, name)) for name in blobs)
+    assert f"blobs/sha256/{top.digest}" in names
+    assert f"blobs/sha256/{base.digest}" not in names
+    assert [part["digest"] for part in manifest["layers"]] == [f"sha256:{base.digest}", f"sha256:{top.digest}"]
+    assert entry["annotations"]["io.containerd.image.name"] == "docker.io/lab/b:2"
+
+
+def test_checksum_files_are_read() -> None:
+    assert parse_sums("aa  k3s\nbb *k3s-airgap-images-amd64.tar\n\n") == {
+        "k3s": "aa",
+        "k3s-airgap-images-amd64.tar": "bb",
+    }
+
+
+def test_the_environment_is_remade_for_new_requirements_or_another_python() -> None:
+    marks = {
+        fingerprint(b"a==1", "/usr/bin/python3", "3.11.2"),
+        fingerprint(b"a==2", "/usr/bin/python3", "3.11.2"),
+        fingerprint(b"a==1", "/opt/python3", "3.11.2"),
+        fingerprint(b"a==1", "/usr/bin/python3", "3.12.0"),
+    }
+    assert len(marks) == 4

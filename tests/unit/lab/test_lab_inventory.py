@@ -1,0 +1,63 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Ansible is told about a lab."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import pytest
+from lablib.errors import LabError
+from lablib.inventory import host_variables, inventory
+from lablib.keys import Keys
+from lablib.state import Host, LabState
+
+STATE = LabState(
+    "demo",
+    "10.70.1.0/24",
+    (
+        Host("edge1", "edge", "10.70.1.11"),
+        Host("robot1", "robots", "10.70.1.12"),
+        Host("robot2", "robots", "10.70.1.13"),
+    ),
+)
+KEYS = Keys(Path("/work dir/50%/.lab/demo/ssh"))
+
+
+def test_groups_hold_the_hosts_in_order() -> None:
+    listing = inventory(STATE, KEYS, "/x/.lab/demo", {})
+    assert listing["edge"]["hosts"] == ["edge1"]
+    assert listing["robots"]["hosts"] == ["robot1", "robot2"]
+    assert set(listing["_meta"]["hostvars"]) == {"edge1", "robot1", "robot2"}
+    json.dumps(listing)
+
+
+def test_artifacts_become_lab_variables() -> None:
+    artifacts = {"airgap_dir": "/cache/labk3s-1", "image_archives": ["/cache/a.tar"]}
+    variables = inventory(STATE, KEYS, "/x/.lab/demo", artifacts)["all"]["vars"]
+    assert variables["lab_airgap_dir"] == "/cache/labk3s-1"
+    assert variables["lab_image_archives"] == ["/cache/a.tar"]
+    assert variables["lab_dir"] == "/x/.lab/demo"
+
+
+def test_host_keys_are_checked_whatever_the_path() -> None:
+    variables = host_variables(STATE.hosts[0], KEYS)
+    options = shlex.split(variables["ansible_ssh_common_args"])
+    assert "StrictHostKeyChecking=yes" in options
+    # ssh splits an option at spaces and expands %: quoted against the one, doubled against the other
+    assert 'UserKnownHostsFile="/work dir/50%%/.lab/demo/ssh/known_hosts"' in options
+    assert variables["ansible_host"] == "10.70.1.11"
+    assert variables["ansible_user"] == "root"
+    assert variables["ansible_python_interpreter"] == "/usr/bin/python3"
+
+
+def test_the_gateway_is_the_subnets_first_address() -> None:
+    assert STATE.gateway == "10.70.1.1"
+
+
+def test_an_unknown_host_is_an_error_that_names_the_known_ones() -> None:
+    with pytest.raises(LabError, match=r"no host robot9(.|\n)*edge1, robot1, robot2"):
+        STATE.host("robot9")

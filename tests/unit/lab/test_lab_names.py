@@ -1,0 +1,120 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Two labs on one machine must not meet: names, subnets, addresses."""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Network
+
+import pytest
+from lablib.errors import LabError
+from lablib.names import (
+    POOL,
+    RESERVED,
+    HostSpec,
+    assign_addresses,
+    check_lab_name,
+    checkout_id,
+    choose_subnet,
+    container_name,
+    network_name,
+    parse_hosts,
+    parse_networks,
+)
+
+SUBNET = IPv4Network("10.70.1.0/24")
+
+
+def test_names_tell_checkouts_and_labs_apart() -> None:
+    one, two = checkout_id("/a/main"), checkout_id("/b/main")
+    names = {container_name(checkout, lab, "robot1") for checkout in (one, two) for lab in ("demo", "molecule")}
+    assert len(names) == 4
+    assert container_name(one, "demo", "robot1").startswith(f"{network_name(one, 'demo')}-")
+
+
+def test_the_same_lab_gets_the_same_subnet_again() -> None:
+    assert choose_subnet("rosops-1-demo", []) == choose_subnet("rosops-1-demo", [])
+    assert choose_subnet("rosops-1-demo", []) != choose_subnet("rosops-2-demo", [])
+
+
+def test_a_taken_subnet_is_passed_over() -> None:
+    first = choose_subnet("seed", [])
+    second = choose_subnet("seed", [first])
+    assert second != first
+    assert second.prefixlen == 24
+    assert second.subnet_of(POOL)
+
+
+def test_a_wider_network_hides_all_that_is_in_it() -> None:
+    first = choose_subnet("seed", [])
+    wide = first.supernet(new_prefix=20)
+    assert not choose_subnet("seed", [wide]).overlaps(wide)
+
+
+def test_the_search_goes_round_to_the_start_of_the_pool() -> None:
+    free = IPv4Network("10.64.0.0/24")
+    assert choose_subnet("any", POOL.address_exclude(free)) == free
+
+
+def test_a_full_pool_is_an_error_that_says_what_to_do() -> None:
+    with pytest.raises(LabError, match=r"no free /24 network(.|\n)*prune"):
+        choose_subnet("seed", [POOL])
+
+
+def test_the_pool_keeps_clear_of_pods_and_services() -> None:
+    assert not any(POOL.overlaps(network) for network in RESERVED)
+
+
+def test_routes_that_are_no_ipv4_networks_are_left_out() -> None:
+    assert parse_networks(["default", "10.1.2.3", "10.1.0.0/16", "fd00::/8", "0.0.0.0/0", ""]) == [
+        IPv4Network("10.1.2.3/32"),
+        IPv4Network("10.1.0.0/16"),
+    ]
+
+
+def test_addresses_are_given_in_order_and_kept() -> None:
+    first = assign_addresses(SUBNET, ["edge1", "robot1"])
+    assert {name: str(address) for name, address in first.items()} == {"edge1": "10.70.1.11", "robot1": "10.70.1.12"}
+    again = assign_addresses(
+        SUBNET, ["robot0", "robot1", "edge1"], {name: str(address) for name, address in first.items()}
+    )
+    assert again["robot1"] == first["robot1"]
+    assert again["edge1"] == first["edge1"]
+    assert str(again["robot0"]) == "10.70.1.13"
+
+
+def test_an_address_of_a_former_subnet_is_not_kept() -> None:
+    assert str(assign_addresses(SUBNET, ["edge1"], {"edge1": "10.99.0.7"})["edge1"]) == "10.70.1.11"
+
+
+def test_hosts_are_parsed() -> None:
+    assert parse_hosts("edge1:edge, robot-1:robots,") == [HostSpec("edge1", "edge"), HostSpec("robot-1", "robots")]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "no host given"),
+        ("edge1", "group must be one of edge, robots"),
+        ("edge1:cloud", "group must be one of edge, robots"),
+        ("Robot_1:robots", "lower-case letters"),
+        (":edge", "lower-case letters"),
+        ("a:edge,a:robots", "used twice"),
+    ],
+)
+def test_bad_hosts_are_refused(text: str, complaint: str) -> None:
+    with pytest.raises(LabError, match=complaint):
+        parse_hosts(text)
+
+
+def test_every_mistake_is_reported_at_once() -> None:
+    with pytest.raises(LabError, match=r"used twice(.|\n)*group must be") as caught:
+        parse_hosts("a:edge,a:edge,b:cloud")
+    assert "for example" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", "Demo", "-x", "a/b", "../x", "a" * 60])
+def test_bad_lab_names_are_refused(name: str) -> None:
+    with pytest.raises(LabError, match="not usable"):
+        check_lab_name(name)

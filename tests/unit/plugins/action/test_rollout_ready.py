@@ -1,0 +1,88 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The action: arguments and environment in, result out, progress on the display."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, Mapping
+
+import pytest
+from ansible.errors import AnsibleActionFail
+from ansible_collections.rosops.fleet.plugins.action import rollout_ready
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReady
+from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import Settings
+
+TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
+
+
+class FakeKube:
+    given: dict[str, Any]
+
+    def __init__(self, auth: Mapping[str, Any]) -> None:
+        type(self).given = dict(auth)
+
+    def __enter__(self) -> FakeKube:
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        """Nothing to close."""
+
+
+def action(monkeypatch: pytest.MonkeyPatch, work: Any, args: dict[str, Any], check_mode: bool = False) -> Any:
+    monkeypatch.setattr(rollout_ready, "Kube", FakeKube)
+    monkeypatch.setattr(rollout_ready, "run", work)
+    task = SimpleNamespace(
+        args={"objects": [TALKER], **args},
+        check_mode=check_mode,
+        async_val=0,
+        diff=False,
+        environment=[{"K8S_AUTH_API_KEY": "from-task"}],
+        no_log=False,
+    )
+    templar = SimpleNamespace(template=lambda value: value)
+    connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused", env_prefix=lambda **_: ""))
+    made = rollout_ready.ActionModule(
+        task=task, connection=connection, play_context=None, loader=None, templar=templar, shared_loader_obj=None
+    )
+    return made.run(task_vars={"inventory_hostname": "robot1"})
+
+
+def test_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(rollout_ready.display, "display", said.append)
+
+    def work(params: Any, _kube: Any, settings: Settings, check_mode: bool) -> dict[str, Any]:
+        settings.say("1 of 1 still open")
+        return {
+            "objects": [],
+            "elapsed": 0.1,
+            "seen": (params["objects"], settings.timeout, settings.grace, check_mode),
+        }
+
+    result = action(monkeypatch, work, {"host": "https://edge1:6443", "timeout": "20"})
+    assert result["seen"] == ([TALKER], 20.0, 10.0, False)
+    assert result["changed"] is False
+    assert "failed" not in result
+    assert FakeKube.given == {"host": "https://edge1:6443", "api_key": "from-task"}
+    assert said == ["[robot1] 1 of 1 still open"]
+
+
+def test_failure_carries_the_objects(monkeypatch: pytest.MonkeyPatch) -> None:
+    def work(*_unused: Any) -> dict[str, Any]:
+        raise NotReady("1 of 1 cannot be rolled out", objects=[TALKER], elapsed=2.0)
+
+    result = action(monkeypatch, work, {})
+    assert (result["failed"], result["msg"]) == (True, "1 of 1 cannot be rolled out")
+    assert result["objects"] == [TALKER]
+
+
+def test_check_mode_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = action(monkeypatch, lambda *given: {"mode": given[3]}, {}, check_mode=True)
+    assert result["mode"] is True
+
+
+@pytest.mark.parametrize("bad", [{"objects": "x"}, {"objects": None}, {"timeout": "soon"}, {"wait": True}])
+def test_bad_arguments(monkeypatch: pytest.MonkeyPatch, bad: dict[str, Any]) -> None:
+    with pytest.raises(AnsibleActionFail):
+        action(monkeypatch, lambda *_: {}, bad)
