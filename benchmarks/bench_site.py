@@ -71,7 +71,7 @@ def task_lines(report: Mapping[str, Any]) -> list[str]:
     """The slowest tasks, one a line."""
     return [
         f"  {task['seconds']:7.1f} s  {task['stage']}: {task['name']}"
-        + (f"  (changed: {', '.join(task['changed'])})" if task["changed"] else "")
+        + (f"  (changed on {task['changed']} of {task['hosts']} hosts)" if task["changed"] else "")
         for task in report["slowest_tasks"]
     ]
 

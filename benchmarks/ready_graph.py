@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 # ruff: noqa: PLC0415, S603 - only the nodes need ROS's Python; every command line is our own
@@ -69,7 +68,7 @@ def node(kind: str, number: str) -> None:
     elif kind == "late":  # publishes the next topic at each line that it reads
         kept = [
             rospy.Publisher(f"/late_{i}", String, queue_size=10)
-            for i, _ in enumerate(iter(sys.stdin.readline, ""))
+            for i, _line in enumerate(iter(sys.stdin.readline, ""))
         ]  # fmt: skip
         del kept
     rospy.spin()
@@ -98,7 +97,7 @@ class Scene:
         for kind in ("helper", "worker", "waiter", "late"):
             self.node(kind, 0)
         until("20 nodes", lambda: len(self.registered()) == len(self.nodes) == 20, 120)
-        until("the action", lambda: "/work/status" in [topic for topic, _ in self.system_state()[0]], 60)
+        until("the action", lambda: "/work/status" in [row[0] for row in self.system_state()[0]], 60)
 
     def start(self, *command: str) -> subprocess.Popen[str]:
         env = {**os.environ, "ROS_MASTER_URI": self.uri, "ROS_IP": "127.0.0.1", "ROS_LOG_DIR": self.home,
@@ -116,7 +115,7 @@ class Scene:
         return reply[2]
 
     def registered(self) -> set[str]:
-        return {name for part in self.system_state() for _, names in part for name in names}
+        return {name for part in self.system_state() for row in part for name in row[1]}
 
     def slave(self, name: str) -> Any:
         reply: Any = self.api.lookupNode(ME, name)
@@ -124,8 +123,8 @@ class Scene:
 
     def sent(self) -> int:
         """Messages that the 500 Hz publisher itself counts on its connection to its subscriber."""
-        _, _, (publishers, _, _) = self.slave("/talker_0").getBusStats(ME)
-        return max(int(row[2]) for topic, _, rows in publishers if topic == "/topic_0" for row in rows)
+        publishers = self.slave("/talker_0").getBusStats(ME)[2][0]
+        return max(int(row[2]) for topic, _size, rows in publishers if topic == "/topic_0" for row in rows)
 
     def end(self) -> None:
         for process in [*self.nodes.values(), self.master]:
@@ -167,7 +166,7 @@ class Run:
     def result(self) -> dict[str, Any]:
         assert self.process.stdout is not None
         text = self.process.stdout.read()
-        _, _, usage = os.wait4(self.process.pid, 0)
+        usage = os.wait4(self.process.pid, 0)[2]
         self.process.returncode = 0
         self.ended = time.monotonic()
         self.cpu = usage.ru_utime + usage.ru_stime
@@ -178,7 +177,7 @@ class Run:
 def measured(label: str, scene: Scene, trials: int, expected: str, **options: Any) -> dict[str, Any]:
     """Runs of one kind: seconds in the module, of the whole process, and of CPU."""
     elapsed, whole, cpu, last = [], [], [], {}
-    for _ in range(trials):
+    for _trial in range(trials):
         run = Run(scene.uri, timeout=0, **options)
         last = run.result()
         if last["verdict"] != expected:

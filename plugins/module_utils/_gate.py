@@ -268,8 +268,8 @@ def _check_number(graph: Graph, what: str, names: tuple[str, ...], least: int) -
 
 def _check_type(graph: Graph, topic: Topic, wanted: str) -> tuple[str, str]:
     """A living publisher's own word counts; the master may still know the type of one that is gone."""
-    publishers, _ = _living(graph, topic.publishers)
-    subscribers, _ = _living(graph, topic.subscribers)
+    publishers, _dead = _living(graph, topic.publishers)
+    subscribers, _dead = _living(graph, topic.subscribers)
     claims = {name: graph.nodes[name].own_types.get(topic.name, "") for name in (*publishers, *subscribers)}
     claims = {name: claim for name, claim in claims.items() if claim not in ("", ANY_TYPE)}
     wrong = {name: claim for name, claim in claims.items() if claim != wanted}

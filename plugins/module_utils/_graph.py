@@ -233,7 +233,7 @@ def _action_dict(action: Action) -> dict[str, Any]:
 
 def unwrap(reply: Any) -> Any:
     """The value of a `[code, message, value]` reply; RosError with the peer's message where the code is not 1."""
-    if not isinstance(reply, (list, tuple)) or len(reply) < 3 or type(reply[0]) is not int:
+    if not isinstance(reply, (list, tuple)) or len(reply) < 3 or isinstance(reply[0], bool) or not isinstance(reply[0], int):
         raise RosError("the reply is not [code, message, value]")
     if reply[0] != 1:
         raise RosError(str(reply[1])[:200] or f"refused with code {reply[0]}")
@@ -261,7 +261,7 @@ def _rows(raw: Any, least: int) -> Iterable[Any]:
 def registrations(raw: Any) -> dict[str, tuple[str, ...]]:
     """One third of getSystemState's value."""
     found: dict[str, tuple[str, ...]] = {}
-    for name, nodes, *_ in _rows(raw, 2):
+    for name, nodes, *_more in _rows(raw, 2):
         if isinstance(name, str) and isinstance(nodes, (list, tuple)):
             found[name] = tuple(sorted({node for node in nodes if isinstance(node, str)}))
     return found
@@ -284,7 +284,7 @@ def connections(raw: Any) -> tuple[Connection, ...]:
     """getBusInfo's value: [id, peer, direction, transport, topic, connected, ...]; older nodes end after the topic."""
     found = []
     for row in _rows(raw, 5):
-        _, peer, direction, transport, topic = row[:5]
+        peer, direction, transport, topic = row[1:5]
         if all(isinstance(value, str) for value in (peer, direction, transport, topic)):
             connected = bool(row[5]) if len(row) > 5 else True
             found.append(Connection(topic, peer, direction, transport, connected))

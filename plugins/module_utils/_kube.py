@@ -197,6 +197,8 @@ def _cause(exc: BaseException) -> str:
     for known in ("Connection refused", "No route to host", "Name or service not known", "Network is unreachable"):
         if known in text:
             return known.lower()
+    if any(known in text for known in ("EOF occurred", "Connection reset", "RemoteDisconnected", "Connection aborted")):
+        return "it closed the connection"
     if "timed out" in text.lower():
         return "no answer in time"
     if "CERTIFICATE_VERIFY_FAILED" in text:

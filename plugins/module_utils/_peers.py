@@ -66,7 +66,7 @@ class TimedSocket(socket.socket):
 def connect(host: str, port: int, deadline: Deadline) -> TimedSocket:
     """A TCP connection within the deadline; names are looked up here (and can outlast it: see in_parallel)."""
     error: OSError = socket.timeout("timed out")
-    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+    for family, kind, protocol, _name, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
         sock = TimedSocket(family, kind, protocol)
         sock.deadline = deadline
         try:
@@ -132,7 +132,7 @@ def in_parallel(
                 done.put((key, failed(key, error)))
 
     threads = min(len(tasks), MAX_THREADS)
-    for _ in range(threads):
+    for _thread in range(threads):
         threading.Thread(target=work, daemon=True).start()
     end = time.monotonic() + seconds * -(-len(tasks) // MAX_THREADS) + GRACE
     results: dict[Any, _Result] = {}

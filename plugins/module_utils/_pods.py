@@ -100,7 +100,8 @@ def _exit(ended: Mapping[str, Any]) -> str:
 
 def _crash(container: Mapping[str, Any]) -> str:
     last = dict((container.get("lastState") or {}).get("terminated") or {})
-    times = f"restarted {container.get('restartCount', 0)} times"
+    restarts = int(container.get("restartCount") or 0)
+    times = f"{restarts} restart" + ("" if restarts == 1 else "s")
     return _words(CRASH_LOOP, f"{times}, last {_exit(last)}" if last else times)
 
 
@@ -109,8 +110,9 @@ def _container_trouble(container: Mapping[str, Any], where: str) -> Verdict | No
     why, message = str(waiting.get("reason") or ""), str(waiting.get("message") or "")
     if why in IMAGE_ERRORS:
         return Verdict(FAIL, _words(where, why, f"image {container.get('image', '?')}", message))
-    if why == CRASH_LOOP:
-        return Verdict(FAIL, _words(where, _crash(container)))
+    if why == CRASH_LOOP:  # by itself the kubelet restarts a first crash at once: without a restart it is no loop yet
+        looped = bool(container.get("restartCount"))
+        return Verdict(FAIL if looped else WAIT, _words(where, _crash(container)), "" if looped else CRASH_LOOP)
     if why in CONFIG_ERRORS and not any(slow in message for slow in KUBELET_TOO_SLOW):
         return Verdict(FAIL, _words(where, why, message))
     if why in RUNTIME_ERRORS or why in CONFIG_ERRORS:

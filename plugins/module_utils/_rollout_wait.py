@@ -14,7 +14,14 @@ from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import KubeError, NotReady
 from ansible_collections.rosops.fleet.plugins.module_utils._kube import KUBE_ARGS, ApiError, Target
-from ansible_collections.rosops.fleet.plugins.module_utils._pods import Object, Verdict, condition, meta
+from ansible_collections.rosops.fleet.plugins.module_utils._pods import (
+    Object,
+    Verdict,
+    condition,
+    is_terminating,
+    meta,
+    uid_of,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._rollout import Tracker, judge
 from ansible_collections.rosops.fleet.plugins.module_utils._view import CLUSTER_WIDE, Ref, View, parse_refs, watched
@@ -231,11 +238,12 @@ def _notes(kube: Cluster, bad: Sequence[Row], view: View) -> list[str]:
     It only explains a failure that is already certain, so it does without what it may not read.
     """
     notes: list[str] = []
+    said = " ".join(row.verdict.reason for row in bad)
     try:
         for namespace in sorted({row.ref.namespace for row in bad if row.ref.namespace})[:3]:
             names = {row.ref.name for row in bad if row.ref.namespace == namespace}
             events = kube.objects("Event", namespace, fields="type=Warning")
-            notes += _warnings(events, names)
+            notes += _warnings((one for one in events if _is_news(one, view, namespace, said)), names)
             for pod in view.all("Pod", namespace):
                 notes += _last_words(kube, pod, names)
     except KubeError:
@@ -247,6 +255,18 @@ def _concerns(name: str, names: Iterable[str]) -> bool:
     return any(name == wanted or name.startswith(f"{wanted}-") for wanted in names)
 
 
+def _is_news(event: Mapping[str, Any], view: View, namespace: str, said: str) -> bool:
+    """Not about something that is gone or going, and not what the verdict says already."""
+    about = event.get("involvedObject") or {}
+    kind, name, message = str(about.get("kind")), str(about.get("name")), str(event.get("message") or "")
+    found = view.get(kind, namespace, name)
+    if kind == "Pod" and (not found or is_terminating(found) or uid_of(found) != about.get("uid")):
+        return False
+    if kind == "ReplicaSet" and found and not (found.get("spec") or {}).get("replicas"):
+        return False
+    return event.get("reason") != "BackOff" and message.replace("Error: ", "") not in said
+
+
 def _warnings(events: Iterable[Mapping[str, Any]], names: Iterable[str]) -> list[str]:
     """The newest warning of each object."""
     newest: dict[str, Mapping[str, Any]] = {}
@@ -254,11 +274,7 @@ def _warnings(events: Iterable[Mapping[str, Any]], names: Iterable[str]) -> list
         about = event.get("involvedObject") or {}
         if _concerns(str(about.get("name", "")), names):
             newest[f"{about.get('kind')} {about.get('name')}"] = event
-    return [
-        f"  event of {about}: {event.get('reason')}: {event.get('message')}"
-        for about, event in newest.items()
-        if event.get("reason") != "BackOff"  # repeats what the verdict says
-    ]
+    return [f"  event of {about}: {event.get('reason')}: {event.get('message')}" for about, event in newest.items()]
 
 
 def _last_words(kube: Cluster, pod: Mapping[str, Any], names: Iterable[str]) -> list[str]:

@@ -177,7 +177,7 @@ class RosMaster:
         """Count the messages of topics, all at the same time, each for its number of seconds."""
         topics = [graph.topics[name] for name in seconds if name in graph.topics]
         sources = [(topic.name, publisher) for topic in topics for publisher in topic.publishers]
-        uris: dict[str, Any] = {name: graph.nodes[name].uri for _, name in sources}
+        uris: dict[str, Any] = {name: graph.nodes[name].uri for _topic, name in sources}
         uris.update(self._look_up(sorted(name for name, uri in uris.items() if not uri), ())[0])
 
         def task(topic: str, publisher: str) -> Any:
@@ -237,7 +237,7 @@ def _count(sockets: Mapping[Any, TimedSocket], seconds: Mapping[str, float]) -> 
                 _leave(selector, sockets[key])
             if len(rates) == len(sockets):
                 return rates
-            for ready, _ in selector.select(timeout=TICK * 4):
+            for ready, _events in selector.select(timeout=TICK * 4):
                 if not _drain(sockets[ready.data], view, counters[ready.data]):
                     _leave(selector, sockets[ready.data])  # the rest of its window is silence
             time.sleep(TICK)
@@ -251,7 +251,7 @@ def _leave(selector: selectors.BaseSelector, sock: TimedSocket) -> None:
 
 def _drain(sock: TimedSocket, view: memoryview, counter: _tcpros.FrameCounter) -> bool:
     """Feed what has arrived; False at the stream's end."""
-    for _ in range(16):  # one fast stream must not keep the others waiting
+    for _read in range(16):  # one fast stream must not keep the others waiting
         try:
             size = socket.socket.recv_into(sock, view)
         except (BlockingIOError, InterruptedError):

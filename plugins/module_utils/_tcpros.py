@@ -77,7 +77,7 @@ def decode_status(body: bytes) -> tuple[int, ...]:
     reader.take(12)
     reader.text()
     states = []
-    for _ in range(reader.uint32()):  # a count that lies runs into the message's end
+    for _goal in range(reader.uint32()):  # a count that lies runs into the message's end
         reader.take(8)
         reader.text()
         states.append(reader.take(1)[0])

@@ -20,6 +20,9 @@ WATCH_SECONDS = 25
 READ_SLACK = 10.0
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
 JOIN_SECONDS = 1.0
+# A server that has just started answers 401 or 403 to everybody for some seconds (seen on 1.34). So credentials that
+# have worked are only given up after that many refusals in a row, about 11 seconds.
+REFUSALS_BORNE = 8
 
 
 @dataclass(frozen=True)
@@ -113,15 +116,17 @@ class Watch:
 
     def _follow(self, target: Target) -> None:
         version, pause, lost = "", FIRST_PAUSE, False
+        worked, refusals = False, 0
         while not self._over.is_set():
             try:
                 if not version:
                     items, version = self._kube.page(target)
+                    worked = True
                     self._tell("listed", target, *items)
                 answer = self._open(target, version)
                 if lost:
                     self._tell("back", target)
-                pause, lost = FIRST_PAUSE, False
+                pause, lost, refusals = FIRST_PAUSE, False, 0
                 seen = version
                 for place in self._stream(target, answer):
                     version = place
@@ -130,7 +135,9 @@ class Watch:
                 if version in (seen, ""):  # no news, or a list again: a server that answers so must not make us spin
                     self._over.wait(FIRST_PAUSE)
             except ApiError as exc:
-                if exc.status != 410 and not exc.transient:
+                refusals += exc.status in (401, 403)
+                borne = worked and 0 < refusals <= REFUSALS_BORNE
+                if exc.status != 410 and not exc.transient and not borne:
                     raise
                 if exc.status == 410:
                     version = ""

@@ -100,7 +100,9 @@ def local_kubeconfig(text: str, server: str, cluster: str, source: str) -> str:
 
     The first line says what it was made from, so that a look at it tells whether it must be made again.
     """
-    document = yaml.safe_load(text)
+    # Ansible's strings carry tags, which a YAML dumper does not know.
+    server, cluster = str(server), str(cluster)
+    document = yaml.safe_load(str(text))
     try:
         inner = document["clusters"][0]["cluster"]
         user = document["users"][0]["user"]

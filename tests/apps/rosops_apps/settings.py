@@ -7,16 +7,22 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Mapping
+from typing import Mapping, Optional
+
+Environ = Optional[Mapping[str, str]]  # None: that of the process
 
 
 class SettingError(Exception):
     """An environment variable holds what it must not."""
 
 
-def positive(name: str, default: float, environ: Mapping[str, str] = os.environ) -> float:
+def _get(name: str, environ: Environ) -> str:
+    return (os.environ if environ is None else environ).get(name, "")
+
+
+def positive(name: str, default: float, environ: Environ = None) -> float:
     """A number above 0."""
-    text = environ.get(name, "")
+    text = _get(name, environ)
     if not text:
         return default
     try:
@@ -28,21 +34,21 @@ def positive(name: str, default: float, environ: Mapping[str, str] = os.environ)
     return number
 
 
-def choice(name: str, allowed: tuple[str, ...], environ: Mapping[str, str] = os.environ) -> str:
+def choice(name: str, allowed: tuple[str, ...], environ: Environ = None) -> str:
     """One of the allowed words; the first is the default."""
-    text = environ.get(name, "") or allowed[0]
+    text = _get(name, environ) or allowed[0]
     if text not in allowed:
         raise SettingError(f"{name} must be one of {', '.join(allowed)}, not {text!r}")
     return text
 
 
-def log_dir(environ: Mapping[str, str] = os.environ) -> Path | None:
+def log_dir(environ: Environ = None) -> Path | None:
     """Where the log goes, if there is to be one."""
-    text = environ.get("LOG_DIR", "")
+    text = _get("LOG_DIR", environ)
     return Path(text) if text else None
 
 
-def required_log_dir(environ: Mapping[str, str] = os.environ) -> Path:
+def required_log_dir(environ: Environ = None) -> Path:
     """Where the log goes, for an application whose log is the point."""
     directory = log_dir(environ)
     if directory is None:
@@ -50,14 +56,14 @@ def required_log_dir(environ: Mapping[str, str] = os.environ) -> Path:
     return directory
 
 
-def ready_file(environ: Mapping[str, str] = os.environ) -> Path:
+def ready_file(environ: Environ = None) -> Path:
     """The file whose existence says that the application is ready."""
-    return Path(environ.get("READY_FILE", "") or "/tmp/ready")  # noqa: S108 - a container's own /tmp
+    return Path(_get("READY_FILE", environ) or "/tmp/ready")  # noqa: S108 - a container's own /tmp
 
 
-def version(environ: Mapping[str, str] = os.environ) -> str:
+def version(environ: Environ = None) -> str:
     """The version of the applications: the environment's, else the one they were built as."""
-    text = environ.get("ROSOPS_APPS_VERSION", "")
+    text = _get("ROSOPS_APPS_VERSION", environ)
     if text:
         return text
     try:

@@ -11,6 +11,7 @@ import (
 	"os"
 	"os/exec"
 	"os/signal"
+	"strconv"
 	"strings"
 	"syscall"
 	"time"
@@ -227,14 +228,18 @@ func prepareHost() {
 	for _, module := range []string{"br_netfilter", "overlay"} {
 		_ = exec.Command("modprobe", module).Run() // may well be built in
 	}
-	for name, value := range map[string]string{
-		"net/ipv4/ip_forward": "1", "net/ipv4/conf/all/forwarding": "1", "net/bridge/bridge-nf-call-iptables": "1",
+	for name, least := range map[string]int{
+		"net/ipv4/ip_forward": 1, "net/ipv4/conf/all/forwarding": 1, "net/bridge/bridge-nf-call-iptables": 1,
+		// All lab hosts of a machine draw on one supply of these.
+		"fs/inotify/max_user_instances": 1024, "fs/inotify/max_user_watches": 524288,
 	} {
 		path := "/proc/sys/" + name
-		if content, err := os.ReadFile(path); err == nil && strings.TrimSpace(string(content)) == value {
-			continue
+		if content, err := os.ReadFile(path); err == nil {
+			if value, err := strconv.Atoi(strings.TrimSpace(string(content))); err == nil && value >= least {
+				continue
+			}
 		}
-		if err := os.WriteFile(path, []byte(value), 0o644); err != nil {
+		if err := os.WriteFile(path, []byte(strconv.Itoa(least)), 0o644); err != nil {
 			logf("warning", "setting %s: %v", strings.ReplaceAll(name, "/", "."), err)
 		}
 	}

@@ -41,16 +41,17 @@ func startContainerd(ctx context.Context, c *config, procs *processes, images *i
 	if _, err := writeFile(path, []byte(content), 0o600); err != nil {
 		return err
 	}
-	for _, dir := range []string{images.dir, c.dataDir.agent("etc", "cni", "net.d"), containerdState} {
+	logFile := c.dataDir.agent("containerd", "containerd.log")
+	for _, dir := range []string{filepath.Dir(logFile), images.dir, c.dataDir.agent("etc", "cni", "net.d"), containerdState} {
 		if err := os.MkdirAll(dir, 0o755); err != nil {
 			return err
 		}
 	}
-	if err := procs.program(program, "--config", path); err != nil {
+	if err := procs.program(logFile, program, "--config", path); err != nil {
 		return err
 	}
 	if err := waitContainerd(ctx); err != nil {
-		return err
+		return fmt.Errorf("containerd is not ready (its log is %s): %w", logFile, err)
 	}
 	images.start(ctx)
 	return nil
@@ -251,9 +252,7 @@ func waitContainerd(ctx context.Context) error {
 		defer conn.Close()
 		call, cancel := context.WithTimeout(ctx, time.Second)
 		defer cancel()
-		if _, err := cri.NewRuntimeServiceClient(conn).Version(call, &cri.VersionRequest{}); err != nil {
-			return false, fmt.Errorf("containerd is not ready: %w", err)
-		}
-		return true, nil
+		_, err = cri.NewRuntimeServiceClient(conn).Version(call, &cri.VersionRequest{})
+		return err == nil, err
 	})
 }

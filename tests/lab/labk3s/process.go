@@ -42,17 +42,22 @@ const stopGrace = 5 * time.Second
 // component starts this binary again as one of its components.
 func (p *processes) component(name string, args []string) error {
 	// The running file, not its path: an upgrade may have replaced that.
-	return p.start(name, "/proc/self/exe", append([]string{"k3s", name}, args...))
+	return p.start(name, "/proc/self/exe", append([]string{"k3s", name}, args...), os.Stderr)
 }
 
-// program starts a program of the host.
-func (p *processes) program(path string, args ...string) error {
-	return p.start(filepath.Base(path), path, append([]string{path}, args...))
+// program starts a program of the host, with a log file of its own.
+func (p *processes) program(logFile, path string, args ...string) error {
+	log, err := os.OpenFile(logFile, os.O_CREATE|os.O_WRONLY|os.O_APPEND|os.O_TRUNC, 0o600)
+	if err != nil {
+		return err
+	}
+	defer log.Close()
+	return p.start(filepath.Base(path), path, append([]string{path}, args...), log)
 }
 
-func (p *processes) start(name, path string, argv []string) error {
+func (p *processes) start(name, path string, argv []string, log *os.File) error {
 	cmd := &exec.Cmd{
-		Path: path, Args: argv, Env: childEnv(), Stdout: os.Stderr, Stderr: os.Stderr,
+		Path: path, Args: argv, Env: childEnv(), Stdout: log, Stderr: log,
 		SysProcAttr: &syscall.SysProcAttr{Pdeathsig: syscall.SIGKILL},
 	}
 	c := &child{name: name, cmd: cmd, done: make(chan struct{})}

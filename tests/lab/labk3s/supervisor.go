@@ -117,11 +117,29 @@ func (s *supervisor) serve(ctx context.Context) error {
 		server.Close()
 	}()
 	go func() {
-		if err := server.ServeTLS(listener, "", ""); !errors.Is(err, http.ErrServerClosed) {
+		if err := server.ServeTLS(notForAPIServer{listener}, "", ""); !errors.Is(err, http.ErrServerClosed) {
 			logf("error", "supervisor: %v", err)
 		}
 	}()
 	return nil
+}
+
+// notForAPIServer turns away who wants the API server itself. As long as that
+// does not listen, the kernel gives its connections to the listener on all
+// addresses, and a proxy that talks to itself would go on doing so.
+type notForAPIServer struct{ net.Listener }
+
+func (l notForAPIServer) Accept() (net.Conn, error) {
+	for {
+		conn, err := l.Listener.Accept()
+		if err != nil {
+			return nil, err
+		}
+		if local, ok := conn.LocalAddr().(*net.TCPAddr); !ok || local.IP.String() != apiserverIP {
+			return conn, nil
+		}
+		conn.Close()
+	}
 }
 
 func (s *supervisor) handler() (http.Handler, error) {
@@ -217,7 +235,7 @@ func (s *supervisor) apiProxy() (http.Handler, error) {
 			}
 		},
 		Transport: roundTripper(func(r *http.Request) (*http.Response, error) {
-			named := r.Header.Get("X-Remote-User") != ""; logf("debug", "%s named %v %v", r.URL, named, r.Header)
+			named := r.Header.Get("X-Remote-User") != ""
 			return transports[[2]bool{named, r.Header.Get("Upgrade") != ""}].RoundTrip(r)
 		}),
 		FlushInterval: -1, // watches
@@ -237,7 +255,6 @@ func (f roundTripper) RoundTrip(r *http.Request) (*http.Response, error) { retur
 
 // peerUser is the client certificate, if there is one of our client CA.
 func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
-	logf("debug", "tls %v %s %s %p", r.TLS, r.RemoteAddr, r.Proto, r)
 	if r.TLS == nil || len(r.TLS.PeerCertificates) == 0 {
 		return nil
 	}
@@ -246,7 +263,7 @@ func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
 	for _, cert := range r.TLS.PeerCertificates[1:] {
 		middle.AddCert(cert)
 	}
-	leaf := r.TLS.PeerCertificates[0]; logf("debug","peer %s", leaf.Subject)
+	leaf := r.TLS.PeerCertificates[0]
 	_, err := leaf.Verify(x509.VerifyOptions{
 		Roots: roots, Intermediates: middle, KeyUsages: []x509.ExtKeyUsage{x509.ExtKeyUsageClientAuth},
 	})

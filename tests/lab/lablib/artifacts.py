@@ -19,10 +19,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from .errors import LabError
-from .run import say
+from .run import PROGRESS_SECONDS, say
 
 KEEP = 2
 
@@ -41,6 +41,14 @@ class Recipe:
         for name, content in sorted(_contents(self.files)):
             digest.update(f"\0{name}\0{content}".encode())
         return digest.hexdigest()[:16]
+
+
+def _locked(handle: IO[str]) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _contents(roots: tuple[Path, ...]) -> Iterator[tuple[str, str]]:
@@ -101,11 +109,12 @@ class Cache:
         """Held by one process at a time; the kernel releases it when its holder ends, however it ends."""
         self.locks.mkdir(parents=True, exist_ok=True)
         with (self.locks / f"{name}.lock").open("w") as handle:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                say(f"waiting for {waiting_for} to end")
-                fcntl.flock(handle, fcntl.LOCK_EX)
+            started = reported = time.monotonic()
+            while not _locked(handle):
+                if reported == started or time.monotonic() - reported >= PROGRESS_SECONDS:
+                    reported = time.monotonic()
+                    say(f"  ... waiting for {waiting_for} to end: {reported - started:.0f} s")
+                time.sleep(0.2)
             yield
 
     def _prune(self, kind: str, current: Path) -> None:

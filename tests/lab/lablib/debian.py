@@ -26,9 +26,18 @@ def tree_recipe(kind: str, title: str, packages: Sequence[str]) -> Recipe:
     return Recipe(
         kind=kind,
         title=title,
-        values={"suite": pins()["debian"]["suite"], "packages": sorted(packages)},
-        files=(IMAGES / kind, Path(__file__)),
+        values={"options": _options(packages), "suite": pins()["debian"]["suite"]},
+        files=(IMAGES / kind,),
     )
+
+
+def _options(packages: Sequence[str]) -> list[str]:
+    """What decides what is in the tree; the rest of the command line is about this machine."""
+    return [
+        *("--variant=minbase", "--aptopt=Apt::Install-Recommends false"),
+        *(f"--dpkgopt=path-exclude={path}" for path in _NO_DOCUMENTATION),
+        f"--include={','.join(sorted(packages))}",
+    ]
 
 
 def make_tree(recipe: Recipe, directory: Path, log: Path) -> None:
@@ -41,10 +50,8 @@ def make_tree(recipe: Recipe, directory: Path, log: Path) -> None:
     command = [
         # A mount and a process namespace of its own: an interrupted build leaves no mount and no process behind.
         *("unshare", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc"),
-        *("mmdebstrap", "--mode=root", "--variant=minbase", "--aptopt=Apt::Install-Recommends false"),
+        *("mmdebstrap", "--mode=root", *recipe.values["options"]),
         *(f"--aptopt={line}" for line in _apt_settings()),
-        *(f"--dpkgopt=path-exclude={path}" for path in _NO_DOCUMENTATION),
-        f"--include={','.join(recipe.values['packages'])}",
         f'--customize-hook=sh {shlex.quote(str(customize))} "$1"',
         recipe.values["suite"],
         str(directory / "rootfs.tar"),

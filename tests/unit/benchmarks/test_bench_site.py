@@ -31,7 +31,7 @@ def report(changed: int, outcome: str = "updated") -> dict[str, Any]:
         "stages": [{"name": "k3s", "seconds": 70.5}],
         "slowest_tasks": [
             {"name": "Start it", "action": "command", "play": "p", "stage": "k3s", "seconds": 61.25, "hosts": 3,
-             "changed": ["robot1"]},
+             "changed": 1},
         ],
     }  # fmt: skip
 
@@ -108,4 +108,4 @@ def test_a_failed_run_is_an_error_and_the_lab_goes_all_the_same(capsys: pytest.C
 
 
 def test_task_lines() -> None:
-    assert bench_site.task_lines(report(1)) == ["     61.2 s  k3s: Start it  (changed: robot1)"]
+    assert bench_site.task_lines(report(1)) == ["     61.2 s  k3s: Start it  (changed on 1 of 3 hosts)"]

@@ -109,7 +109,7 @@ def test_fleet_hosts_hides_secrets_but_keeps_them_comparable() -> None:
         "e1": {"k3s_token": "hush1", "k3s_registries": {"configs": {"x": {"auth": {"password": "hush"}}}}},
         "e2": {"k3s_token": "hush2", "k3s_environment": {"HTTP_PROXY": "http://hush@proxy"}},
         "e3": {"k3s_token": "hush1", "robot_namespace_pull_secrets": [login]},
-        "e4": {"k3s_token": ["hush"], "ros_apps": [{"env": {"PASSWORD": "hush", "MODE": "fast"}}]},
+        "e4": {"k3s_token": ["hush"], "ros_apps": [{"env": {"PASSWORD": "hush", "auth": "hush", "MODE": "fast"}}]},
         "e5": {"k3s_token": 5, "k3s_config": "hush"},
         "e6": {"k3s_token": "", "k3s_agent_token": None},
     }

@@ -11,6 +11,7 @@ from typing import Any, Iterator
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils import _watch
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._kube import ApiError, Kube, Target, resolve_auth
 from ansible_collections.rosops.fleet.plugins.module_utils._watch import Change, Watch
@@ -241,6 +242,22 @@ def test_what_no_retry_mends_ends_the_stream(server: Server, kube: Kube, status:
     assert change.what == "refused"
     assert change.error is not None
     assert change.error.status == status
+
+
+@pytest.mark.parametrize(("count", "end"), [(3, "back"), (20, "refused")])
+def test_credentials_that_worked_get_some_more_chances(
+    server: Server, kube: Kube, monkeypatch: pytest.MonkeyPatch, count: int, end: str
+) -> None:
+    monkeypatch.setattr(_watch, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(_watch, "LONGEST_PAUSE", 0.001)
+    with Watch(kube, [PODS]) as watch:
+        take(watch, 1)
+        server.refusals += [(401, "still starting")] * count
+        server.send(PODS.path, END)
+        whats: list[str] = []
+        while end not in whats:
+            whats += [change.what for change in take(watch, 1)]
+    assert whats == ["lost"] * min(count, _watch.REFUSALS_BORNE) + [end]
 
 
 def test_a_broken_answer_starts_over(server: Server, kube: Kube) -> None:

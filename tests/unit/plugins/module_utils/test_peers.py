@@ -133,7 +133,7 @@ def test_a_peer_that_drips_bytes_cannot_hold_us(peers: Peers) -> None:
 
     def talk(sock: socket.socket) -> None:
         sock.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n")
-        for _ in range(1000):
+        for _byte in range(1000):
             sock.sendall(b"x")
             if ended.wait(0.05):
                 return
@@ -259,7 +259,7 @@ def test_a_task_that_cannot_be_interrupted_is_left_behind() -> None:
     start = time.monotonic()
     tasks = {"quick": lambda: "done", "stuck": lambda: str(release.wait(30))}
     results = in_parallel(tasks, SHORT, lambda key, error: f"{key}: {reason(error, 'u', SHORT)}")
-    assert time.monotonic() - start < SHORT + 10
+    assert time.monotonic() - start < SHORT + 2
     release.set()
     assert results == {"quick": "done", "stuck": "stuck: no answer from u within 0.3 s"}
 

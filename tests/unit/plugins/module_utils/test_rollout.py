@@ -276,7 +276,7 @@ DEPLOYMENTS = [
     Case(
         "the old pod's crash loop is no failure of the new one",
         DEPLOYMENT,
-        rolled(new_pod, pod("talker-old-1", OLD, [waiting("CrashLoopBackOff")])),
+        rolled(new_pod, pod("talker-old-1", OLD, [waiting("CrashLoopBackOff", restartCount=2)])),
         "wait",
         "old pod talker-old-1",
     ),
@@ -319,7 +319,7 @@ PODS = [
         DEPLOYMENT,
         new_container(crashed),
         "fail",
-        "container ros-app: CrashLoopBackOff: restarted 3 times, last exit code 1 (Error): ImportError",
+        "container ros-app: CrashLoopBackOff: 3 restarts, last exit code 1 (Error): ImportError",
     ),
     Case(
         "a first crash is not a loop",
@@ -327,6 +327,14 @@ PODS = [
         new_container(container(terminated={"exitCode": 1, "reason": "Error"})),
         "wait",
         "ended with exit code 1 (Error)",
+    ),
+    Case(
+        "a back-off before any restart is not a loop yet",
+        DEPLOYMENT,
+        new_container(waiting("CrashLoopBackOff")),
+        "wait",
+        "0 restarts",
+        "CrashLoopBackOff",
     ),
     Case(
         "restarted once and running",

@@ -296,28 +296,41 @@ def test_forbidden_in_the_namespace_itself_is_an_error() -> None:
 # --- what explains a failure ----------------------------------------------------------------------------------------
 
 
-def warning(kind: str, name: str, reason: str, message: str, when: str) -> Object:
+def warning(name: str, message: str, second: int, reason: str = "FailedMount", kind: str = "Pod") -> Object:
     return {
-        "involvedObject": {"kind": kind, "name": name},
+        "involvedObject": {"kind": kind, "name": name, "uid": f"uid-{name}"},
         "reason": reason,
         "message": message,
-        "lastTimestamp": when,
+        "lastTimestamp": f"2026-01-01T12:00:0{second}Z",
     }
 
 
 def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
+    starting = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
+    other = {**warning("talker-new-1", "of an earlier pod of that name", 7)}
+    other["involvedObject"] = {**other["involvedObject"], "uid": "uid-earlier"}
     events = [
-        warning("Pod", "talker-new-1", "FailedMount", "second", "2026-01-01T12:00:02Z"),
-        warning("Pod", "talker-new-1", "FailedMount", "first", "2026-01-01T12:00:01Z"),
-        warning("Pod", "other-1", "FailedMount", "not ours", "2026-01-01T12:00:03Z"),
-        warning("Pod", "talker-new-2", "BackOff", "known", "2026-01-01T12:00:03Z"),
+        warning("talker-new-1", "second", 2),
+        warning("talker-new-1", "first", 1),
+        warning("talker-new-1", "known", 3, reason="BackOff"),
+        warning("talker-new-1", "Error: is terminating", 4),
+        warning("talker-old-1", "on its way out", 5),
+        warning("talker-gone-1", "gone", 5),
+        warning("other-1", "not ours", 6),
+        other,
+        warning("talker", "of the Deployment itself", 1, "Odd", "Deployment"),
+        warning("talker-new", "of the replica set", 1, "FailedCreate", "ReplicaSet"),
     ]
-    done = Run((0.1, lists(old_pod)), kube=FakeKube({"Event": events}), timeout=5)
-    assert done.message.splitlines()[2:] == ["  event of Pod talker-new-1: FailedMount: second"]
+    steps = (0.1, lists(starting, gone_soon(old_pod), status={"availableReplicas": 0}))
+    done = Run(steps, kube=FakeKube({"Event": events}), timeout=5)
+    assert done.message.splitlines()[2:] == [
+        "  event of Pod talker-new-1: FailedMount: second",
+        "  event of Deployment talker: Odd: of the Deployment itself",
+    ]
 
 
 def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
-    crash = waiting("CrashLoopBackOff", lastState={"terminated": {"exitCode": 1}})
+    crash = waiting("CrashLoopBackOff", restartCount=2, lastState={"terminated": {"exitCode": 1}})
     steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
     done = Run(steps, kube=FakeKube(log="Traceback\nImportError: rospy"))
     assert done.message.splitlines()[-1] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"

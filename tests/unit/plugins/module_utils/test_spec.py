@@ -315,6 +315,14 @@ def test_quantities_compare() -> None:
     values = [quantity_value(text) for text in ("1n", "1m", "0.5", "1", "1k", "1Ki", "1e6", "1Mi")]
     assert None not in values
     assert values == sorted(values)  # type: ignore[type-var]
+    assert (quantity_value("1Ki"), quantity_value("1k"), quantity_value("1Gi")) == (1024, 1000, 1024**3)
+
+
+def test_localhost_is_no_stranger_unless_it_has_variables_of_ours() -> None:
+    groups = {**table.GROUPS, "all": ["localhost", "edge1", "robot1"]}
+    assert check_fleet({"groups": groups, "hosts": {"localhost": {}}}).problems == []
+    found = check_fleet({"groups": groups, "hosts": {"localhost": {"ros_apps": []}}}).problems
+    assert [problem.path for problem in found] == ["hosts.localhost"]
 
 
 @pytest.mark.parametrize(

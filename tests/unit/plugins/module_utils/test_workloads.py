@@ -269,6 +269,7 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
 def test_claims_follow_their_users() -> None:
     full = ctx(
         app(name="a", volumes=[{"name": "both"}]),
+        app(name="again", volumes=[{"name": "both"}]),
         app(name="b", scope="fleet", volumes=[{"name": "both"}, {"name": "fleet-only"}]),
         volumes=[{"name": "both"}, {"name": "fleet-only"}, {"name": "unused"}],
         master={"mode": "shared"},
