@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -248,6 +249,7 @@ def main() -> int:
     parser.add_argument("--lab", default="bench", help="name of the lab that is made for it (default: bench)")
     parser.add_argument("--keep", action="store_true", help="leave the lab as it is afterwards")
     options = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(143))  # so that the lab goes then, too
     KEPT.mkdir(parents=True, exist_ok=True)
     bench = Bench(options.lab)
     return attempt(

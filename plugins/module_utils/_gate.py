@@ -10,12 +10,11 @@ contradicts. Runs on Python 3.8 with the standard library, on hosts and in pods.
 
 from __future__ import annotations
 
-import math
-import re
 from dataclasses import asdict, dataclass, field
 from typing import Any, Iterable, Mapping, Protocol
 
-from ._errors import RosError, SpecError
+from ._conditions import ActionCondition, Conditions, TopicCondition
+from ._errors import RosError
 from ._graph import (
     ANY_TYPE,
     BUSY_STATES,
@@ -34,143 +33,6 @@ RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher
 RATE_WINDOW = 1.0
 RATE_WINDOW_MAX = 20.0
 RATE_MESSAGES = 4  # one before the first interval, and three intervals
-
-# the options of ros_ready: how long to look, and what for
-WAIT_ARGS: dict[str, dict[str, Any]] = {
-    "timeout": {"type": "float", "default": 60.0},
-    "interval": {"type": "float", "default": 0.5},
-    "consecutive": {"type": "int", "default": 1},
-}
-GATE_ARGS: dict[str, dict[str, Any]] = {
-    "nodes": {"type": "list", "elements": "str", "default": []},
-    "topics": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {
-            "name": {"type": "str", "required": True},
-            "type": {"type": "str"},
-            "publishers": {"type": "int"},
-            "subscribers": {"type": "int"},
-            "connected": {"type": "bool", "default": False},
-            "min_rate": {"type": "float"},
-        },
-    },
-    "services": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {"name": {"type": "str", "required": True}},
-    },
-    "actions": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {
-            "name": {"type": "str", "required": True},
-            "state": {"type": "str", "choices": ["up", "idle"], "default": "up"},
-        },
-    },
-    "absent": {"type": "list", "elements": "str", "default": []},
-    "namespace": {"type": "str", "default": "/"},
-}
-
-# a look costs the robot time, so there is a smallest pause between two
-_LEAST = {"timeout": (0.0, " s"), "interval": (0.05, " s"), "consecutive": (1, ""), "node_timeout": (0.05, " s")}
-
-_NAME = re.compile(r"^(/\w+|[A-Za-z_]\w*)(/\w+)*\Z", re.ASCII)
-_TYPE = re.compile(r"^[A-Za-z]\w*/[A-Za-z]\w*\Z", re.ASCII)
-
-
-# ---- conditions
-
-
-@dataclass(frozen=True)
-class TopicCondition:
-    """What a topic must show. With no number and no `connected` given, it needs one publisher."""
-
-    name: str
-    type: str | None = None
-    publishers: int | None = None
-    subscribers: int | None = None
-    connected: bool = False
-    min_rate: float | None = None
-
-
-@dataclass(frozen=True)
-class ActionCondition:
-    name: str
-    state: str = "up"
-
-
-@dataclass(frozen=True)
-class Conditions:
-    nodes: tuple[str, ...] = ()
-    topics: tuple[TopicCondition, ...] = ()
-    services: tuple[str, ...] = ()
-    actions: tuple[ActionCondition, ...] = ()
-    absent: tuple[str, ...] = ()
-
-
-def resolve(name: str, namespace: str = "/") -> str:
-    """A graph name made absolute, as ROS does it: relative ones stand under the namespace."""
-    full = name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
-    return full if full.startswith("/") else f"/{full}"
-
-
-def conditions_from(params: Mapping[str, Any]) -> Conditions:
-    """Module options (or a probe's JSON) -> conditions. Every bad value is named in one error."""
-    errors: list[str] = []
-    namespace = params.get("namespace") or "/"
-    if not (namespace == "/" or _NAME.match(namespace.rstrip("/"))):
-        errors.append(f"namespace: {namespace!r} is not a ROS name")
-
-    for option, (least, unit) in _LEAST.items():
-        value = params.get(option)
-        if value is not None and not (math.isfinite(value) and value >= least):
-            errors.append(f"{option}: {value} is not at least {least:g}{unit}")
-
-    def named(path: str, name: Any) -> str:
-        if not isinstance(name, str) or not _NAME.match(name):
-            hint = "; write a private name out as /node/name" if str(name).startswith("~") else ""
-            errors.append(f"{path}: {name!r} is not a ROS name (letters, digits and _ between slashes{hint})")
-            return ""
-        return resolve(name, namespace)
-
-    def names(option: str) -> tuple[str, ...]:
-        return tuple(named(f"{option}[{i}]", name) for i, name in enumerate(params.get(option) or ()))
-
-    topics = []
-    for i, item in enumerate(params.get("topics") or ()):
-        path = f"topics[{i}]"
-        if item.get("type") and not _TYPE.match(item["type"]):
-            errors.append(f"{path}.type: {item['type']!r} is not a message type (package/Type)")
-        for key in ("publishers", "subscribers", "min_rate"):
-            if item.get(key) is not None and not (math.isfinite(item[key]) and item[key] >= 0):
-                errors.append(f"{path}.{key}: {item[key]} is not at least 0")
-        topics.append(
-            TopicCondition(
-                named(f"{path}.name", item.get("name")),
-                item.get("type") or None,
-                item.get("publishers"),
-                item.get("subscribers"),
-                bool(item.get("connected")),
-                item.get("min_rate") or None,
-            )
-        )
-    services = [named(f"services[{i}].name", s.get("name")) for i, s in enumerate(params.get("services") or ())]
-    actions = []
-    for i, item in enumerate(params.get("actions") or ()):
-        state = item.get("state") or "up"
-        if state not in ("up", "idle"):
-            errors.append(f"actions[{i}].state: {state!r} is neither up nor idle")
-        actions.append(ActionCondition(named(f"actions[{i}].name", item.get("name")), state))
-    found = Conditions(names("nodes"), tuple(topics), tuple(services), tuple(actions), names("absent"))
-    for name in sorted(set(found.nodes) & set(found.absent) - {""}):
-        errors.append(f"absent: {name} is in nodes, too")
-    if errors:
-        raise SpecError("; ".join(errors), errors=errors)
-    return found
 
 
 def questions(state: MasterState, conditions: Conditions) -> Questions:

@@ -233,7 +233,8 @@ def _action_dict(action: Action) -> dict[str, Any]:
 
 def unwrap(reply: Any) -> Any:
     """The value of a `[code, message, value]` reply; RosError with the peer's message where the code is not 1."""
-    if not isinstance(reply, (list, tuple)) or len(reply) < 3 or isinstance(reply[0], bool) or not isinstance(reply[0], int):
+    shaped = isinstance(reply, (list, tuple)) and len(reply) >= 3
+    if not shaped or isinstance(reply[0], bool) or not isinstance(reply[0], int):
         raise RosError("the reply is not [code, message, value]")
     if reply[0] != 1:
         raise RosError(str(reply[1])[:200] or f"refused with code {reply[0]}")

@@ -133,6 +133,16 @@ def _deadline(obj: Mapping[str, Any], current: Sequence[Mapping[str, Any]]) -> V
     return Verdict(WAIT, reason, suspect="ProgressDeadlineExceeded")
 
 
+def _refused(obj: Mapping[str, Any], old: Sequence[Object]) -> Verdict | None:
+    """No pod may be made (quota, admission). An old pod that goes may free what is missing."""
+    found = condition(obj, "ReplicaFailure")
+    if found.get("status") != "True":
+        return None
+    reason = f"its pods are refused: {found.get('reason', '')}: {found.get('message', '')}"
+    going = any(is_terminating(pod) for pod in old)
+    return Verdict(WAIT, reason, suspect="" if going else "ReplicaFailure")
+
+
 def _deployment_waits(obj: Mapping[str, Any], current: Sequence[Object], old: Sequence[Object]) -> str:
     """The first thing that is not as it should be, or nothing."""
     status = obj.get("status") or {}
@@ -162,13 +172,11 @@ def _deployment(obj: Mapping[str, Any], view: View) -> Verdict:
     paused = bool((obj.get("spec") or {}).get("paused"))
     if paused and waits:
         return Verdict(WAIT, f"paused, so its template does not roll out ({waits}): resume it", suspect="Paused")
-    found = _worst(current, _room_is_coming(view)) or _deadline(obj, current)
+    refused = _refused(obj, old) if waits else None
+    found = _worst(current, _room_is_coming(view)) or (refused if refused and refused.suspect else None)
+    found = found or _deadline(obj, current) or refused
     if found:
         return found
-    refused = condition(obj, "ReplicaFailure")
-    if refused.get("status") == "True" and waits:
-        reason = f"its pods are refused: {refused.get('reason', '')}: {refused.get('message', '')}"
-        return Verdict(WAIT, reason, suspect="" if old else "ReplicaFailure")
     if waits:
         return Verdict(WAIT, waits)
     if newest is None:

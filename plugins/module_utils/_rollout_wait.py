@@ -15,6 +15,7 @@ from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import KubeError, NotReady
 from ansible_collections.rosops.fleet.plugins.module_utils._kube import KUBE_ARGS, ApiError, Target
 from ansible_collections.rosops.fleet.plugins.module_utils._pods import (
+    IMAGE_ERRORS,
     Object,
     Verdict,
     condition,
@@ -264,7 +265,8 @@ def _is_news(event: Mapping[str, Any], view: View, namespace: str, said: str) ->
         return False
     if kind == "ReplicaSet" and found and not (found.get("spec") or {}).get("replicas"):
         return False
-    return event.get("reason") != "BackOff" and message.replace("Error: ", "") not in said
+    bare = message.replace("Error: ", "")
+    return event.get("reason") != "BackOff" and bare not in IMAGE_ERRORS and bare not in said
 
 
 def _warnings(events: Iterable[Mapping[str, Any]], names: Iterable[str]) -> list[str]:

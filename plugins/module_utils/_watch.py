@@ -20,8 +20,8 @@ WATCH_SECONDS = 25
 READ_SLACK = 10.0
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
 JOIN_SECONDS = 1.0
-# A server that has just started answers 401 or 403 to everybody for some seconds (seen on 1.34). So credentials that
-# have worked are only given up after that many refusals in a row, about 11 seconds.
+# A server that is coming up may refuse what it accepts a moment later (403 before its roles are loaded). So credentials
+# that have worked are given up only after that many refusals in a row, which takes about 11 seconds.
 REFUSALS_BORNE = 8
 
 

@@ -195,8 +195,9 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils._conditions import GATE_ARGS, WAIT_ARGS, conditions_from
 from ..module_utils._errors import FleetError
-from ..module_utils._gate import GATE_ARGS, WAIT_ARGS, Look, conditions_from, look
+from ..module_utils._gate import Look, look
 from ..module_utils._poll import PASS, Polled, Seen, poll
 from ..module_utils._ros_master import ROS_ARGS, RosMaster
 

@@ -181,7 +181,7 @@ func join(ctx context.Context, c *config, supervisor string, t token, password s
 }
 
 func tryJoin(ctx context.Context, c *config, supervisor string, t token, password string, lb *loadBalancer, cluster *agentConfig) error {
-	j, err := newJoiner(ctx, supervisor, t)
+	j, err := newJoiner(ctx, supervisor, t, lb)
 	if err != nil {
 		return err
 	}

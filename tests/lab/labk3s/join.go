@@ -9,6 +9,7 @@ import (
 	"errors"
 	"fmt"
 	"io"
+	"net"
 	"net/http"
 	"strings"
 	"time"
@@ -31,16 +32,20 @@ type refusal struct {
 func (r *refusal) Error() string { return r.text }
 
 // newJoiner learns the cluster's CA and, where the token names it, verifies
-// it. A short token trusts whom it meets first, as k3s's does.
-func newJoiner(ctx context.Context, url string, t token) (*joiner, error) {
-	trusting := &http.Client{
-		Timeout: 10 * time.Second,
-		Transport: &http.Transport{
-			TLSClientConfig:   &tls.Config{InsecureSkipVerify: true}, // what comes back is checked below
-			DisableKeepAlives: true,
-		},
+// it. A short token trusts whom it meets first, as k3s's does. An agent hands
+// in its load balancer, to hear of each server why it cannot be reached.
+func newJoiner(ctx context.Context, url string, t token, lb *loadBalancer) (*joiner, error) {
+	transport := func(config *tls.Config) *http.Transport {
+		// Each attempt may meet another server, so none keeps its connection.
+		t := &http.Transport{TLSClientConfig: config, DisableKeepAlives: true}
+		if lb != nil {
+			t.DialContext = func(ctx context.Context, _, _ string) (net.Conn, error) { return lb.dial(ctx) }
+		}
+		return t
 	}
-	j := &joiner{url: url, client: trusting}
+	// What comes back is checked below.
+	trusting := transport(&tls.Config{InsecureSkipVerify: true})
+	j := &joiner{url: url, client: &http.Client{Timeout: 10 * time.Second, Transport: trusting}}
 	ca, err := j.do(ctx, http.MethodGet, "/cacerts", nil, nil)
 	if err != nil {
 		return nil, fmt.Errorf("failed to get CA certs: %w", err)
@@ -52,14 +57,8 @@ func newJoiner(ctx context.Context, url string, t token) (*joiner, error) {
 	if !roots.AppendCertsFromPEM(ca) {
 		return nil, fmt.Errorf("failed to get CA certs: no certificate from %s", url)
 	}
-	return &joiner{url: url, token: t, ca: ca, client: &http.Client{
-		Timeout: 30 * time.Second,
-		Transport: &http.Transport{
-			TLSClientConfig: &tls.Config{RootCAs: roots, MinVersion: tls.VersionTLS12},
-			// Each attempt may meet another server.
-			DisableKeepAlives: true,
-		},
-	}}, nil
+	verifying := transport(&tls.Config{RootCAs: roots, MinVersion: tls.VersionTLS12})
+	return &joiner{url: url, token: t, ca: ca, client: &http.Client{Timeout: 30 * time.Second, Transport: verifying}}, nil
 }
 
 func (j *joiner) get(ctx context.Context, path string) ([]byte, error) {

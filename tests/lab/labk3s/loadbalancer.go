@@ -100,8 +100,8 @@ func (lb *loadBalancer) serve(ctx context.Context, address string) error {
 
 func (lb *loadBalancer) forward(client net.Conn) {
 	defer client.Close()
-	server := lb.dial()
-	if server == nil {
+	server, err := lb.dial(context.Background())
+	if err != nil {
 		return
 	}
 	defer server.Close()
@@ -114,13 +114,16 @@ func (lb *loadBalancer) forward(client net.Conn) {
 
 // dial takes the first server that answers and puts those that did not behind
 // it, so that the next connection does not wait for them again.
-func (lb *loadBalancer) dial() net.Conn {
+func (lb *loadBalancer) dial(ctx context.Context) (net.Conn, error) {
 	lb.mu.Lock()
 	servers := slices.Clone(lb.servers)
 	lb.mu.Unlock()
+	dialer := net.Dialer{Timeout: 3 * time.Second}
+	var failed []error
 	for i, server := range servers {
-		conn, err := net.DialTimeout("tcp", server, 3*time.Second)
+		conn, err := dialer.DialContext(ctx, "tcp", server)
 		if err != nil {
+			failed = append(failed, err)
 			continue
 		}
 		if i > 0 {
@@ -130,9 +133,9 @@ func (lb *loadBalancer) dial() net.Conn {
 			}
 			lb.mu.Unlock()
 		}
-		return conn
+		return conn, nil
 	}
-	return nil
+	return nil, errors.Join(failed...)
 }
 
 func closeWrite(conn net.Conn) {

@@ -160,7 +160,7 @@ func prepareServer(ctx context.Context, c *config) (string, error) {
 }
 
 func fetchBootstrap(ctx context.Context, c *config, t token) error {
-	j, err := newJoiner(ctx, c.serverURL, t)
+	j, err := newJoiner(ctx, c.serverURL, t, nil)
 	if err != nil {
 		return err
 	}
@@ -225,7 +225,7 @@ func startDatastore(ctx context.Context, c *config, s *supervisor, secret string
 			return nil, err
 		}
 		err = poll(ctx, time.Second, 0, func() (bool, error) {
-			j, err := newJoiner(ctx, c.serverURL, t)
+			j, err := newJoiner(ctx, c.serverURL, t, nil)
 			var endpoints []string
 			if err == nil {
 				err = j.getJSON(ctx, "/v1-k3s/etcd-endpoints", &endpoints)

@@ -21,9 +21,12 @@ from .names import DEFAULT_HOSTS, HostSpec, assign_addresses, check_lab_name, ch
 from .network import ensure_network, remove_network
 from .paths import CHECKOUT, STATE, state_dir
 from .podman import podman
+from .run import say
 from .state import Host, LabState
 
 PARALLEL = 8
+INOTIFY = Path("/proc/sys/fs/inotify/max_user_instances")
+INOTIFY_NEEDED = 1024
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,7 @@ class Lab:
     def up(self, hosts: str | None, *, fresh: bool) -> LabState:
         """Mends what is there and makes what is missing; with `fresh` every host is a new one."""
         specs = parse_hosts(hosts) if hosts else self._known_specs()
+        _raise_inotify_limit()
         image = host_image(self.cache)
         with self.cache.lock(f"lab-{self.network}", f"another command on lab {self.name}"):
             if fresh:
@@ -106,6 +110,23 @@ class Lab:
         extra = [name.removeprefix(prefix) for name in found if name not in keep]
         runners = [HostRunner(self.checkout, state, Host(name, "", ""), self.keys, self.directory) for name in extra]
         _each(runners, HostRunner.remove)
+
+
+def _raise_inotify_limit() -> None:
+    """The one kernel setting that the lab changes, until the next reboot: the hosts share the machine's limit, and
+    systemd, containerd and a kubelet in each of them use up the default of 128."""
+    present = int(INOTIFY.read_text())
+    if present >= INOTIFY_NEEDED:
+        return
+    try:
+        INOTIFY.write_text(str(INOTIFY_NEEDED))
+    except OSError as error:
+        raise LabError(
+            f"the limit of inotify instances is {present}, which is too low for several hosts",
+            where=f"{INOTIFY}: {error}",
+            todo=f"sysctl fs.inotify.max_user_instances={INOTIFY_NEEDED}",
+        ) from error
+    say(f"raised fs.inotify.max_user_instances from {present} to {INOTIFY_NEEDED} until the next reboot")
 
 
 def labs_of_checkout(cache: Cache) -> list[Lab]:

@@ -267,6 +267,14 @@ DEPLOYMENTS = [
         "ReplicaFailure",
     ),
     Case(
+        "pods refused, and the deadline has passed over it",
+        DEPLOYMENT,
+        rolled(old_pod, status={"updatedReplicas": 0, "conditions": [refused, *exceeded(NOON)["conditions"]]}),
+        "wait",
+        "exceeded quota",
+        "ReplicaFailure",
+    ),
+    Case(
         "pods refused while an old one still takes the quota",
         DEPLOYMENT,
         rolled(gone_soon(old_pod), status={"updatedReplicas": 0, "conditions": [refused]}),

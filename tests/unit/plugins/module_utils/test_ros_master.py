@@ -10,8 +10,9 @@ import time
 from typing import Any, Iterator
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._gate import conditions_from, look
+from ansible_collections.rosops.fleet.plugins.module_utils._gate import look
 from ansible_collections.rosops.fleet.plugins.module_utils._graph import Questions, Rate, everything
 from ansible_collections.rosops.fleet.plugins.module_utils._poll import PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import RosMaster
@@ -146,9 +147,12 @@ def test_a_look_at_the_recorded_graph(ros: Replay, multicall: bool) -> None:
         absent=["/gone"],
     )
     unmet = {key: reason for key, (verdict, reason) in seen.items() if verdict != PASS}
+    down = f"nothing listens at {ros.nodes[DEAD]}"
     assert unmet == {
-        ("node", DEAD): f"registered, but down: nothing listens at {ros.nodes[DEAD]}",
+        ("node", DEAD): f"registered, but down: {down}",
         ("node", "/nobody"): "not registered with the master",
+        ("topic", "/chatter"): f"3 of 4 subscribers connected to /talker_a: missing {DEAD} (down: {down}); "
+        f"3 of 4 subscribers connected to /talker_b: missing {DEAD} (down: {down})",
     }
     assert seen["service", "/trigger"] == (PASS, "served by /helper")
     assert seen["action", "/work"] == (PASS, "idle on /worker, seen twice")

@@ -12,8 +12,8 @@ import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.doc_fragments._ros import ModuleDocFragment
+from ansible_collections.rosops.fleet.plugins.module_utils._conditions import GATE_ARGS, WAIT_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._gate import GATE_ARGS, WAIT_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._graph import Graph, MasterState, Questions, Rate, build
 from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import ROS_ARGS
 from ansible_collections.rosops.fleet.plugins.modules import ros_ready
