@@ -279,7 +279,7 @@ func (s *supervisor) authorized(next http.HandlerFunc, users ...string) http.Han
 		name, secret, ok := r.BasicAuth()
 		if !ok || !s.tokenValid(r.Context(), name, secret, users) {
 			logf("warning", "Rejected %s %s from %s: token is not valid", r.Method, r.URL.Path, r.RemoteAddr)
-			http.Error(w, "401 Unauthorized: token is not valid", http.StatusUnauthorized)
+			http.Error(w, "token is not valid", http.StatusUnauthorized)
 			return
 		}
 		next(w, r)

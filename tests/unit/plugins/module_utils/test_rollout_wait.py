@@ -278,7 +278,7 @@ def test_many_namespaces_share_one() -> None:
 def test_who_may_not_see_the_whole_cluster_looks_namespace_by_namespace() -> None:
     forbidden = ApiError("403", status=403)
     refs, everywhere = fleet(5), Target("PersistentVolumeClaim")
-    bound = [{**obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})} for _ in refs]
+    bound = [{**obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})} for _ref in refs]
     for one, claim in zip(refs, bound):
         claim["metadata"]["namespace"] = one.namespace
     each = [listed(Target("PersistentVolumeClaim", one.namespace), claim) for one, claim in zip(refs, bound)]
