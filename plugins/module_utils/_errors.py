@@ -31,5 +31,5 @@ class KubeError(FleetError):
     """The Kubernetes API could not be reached or refused the request."""
 
 
-class NotReady(FleetError):
+class NotReadyError(FleetError):
     """A wait ended without success; `details` carries the last observation."""

@@ -12,7 +12,7 @@ import time
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import KubeError, NotReady
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import KubeError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._kube import KUBE_ARGS, ApiError, Target
 from ansible_collections.rosops.fleet.plugins.module_utils._pods import (
     IMAGE_ERRORS,
@@ -176,7 +176,7 @@ def _progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
 
 
 def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> dict[str, Any]:
-    """All rolled out: the result as data. Otherwise NotReady: at once when one failed, or when the time is over."""
+    """All rolled out: the result as data. Otherwise NotReadyError: at once when one failed, or when the time is over."""
     wait = _Wait(refs, settings)
     say_at = wait.start + SAY_SECONDS
     with settings.watch(kube, sorted(wait.unlisted, key=str)) as stream:
@@ -219,7 +219,7 @@ def look_once(kube: Cluster, refs: Sequence[Ref]) -> dict[str, Any]:
 # --- the message of a failure ---------------------------------------------------------------------------------------
 
 
-def _not_ready(kube: Cluster, wait: _Wait, rows: Sequence[Row], verdict: str) -> KubeError | NotReady:
+def _not_ready(kube: Cluster, wait: _Wait, rows: Sequence[Row], verdict: str) -> KubeError | NotReadyError:
     bad = [row for row in rows if row.verdict.verdict == (FAIL if verdict == FAIL else WAIT)]
     elapsed = wait.elapsed()
     if verdict == FAIL:
@@ -230,7 +230,7 @@ def _not_ready(kube: Cluster, wait: _Wait, rows: Sequence[Row], verdict: str) ->
     lines = [f"{head}:", *(f"  {row}" for row in bad), *notes]
     if wait.unreachable() and not wait.unlisted:
         lines.append(f"  The last news is old: {wait.unreachable()}")
-    return NotReady("\n".join(lines), objects=[row.as_dict() for row in rows], elapsed=round(elapsed, 3))
+    return NotReadyError("\n".join(lines), objects=[row.as_dict() for row in rows], elapsed=round(elapsed, 3))
 
 
 def _notes(kube: Cluster, bad: Sequence[Row], view: View) -> list[str]:

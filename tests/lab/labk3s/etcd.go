@@ -4,6 +4,7 @@ import (
 	"context"
 	"errors"
 	"fmt"
+	"io"
 	"net/url"
 	"os"
 	"path/filepath"
@@ -15,7 +16,14 @@ import (
 	clientv3 "go.etcd.io/etcd/client/v3"
 	"go.etcd.io/etcd/server/v3/embed"
 	"go.uber.org/zap"
+	"google.golang.org/grpc/grpclog"
 )
+
+func init() {
+	// gRPC warns of every connection that is closed while it is being made,
+	// which etcd's client does all the time; its errors come back from calls.
+	grpclog.SetLoggerV2(grpclog.NewLoggerV2(io.Discard, io.Discard, os.Stderr))
+}
 
 const etcdLocal = "https://127.0.0.1:2379"
 
@@ -70,8 +78,8 @@ func startEtcd(ctx context.Context, c *config, initial string, joining, forceNew
 	cfg.Logger, cfg.LogLevel, cfg.LogOutputs = "zap", "warn", []string{"stderr"}
 	// NewConfig leaves it at zero, which is a warning for every request.
 	cfg.WarningUnaryRequestDuration = embed.DefaultWarningUnaryRequestDuration
-	// Lab hosts are containers: they lose power only together with the disk's
-	// page cache owner, the machine, and then the whole lab is gone anyway.
+	// A lab host is a container: it cannot lose power without the machine, and
+	// with the machine the whole lab is gone.
 	cfg.UnsafeNoFsync = true
 	server, err := embed.StartEtcd(cfg)
 	if err != nil {

@@ -46,7 +46,8 @@ func (i *imageImporter) start(ctx context.Context) {
 	dir := i.dir
 	cache, cached := loadImageCache(dir)
 	i.seen = listImages(dir)
-	for name, file := range i.seen {
+	for _, name := range sortedKeys(i.seen) {
+		file := i.seen[name]
 		if cached && cache[name].same(file) {
 			continue
 		}

@@ -82,8 +82,7 @@ func buildOptions() map[string]*option {
 		{name: "disable", kind: list, comma: true, on: onServer,
 			only: []string{"coredns", "servicelb", "traefik", "local-storage", "metrics-server", "runtimes"}},
 		{name: "disable-kube-proxy", kind: flag, on: onServer},
-		// Nothing of these three exists here, so "true" is already so, and
-		// "false" is k3s's default, which a lab must be able to leave alone.
+		// Nothing of these three exists here, so "true" is always so.
 		{name: "disable-cloud-controller", kind: flag, on: onServer, only: []string{"true"}},
 		{name: "disable-network-policy", kind: flag, on: onServer, only: []string{"true"}},
 		{name: "disable-helm-controller", kind: flag, on: onServer, only: []string{"true"}},

@@ -54,6 +54,10 @@ func runServer(ctx context.Context, c *config) error {
 	if err := serverLeaves(c, cas); err != nil {
 		return err
 	}
+	// A normal start ends what a cluster reset began.
+	if err := os.Remove(c.resetFlag()); err != nil && !errors.Is(err, os.ErrNotExist) {
+		return err
+	}
 	agentSecret, err := writeTokens(c, cas, secret)
 	if err != nil {
 		return err

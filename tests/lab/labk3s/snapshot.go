@@ -183,10 +183,14 @@ func pruneSnapshots(c *config) error {
 	return nil
 }
 
+// resetFlag keeps a service that was left with --cluster-reset in its
+// configuration from resetting its cluster over and over.
+func (c *config) resetFlag() string { return c.dataDir.server("db", "reset-flag") }
+
 // clusterReset is `k3s server --cluster-reset`: it leaves a cluster of this
 // one server, with the data it has or with a snapshot's, and ends.
 func clusterReset(ctx context.Context, c *config) error {
-	flag := c.dataDir.server("db", "reset-flag")
+	flag := c.resetFlag()
 	if exists(flag) {
 		return fmt.Errorf("Managed etcd cluster membership was previously reset, please remove the cluster-reset flag and start k3s normally. "+
 			"If you need to perform another cluster reset, you must first manually delete the file at %s", flag)

@@ -10,7 +10,7 @@ from typing import Any, Mapping
 import pytest
 from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReady
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import Settings
 
 TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
@@ -70,7 +70,7 @@ def test_success(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_failure_carries_the_objects(monkeypatch: pytest.MonkeyPatch) -> None:
     def work(*_unused: Any) -> dict[str, Any]:
-        raise NotReady("1 of 1 cannot be rolled out", objects=[TALKER], elapsed=2.0)
+        raise NotReadyError("1 of 1 cannot be rolled out", objects=[TALKER], elapsed=2.0)
 
     result = action(monkeypatch, work, {})
     assert (result["failed"], result["msg"]) == (True, "1 of 1 cannot be rolled out")

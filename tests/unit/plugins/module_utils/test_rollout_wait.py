@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, Callable, Iterable
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReady, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._kube import ApiError, Target
 from ansible_collections.rosops.fleet.plugins.module_utils._pods import Object
 from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import (
@@ -123,7 +123,7 @@ class Run:
         self.result: dict[str, Any] = {}
         try:
             self.result = wait_for_rollout(kube or FakeKube(), refs or [DEPLOYMENT], settings)
-        except (NotReady, ApiError) as exc:
+        except (NotReadyError, ApiError) as exc:
             self.error = exc
             self.result = dict(exc.details)
         self.took = self.clock.time - 1000.0

@@ -1,0 +1,185 @@
+package main
+
+import (
+	"encoding/json"
+	"maps"
+	"os"
+	"path/filepath"
+	"strings"
+	"testing"
+	"time"
+
+	corev1 "k8s.io/api/core/v1"
+	storagev1 "k8s.io/api/storage/v1"
+	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
+)
+
+func node(name, podCIDR, address string) *corev1.Node {
+	return &corev1.Node{
+		ObjectMeta: metav1.ObjectMeta{Name: name},
+		Spec:       corev1.NodeSpec{PodCIDR: podCIDR},
+		Status:     corev1.NodeStatus{Addresses: []corev1.NodeAddress{{Type: corev1.NodeInternalIP, Address: address}}},
+	}
+}
+
+func TestRoutesAndNames(t *testing.T) {
+	nodes := []*corev1.Node{
+		node("edge1", "10.42.0.0/24", "192.0.2.1"),
+		node("robot1", "10.42.1.0/24", "192.0.2.2"),
+		node("robot2", "", "192.0.2.3"),
+		{ObjectMeta: metav1.ObjectMeta{Name: "robot3"}, Spec: corev1.NodeSpec{PodCIDR: "10.42.3.0/24"}},
+	}
+	got, want := wantedRoutes(nodes, "robot1"), map[string]string{"10.42.0.0/24": "192.0.2.1"}
+	if !maps.Equal(got, want) {
+		t.Errorf("got %v, want %v", got, want)
+	}
+	if got, want := nodeHosts(nodes), "192.0.2.1 edge1\n192.0.2.2 robot1\n192.0.2.3 robot2\n"; got != want {
+		t.Errorf("got %q, want %q", got, want)
+	}
+}
+
+func TestCNIConfig(t *testing.T) {
+	content, err := cniConfig("10.42.7.0/24", 1450)
+	if err != nil {
+		t.Fatal(err)
+	}
+	var config struct {
+		CNIVersion string
+		Plugins    []struct {
+			Type   string
+			MTU    int
+			IPMasq bool
+			IPAM   struct{ Ranges [][]struct{ Subnet string } }
+		}
+	}
+	if err := json.Unmarshal(content, &config); err != nil {
+		t.Fatal(err)
+	}
+	bridge := config.Plugins[0]
+	if bridge.Type != "bridge" || bridge.MTU != 1450 || bridge.IPMasq || bridge.IPAM.Ranges[0][0].Subnet != "10.42.7.0/24" {
+		t.Errorf("bridge: %+v", bridge)
+	}
+	if config.Plugins[1].Type != "portmap" {
+		t.Errorf("second plugin: %+v", config.Plugins[1])
+	}
+	if _, err := cniConfig("", 1500); err == nil {
+		t.Error("a node without a pod network got one")
+	}
+}
+
+func TestRegistries(t *testing.T) {
+	path := filepath.Join(t.TempDir(), "registries.yaml")
+	write := func(content string) {
+		if err := os.WriteFile(path, []byte(content), 0o600); err != nil {
+			t.Fatal(err)
+		}
+	}
+	write(`
+mirrors:
+  docker.io:
+    endpoint: ["http://192.0.2.9:5000"]
+configs:
+  "192.0.2.9:5000":
+    auth: {username: u, password: p}
+    tls: {insecure_skip_verify: true}
+`)
+	r, err := loadRegistries(path)
+	if err != nil {
+		t.Fatal(err)
+	}
+	hosts, err := r.hosts("docker.io")
+	if err != nil {
+		t.Fatal(err)
+	}
+	for _, want := range []string{`server = "https://registry-1.docker.io"`, `[host."http://192.0.2.9:5000"]`, "skip_verify = true"} {
+		if !strings.Contains(hosts, want) {
+			t.Errorf("hosts.toml lacks %s:\n%s", want, hosts)
+		}
+	}
+	if got := containerdConfig(&config{dataDir: "/d"}, "/h", r); !strings.Contains(got, `username = "u"`) {
+		t.Errorf("config.toml lacks the user:\n%s", got)
+	}
+	for content, want := range map[string]string{
+		"mirrors: {a: {rewrite: {x: y}}}": "lacks rewrite",
+		"mirror: {}":                      "unknown field",
+	} {
+		write(content)
+		if _, err := loadRegistries(path); err == nil || !strings.Contains(err.Error(), want) {
+			t.Errorf("%s: got %v, want %q", content, err, want)
+		}
+	}
+}
+
+func TestVolumeFor(t *testing.T) {
+	late := storagev1.VolumeBindingWaitForFirstConsumer
+	class := &storagev1.StorageClass{ObjectMeta: metav1.ObjectMeta{Name: "local-path"}, VolumeBindingMode: &late}
+	claim := &corev1.PersistentVolumeClaim{
+		ObjectMeta: metav1.ObjectMeta{Name: "data-pvc", Namespace: "robot-r1", UID: "u1"},
+		Spec:       corev1.PersistentVolumeClaimSpec{AccessModes: []corev1.PersistentVolumeAccessMode{corev1.ReadWriteOnce}},
+	}
+	if volume, err := volumeFor(claim, class, "/s"); volume != nil || err != nil {
+		t.Errorf("without a node: %v, %v", volume, err)
+	}
+	claim.Annotations = map[string]string{selectedNode: "r1"}
+	volume, err := volumeFor(claim, class, "/s")
+	if err != nil {
+		t.Fatal(err)
+	}
+	if volume.Spec.HostPath.Path != "/s/pvc-u1_robot-r1_data-pvc" || volumeNode(volume) != "r1" {
+		t.Errorf("got %+v", volume)
+	}
+	claim.Spec.AccessModes = []corev1.PersistentVolumeAccessMode{corev1.ReadWriteMany}
+	if _, err := volumeFor(claim, class, "/s"); err == nil {
+		t.Error("a volume for many nodes was promised")
+	}
+}
+
+func TestImageCache(t *testing.T) {
+	dir := t.TempDir()
+	file := imageFile{Size: 1, ModTime: time.Now()}
+	if _, on := loadImageCache(dir); on {
+		t.Error("the cache is on without its file")
+	}
+	for _, name := range []string{cacheName, "a.tar"} {
+		if err := os.WriteFile(filepath.Join(dir, name), nil, 0o600); err != nil {
+			t.Fatal(err)
+		}
+	}
+	cache, on := loadImageCache(dir)
+	if !on || len(cache) != 0 {
+		t.Errorf("a touched cache: %v, %v", cache, on)
+	}
+	saveImageCache(dir, map[string]imageFile{"a.tar": file, "gone.tar": file})
+	cache, _ = loadImageCache(dir)
+	if len(cache) != 1 || !cache["a.tar"].same(file) {
+		t.Errorf("got %v", cache)
+	}
+}
+
+func TestLeafIsKeptAndRenewed(t *testing.T) {
+	d := dataDir(t.TempDir())
+	cas, err := ensureCAs(d)
+	if err != nil {
+		t.Fatal(err)
+	}
+	base := d.tls("x")
+	wanted := leaf{name: "x", names: []string{"a", "192.0.2.1"}, server: true}
+	issue := func() string {
+		if err := cas["server-ca"].ensureLeaf(base, wanted); err != nil {
+			t.Fatal(err)
+		}
+		content, err := os.ReadFile(base + ".crt")
+		if err != nil {
+			t.Fatal(err)
+		}
+		return string(content)
+	}
+	first := issue()
+	if issue() != first {
+		t.Error("a current certificate was replaced")
+	}
+	wanted.names = append(wanted.names, "b")
+	if issue() == first {
+		t.Error("a certificate without a new name was kept")
+	}
+}
