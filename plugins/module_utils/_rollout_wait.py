@@ -176,7 +176,7 @@ def _progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
 
 
 def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> dict[str, Any]:
-    """All rolled out: the result as data. Otherwise NotReadyError: at once when one failed, or when the time is over."""
+    """All rolled out: the result as data. Otherwise NotReadyError: at once when one failed, or at the time-out."""
     wait = _Wait(refs, settings)
     say_at = wait.start + SAY_SECONDS
     with settings.watch(kube, sorted(wait.unlisted, key=str)) as stream:
