@@ -58,7 +58,7 @@ class Host:
 def system(host: Host) -> dict[str, Any]:
     release = {}
     for line in host.read("/etc/os-release").splitlines():
-        key, _, value = line.partition("=")
+        key, _sign, value = line.partition("=")
         release[key] = value.strip().strip("\"'")
     name = os.uname()
     return {
@@ -220,7 +220,9 @@ def knock(address: str, port: int, timeout: float) -> str:
 
 def reach(targets: list[str], timeout: float) -> list[dict[str, Any]]:
     """All knocks at once: three silent servers cost one time-out, not three."""
-    found = [{"host": host.strip("[]"), "port": int(port)} for host, _, port in (t.rpartition(":") for t in targets)]
+    found = [
+        {"host": host.strip("[]"), "port": int(port)} for host, _colon, port in (t.rpartition(":") for t in targets)
+    ]
 
     def one(target: dict[str, Any]) -> None:
         target["outcome"] = knock(target["host"], target["port"], timeout)

@@ -25,7 +25,7 @@ ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
 def address(host: str, hostvars: Mapping[str, Any]) -> str:
     """The host's address from the inventory, an IPv6 one in brackets as it stands in a URL."""
     known = hostvars[host]
-    text = str(known.get("k3s_node_ip") or known.get("ansible_host") or host).split(",")[0].strip()
+    text = str(known.get("k3s_node_ip") or known.get("ansible_host") or host).split(",", maxsplit=1)[0].strip()
     return f"[{text}]" if ":" in text else text
 
 

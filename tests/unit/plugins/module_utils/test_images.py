@@ -111,7 +111,7 @@ def test_an_oci_archive_gives_the_machines_own_image(tmp_path: Path, machine: st
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda path: str(path), "there is no image archive"),
+        (str, "there is no image archive"),
         (lambda path: path.write_bytes(b"no tar at all" * 99) and str(path), "is no tar archive"),
         (lambda path: archive(path, {"x": b"1"}), "neither manifest.json nor index.json"),
         (lambda path: docker(path, None), "names no image"),

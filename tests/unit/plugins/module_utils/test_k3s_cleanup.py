@@ -140,7 +140,7 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
 
 
 def test_removal_of_everything(host: Path) -> None:
-    subject, _ = remover(host)
+    subject, _commands = remover(host)
     subject.everything(volumes=True, identity=True)
     assert not (host / "var/lib/rancher/k3s").exists()
     assert not (host / "etc/rancher/node").exists()
@@ -154,7 +154,7 @@ def test_check_mode_lists_the_same_and_touches_nothing(host: Path) -> None:
 
 
 def test_nothing_is_deleted_through_a_mount(host: Path) -> None:
-    subject, _ = remover(host)
+    subject, _commands = remover(host)
     (host / "proc/self/mounts").write_text("server:/home /var/lib/kubelet/pods/1/nfs nfs4 rw 0 0\n")
     subject.mounts = lambda: []  # type: ignore[method-assign]  # as if the mount had come back
     with pytest.raises(FleetError, match="still mounted below /var/lib/kubelet"):
