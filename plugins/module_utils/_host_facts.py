@@ -21,6 +21,7 @@ V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
 TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
+UNIT_CGROUP = re.compile(r"/k3s(-agent)?\.service(/|$)", re.MULTILINE)
 UNITS = ("k3s.service", "k3s-agent.service")
 UNIT_DIRECTORY = "/etc/systemd/system"
 DATA = "/var/lib/rancher/k3s"
@@ -164,14 +165,21 @@ def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[dict[str, An
                     if pair in wanted:
                         sockets[row[9]] = pair
     owners = socket_owners(host, sockets) if sockets else {}
-    held = {(pair, owners.get(inode, "")) for inode, pair in sockets.items()}
-    return [{"protocol": protocol, "port": port, "process": process} for (protocol, port), process in sorted(held)]
+    held = {(*pair, *owners.get(inode, ("", False))) for inode, pair in sockets.items()}
+    return [
+        {"protocol": protocol, "port": port, "process": process, "k3s": k3s}
+        for protocol, port, process, k3s in sorted(held)
+    ]
 
 
-def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, str]:
-    """Socket inode -> name of a process that holds it. The kernel's own sockets (VXLAN) have none."""
+def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, tuple[str, bool]]:
+    """Socket inode -> name of a process that holds it, and whether it belongs to k3s's unit.
+
+    Names alone do not tell: k3s starts parts of itself again under other names. The kernel's own sockets (VXLAN) have
+    no process.
+    """
     wanted = {f"socket:[{inode}]": inode for inode in inodes}
-    owners: dict[str, str] = {}
+    owners: dict[str, tuple[str, bool]] = {}
     for pid in (name for name in host.names("/proc") if name.isdigit()):
         for descriptor in host.names(f"/proc/{pid}/fd"):
             try:
@@ -179,7 +187,8 @@ def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, str]:
             except OSError:
                 continue
             if target in wanted:
-                owners[wanted[target]] = host.read(f"/proc/{pid}/comm").strip()
+                ours = bool(UNIT_CGROUP.search(host.read(f"/proc/{pid}/cgroup")))
+                owners[wanted[target]] = (host.read(f"/proc/{pid}/comm").strip(), ours)
         if len(owners) == len(wanted):
             break
     return owners

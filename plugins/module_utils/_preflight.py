@@ -233,7 +233,7 @@ def _ports(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
     ours = bool(facts["k3s"]["units"])
     for listener in facts["listening"]:
         # A socket without a process is the kernel's (VXLAN), which k3s leaves behind while it is installed.
-        if K3S_PROCESS.match(listener["process"]) or (ours and not listener["process"]):
+        if listener["k3s"] or K3S_PROCESS.match(listener["process"]) or (ours and not listener["process"]):
             continue
         yield error(
             f"port {listener['port']}/{listener['protocol']} is taken by {listener['process'] or 'an unnamed process'}",

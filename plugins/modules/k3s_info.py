@@ -38,6 +38,10 @@ options:
     description: The agents' token as the inventory gives it; empty to keep the one there is.
     type: str
     default: ""
+  version:
+    description: Whether to ask the binary for its version.
+    type: bool
+    default: true
 attributes:
   check_mode:
     description: Reads only, so it does the same in check mode.
@@ -64,7 +68,7 @@ machine:
   type: str
   sample: aarch64
 version:
-  description: Version of the installed binary; empty if there is none.
+  description: Version of the installed binary; empty if there is none, or with O(version=false).
   returned: success
   type: str
   sample: v1.34.2+k3s1
@@ -131,6 +135,7 @@ ARGUMENTS = {
     "files": {"type": "list", "elements": "path", "default": []},
     "token": {"type": "str", "default": "", "no_log": True},
     "agent_token": {"type": "str", "default": "", "no_log": True},
+    "version": {"type": "bool", "default": True},
 }
 
 
@@ -145,7 +150,7 @@ def main() -> None:
     module.exit_json(
         changed=False,
         machine=os.uname().machine,
-        version=host.version(),
+        version=host.version() if module.params["version"] else "",
         files={name: host.describe(name) for name in dict.fromkeys([*files, BINARY])},
         images=host.sizes(f"{DATA_DIR}/agent/images"),
         service={

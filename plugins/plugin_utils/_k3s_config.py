@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -65,21 +64,6 @@ def airgap(directory: str, machine: str) -> dict[str, Any]:
     except OSError as error:
         raise SpecError(f"k3s_airgap_dir {base}: {error.filename} cannot be read: {error.strerror}") from error
     return found
-
-
-def file_changes(wanted: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """What must be done about the files: `open` and `secret` ones to write, and those to `remove` (empty content).
-
-    `found` is what k3s_info saw. Comparing digests here spares a host on which nothing changed a task per file.
-    """
-    changes: dict[str, list[Any]] = {"open": [], "secret": [], "remove": []}
-    for file in wanted:
-        there = found[file["path"]]
-        if not file["content"]:
-            changes["remove"] += [file["path"]] if there["exists"] else []
-        elif (there["sha256"], there["mode"]) != (hashlib.sha256(file["content"].encode()).hexdigest(), file["mode"]):
-            changes["secret" if file["secret"] else "open"].append(dict(file))
-    return changes
 
 
 def wrong_tokens(read: Sequence[Mapping[str, Any]], given: Mapping[str, str]) -> list[str]:

@@ -3,7 +3,6 @@ package main
 import (
 	"context"
 	"encoding/json"
-	"errors"
 	"fmt"
 	"net"
 	"net/http"
@@ -167,12 +166,18 @@ func join(ctx context.Context, c *config, supervisor string, t token, password s
 		// The same trouble is worth a line every few seconds, not five a second.
 		if text := err.Error(); (text != said || time.Since(saidAt) > 5*time.Second) && ctx.Err() == nil {
 			said, saidAt = text, time.Now()
-			var no *refusal
-			switch {
-			case errors.As(err, &no) || strings.Contains(text, "failed to validate token"):
+			if refused(err) {
 				logf("error", "%s", text)
-			default:
+			} else {
 				logf("info", "Waiting to retrieve agent configuration; server is not ready: %s", text)
+			}
+		}
+		if refused(err) {
+			// Somebody has to change something first, and each refusal is a
+			// line in the server's log, too.
+			select {
+			case <-ctx.Done():
+			case <-time.After(2 * time.Second):
 			}
 		}
 		return false, err
@@ -355,7 +360,7 @@ func startKubelet(ctx context.Context, c *config, cluster *agentConfig, procs *p
 	if err != nil {
 		return fmt.Errorf("kubelet-arg: %w", err)
 	}
-	if err := waitFree(ctx, "0.0.0.0:10250", "127.0.0.1:10248"); err != nil {
+	if err := waitFree(ctx, 10248, 10250); err != nil {
 		return err
 	}
 	return procs.component("kubelet", args)
@@ -378,7 +383,7 @@ func startKubeProxy(ctx context.Context, c *config, cluster *agentConfig, procs 
 	if err != nil {
 		return fmt.Errorf("kube-proxy-arg: %w", err)
 	}
-	if err := waitFree(ctx, "127.0.0.1:10256", "127.0.0.1:10249"); err != nil {
+	if err := waitFree(ctx, 10249, 10256); err != nil {
 		return err
 	}
 	return procs.component("kube-proxy", args)

@@ -109,7 +109,7 @@ func startControlPlane(ctx context.Context, c *config, procs *processes, kube ku
 	if err != nil {
 		return fmt.Errorf("kube-apiserver-arg: %w", err)
 	}
-	if err := waitFree(ctx, "127.0.0.1:10257", "127.0.0.1:10259"); err != nil {
+	if err := waitFree(ctx, 10257, 10259); err != nil {
 		return err
 	}
 	if err := procs.component("kube-apiserver", args); err != nil {

@@ -57,7 +57,7 @@ func startEtcd(ctx context.Context, c *config, initial string, joining, forceNew
 	if err != nil {
 		return nil, err
 	}
-	if err := waitFree(ctx, "127.0.0.1:2379", c.nodeIP+":2379", c.nodeIP+":2380"); err != nil {
+	if err := waitFree(ctx, 2379, 2380); err != nil {
 		return nil, err
 	}
 	cfg := embed.NewConfig()

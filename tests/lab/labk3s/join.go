@@ -31,6 +31,11 @@ type refusal struct {
 
 func (r *refusal) Error() string { return r.text }
 
+func refused(err error) bool {
+	var no *refusal
+	return errors.As(err, &no)
+}
+
 // newJoiner learns the cluster's CA and, where the token names it, verifies
 // it. A short token trusts whom it meets first, as k3s's does. An agent hands
 // in its load balancer, to hear of each server why it cannot be reached.
@@ -51,7 +56,7 @@ func newJoiner(ctx context.Context, url string, t token, lb *loadBalancer) (*joi
 		return nil, fmt.Errorf("failed to get CA certs: %w", err)
 	}
 	if err := t.verifyCA(ca); err != nil {
-		return nil, fmt.Errorf("failed to validate token: %w", err)
+		return nil, &refusal{http.StatusUnauthorized, "failed to validate token: " + err.Error()}
 	}
 	roots := x509.NewCertPool()
 	if !roots.AppendCertsFromPEM(ca) {

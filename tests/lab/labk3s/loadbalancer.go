@@ -71,10 +71,11 @@ func sorted(all []string) []string {
 }
 
 func (lb *loadBalancer) serve(ctx context.Context, address string) error {
-	if err := waitFree(ctx, address); err != nil {
-		return err
-	}
-	listener, err := net.Listen("tcp", address)
+	var listener net.Listener
+	err := poll(ctx, 100*time.Millisecond, 15*time.Second, func() (done bool, err error) {
+		listener, err = net.Listen("tcp", address)
+		return err == nil, err
+	})
 	if err != nil {
 		return err
 	}

@@ -5,6 +5,7 @@ import (
 	"maps"
 	"os"
 	"path/filepath"
+	"slices"
 	"strings"
 	"testing"
 	"time"
@@ -181,5 +182,16 @@ func TestLeafIsKeptAndRenewed(t *testing.T) {
 	wanted.names = append(wanted.names, "b")
 	if issue() == first {
 		t.Error("a certificate without a new name was kept")
+	}
+}
+
+func TestListeningPorts(t *testing.T) {
+	got := listeningPorts(`  sl  local_address rem_address   st tx_queue
+   0: 0100007F:094B 00000000:0000 0A 00000000:00000000
+   1: 0B4D4D0A:94CA 0B4D4D0A:192B 01 00000000:00000000
+   2: 00000000:192B 00000000:0000 0A 00000000:00000000
+`)
+	if !slices.Equal(got, []int{2379, 6443}) {
+		t.Errorf("got %v", got)
 	}
 }

@@ -10,6 +10,7 @@ import (
 	"path/filepath"
 	"runtime"
 	"slices"
+	"strconv"
 	"strings"
 	"sync"
 	"syscall"
@@ -135,22 +136,42 @@ func childEnv() []string {
 	})
 }
 
-// waitFree waits until nobody listens on these addresses: a predecessor that
-// was killed may take a moment to give its ports back.
-func waitFree(ctx context.Context, addresses ...string) error {
-	for _, address := range addresses {
-		err := poll(ctx, 100*time.Millisecond, 15*time.Second, func() (bool, error) {
-			listener, err := net.Listen("tcp", address)
-			if err != nil {
-				return false, err
+// waitFree waits until nobody listens on these ports: a predecessor that was
+// killed may take a moment to give them back. It looks instead of trying: a
+// listener opened for a trial lives on for a moment in children that are just
+// being forked, and is then itself what takes the port.
+func waitFree(ctx context.Context, ports ...int) error {
+	return poll(ctx, 100*time.Millisecond, 15*time.Second, func() (bool, error) {
+		for _, table := range []string{"/proc/net/tcp", "/proc/net/tcp6"} {
+			content, err := os.ReadFile(table)
+			if err != nil && !errors.Is(err, os.ErrNotExist) {
+				return true, err
 			}
-			return true, listener.Close()
-		})
-		if err != nil {
-			return fmt.Errorf("port is taken: %w", err)
+			for _, port := range listeningPorts(string(content)) {
+				if slices.Contains(ports, port) {
+					return false, fmt.Errorf("port %d is taken", port)
+				}
+			}
+		}
+		return true, nil
+	})
+}
+
+// listeningPorts reads the kernel's table of TCP sockets.
+func listeningPorts(table string) []int {
+	const listening = "0A"
+	var ports []int
+	for _, line := range strings.Split(table, "\n") {
+		fields := strings.Fields(line)
+		if len(fields) < 4 || fields[3] != listening {
+			continue
+		}
+		_, hex, _ := strings.Cut(fields[1], ":")
+		if port, err := strconv.ParseUint(hex, 16, 16); err == nil {
+			ports = append(ports, int(port))
 		}
 	}
-	return nil
+	return ports
 }
 
 // poll calls check until it says true; a limit of 0 means for ever. Its error

@@ -6,7 +6,6 @@ import (
 	"fmt"
 	"os"
 	"os/signal"
-	"strings"
 	"syscall"
 	"time"
 
@@ -154,8 +153,7 @@ func prepareServer(ctx context.Context, c *config) (string, error) {
 	}
 	return secret, poll(ctx, time.Second, 0, func() (bool, error) {
 		err := fetchBootstrap(ctx, c, given)
-		var no *refusal
-		if err == nil || errors.As(err, &no) || strings.Contains(err.Error(), "failed to validate token") {
+		if err == nil || refused(err) {
 			return true, err
 		}
 		logf("warning", "Waiting for the server to join: %v", err)

@@ -12,6 +12,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils import _host_facts
 from ansible_collections.rosops.fleet.plugins.module_utils._host_facts import Host
 
+CGROUP = "1:name=systemd:/system.slice/k3s.service\n0::/\n"
 CGROUPS_V1 = """#subsys_name\thierarchy\tnum_cgroups\tenabled
 cpuset\t9\t1\t1
 cpu\t4\t50\t1
@@ -103,12 +104,14 @@ def test_the_disk_of_a_directory_that_is_not_there_yet(tmp_path: Path) -> None:
 
 
 def test_listeners_are_named_and_other_sockets_left_out(tmp_path: Path) -> None:
-    host = tree(tmp_path, {"/proc/net/tcp": TCP, "/proc/net/udp": UDP, "/proc/77/comm": "k3s-server\n"})
+    host = tree(
+        tmp_path, {"/proc/net/tcp": TCP, "/proc/net/udp": UDP, "/proc/77/comm": "exe\n", "/proc/77/cgroup": CGROUP}
+    )
     (tmp_path / "proc/77/fd").mkdir()
     (tmp_path / "proc/77/fd/3").symlink_to("socket:[555]")
     assert _host_facts.listening(host, [("tcp", 6443), ("udp", 8472), ("tcp", 2379)]) == [
-        {"protocol": "tcp", "port": 6443, "process": "k3s-server"},
-        {"protocol": "udp", "port": 8472, "process": ""},
+        {"protocol": "tcp", "port": 6443, "process": "exe", "k3s": True},
+        {"protocol": "udp", "port": 8472, "process": "", "k3s": False},
     ]
 
 

@@ -145,12 +145,12 @@ def test_sound_hosts_have_no_findings(facts: dict[str, Any]) -> None:
         (host(routes=[]), {}, "error: there is no default route"),
         (host(routes=[{"interface": "wg0", "mtu": 1200}]), {}, "error: the MTU is 1200, at least 1280"),
         (
-            host(listening=[{"protocol": "tcp", "port": 6443, "process": "haproxy"}]),
+            host(listening=[{"protocol": "tcp", "port": 6443, "process": "haproxy", "k3s": False}]),
             {},
             "error: port 6443/tcp is taken by haproxy",
         ),
         (
-            host(listening=[{"protocol": "udp", "port": 8472, "process": ""}]),
+            host(listening=[{"protocol": "udp", "port": 8472, "process": "", "k3s": False}]),
             {},
             "error: port 8472/udp is taken by an unnamed process",
         ),
@@ -204,10 +204,10 @@ def test_what_is_wrong_is_found_alone(facts: dict[str, Any], requirements: dict[
 @pytest.mark.parametrize(
     "facts",
     [
-        host(listening=[{"protocol": "tcp", "port": 6443, "process": "k3s-server"}], k3s__config=True),
-        host(listening=[{"protocol": "tcp", "port": 10250, "process": "k3s"}], k3s__config=True),
+        host(listening=[{"protocol": "tcp", "port": 6443, "process": "k3s-server", "k3s": False}], k3s__config=True),
+        host(listening=[{"protocol": "tcp", "port": 10250, "process": "exe", "k3s": True}], k3s__config=True),
         host(
-            listening=[{"protocol": "udp", "port": 8472, "process": ""}],
+            listening=[{"protocol": "udp", "port": 8472, "process": "", "k3s": False}],
             k3s__config=True,
             k3s__units=["k3s-agent.service"],
         ),

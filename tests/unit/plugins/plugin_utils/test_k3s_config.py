@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -67,36 +65,6 @@ def test_a_directory_without_what_its_manifest_names(tmp_path: Path) -> None:
         _k3s_config.airgap(str(tmp_path), "x86_64")
     (tmp_path / "k3s").write_text("abc")
     assert _k3s_config.airgap(str(tmp_path), "x86_64")["binary"]["size"] == 3
-
-
-def test_only_files_that_differ_are_written() -> None:
-    def file(path: str, content: str, secret: bool = False) -> dict[str, Any]:
-        return {"path": path, "content": content, "mode": "0600", "secret": secret}
-
-    def there(content: str, mode: str = "0600") -> dict[str, Any]:
-        return {"exists": True, "sha256": hashlib.sha256(content.encode()).hexdigest(), "mode": mode}
-
-    gone = {"exists": False, "sha256": "", "mode": ""}
-    wanted = [
-        file("/same", "a"),
-        file("/new", "b"),
-        file("/mode", "c"),
-        file("/s", "d", True),
-        file("/old", ""),
-        file("/no", ""),
-    ]
-    found = {
-        "/same": there("a"),
-        "/new": gone,
-        "/mode": there("c", "0644"),
-        "/s": there("x"),
-        "/old": there("y"),
-        "/no": gone,
-    }
-    changes = _k3s_config.file_changes(wanted, found)
-    assert [f["path"] for f in changes["open"]] == ["/new", "/mode"]
-    assert [f["path"] for f in changes["secret"]] == ["/s"]
-    assert changes["remove"] == ["/old"]
 
 
 @pytest.mark.parametrize(
