@@ -58,7 +58,7 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 .PHONY: test
 test: ## Every test; what CI runs
 	@"$$(tests/lab/find_python)" tests/run_stages.py setup artifacts \
-	    lint test-unit test-go sanity units molecule-default molecule-fleet
+	    lint test-unit test-bad-input test-go sanity units molecule-default molecule-fleet
 
 .PHONY: lint
 lint: ## ruff, mypy, ansible-lint
@@ -70,7 +70,11 @@ lint: ## ruff, mypy, ansible-lint
 
 .PHONY: test-unit
 test-unit: ## Unit tests, by pytest
-	python -m pytest tests/unit
+	python -m pytest -n 2 tests/unit
+
+.PHONY: test-bad-input
+test-bad-input: ## Every malformed input through site.yml: refused before a host is touched
+	python -m pytest -n 2 tests/bad_input
 
 .PHONY: test-go
 test-go: ## Unit tests of labk3s's own packages

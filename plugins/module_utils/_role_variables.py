@@ -37,9 +37,7 @@ _SCALARS: dict[str, dict[str, Any]] = {
 # As in the argument specs, without defaults and descriptions.
 OPTIONS: dict[str, Option] = {
     "cluster_api_kubeconfig": {"type": "str"},
-    "cluster_api_objects": {"type": "list", "elements": "dict"},
-    "cluster_api_what": {"type": "str"},
-    "cluster_api_throttle": {"type": "int"},
+    "cluster_api_collect": {"type": "bool"},
     "images_archives": {
         "type": "list",
         "elements": "dict",

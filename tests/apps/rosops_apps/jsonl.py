@@ -17,7 +17,8 @@ TAIL_BYTES = 65_536
 class JsonLinesLog:
     """Appends one line per record.
 
-    A line goes out in one write to a file opened for appending, so the lines of two processes do not mix. The disk
+    A line goes out in one write to a file opened for appending, so the lines of two processes do not mix; at most there
+    is an empty line, where one opened the file in the middle of the other's write. The disk
     is made to follow at most every `sync_seconds`: a crash of the machine costs no more than that.
     """
 
