@@ -254,7 +254,7 @@ class Report:
         left = [why for other, why in host.blocked if (stats.get(other) or {}).get("failures")]
         if counts.get("failures"):
             outcome = (declared, why or message) if on_purpose else (FAILED, message)
-        elif counts.get("unreachable"):
+        elif counts.get("unreachable") or host.unreachable:  # the second where a play reads on without the host
             outcome = (OFFLINE, host.unreachable)
         elif declared:
             outcome = (declared, why)

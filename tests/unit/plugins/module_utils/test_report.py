@@ -82,6 +82,13 @@ def test_unreachable_is_deferred_even_after_changes() -> None:
     assert outcome(report, {**DARK, "changed": 1}) == ("deferred-offline", "no route")
 
 
+def test_unreachable_is_deferred_where_the_play_goes_on_without_the_host() -> None:
+    report = started()
+    report.ok("t1", "robot1", {"changed": True}, 2.0)
+    report.unreachable("t1", "robot1", {"unreachable": True, "msg": "no route"}, 3.0)
+    assert outcome(report, OK) == ("deferred-offline", "no route")
+
+
 def test_a_run_once_failure_ends_the_run_for_all() -> None:
     report = started("robot1", "robot2", for_all=True)
     report.failed("t1", "robot1", {"msg": "bad input"}, 2.0)
