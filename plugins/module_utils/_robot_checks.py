@@ -81,9 +81,9 @@ def _volume_users(ctx: Ctx, apps: list[tuple[str, Any]], edge_count: int) -> Ite
                     "one app per ReadWriteOncePod volume",
                 )
         if mode == "ReadWriteOnce" and len({app["placement"] for _path, app in users}) > 1:
-            other = next(path for path, app in users if app["placement"] != users[0][1]["placement"])
+            others = [path for path, app in users if app["placement"] != users[0][1]["placement"]]
             yield Problem(
-                other,
+                others[0],
                 f"mounts the ReadWriteOnce volume {name} on another node than {users[0][0]} does",
                 "apps of one placement, or access_mode: ReadWriteMany",
             )

@@ -70,7 +70,7 @@ def check_fleet(fleet: Any) -> Report:
         warnings += volume_warnings(ctx)
     problems += fleet_app_problems(robots)
     problems = unique(problems)
-    normalised = {} if problems else _normalised(groups, modes, {robot: ctx for robot, (ctx, _) in robots.items()})
+    normalised = {} if problems else _normalised(groups, modes, {robot: pair[0] for robot, pair in robots.items()})
     return Report(problems, list(dict.fromkeys(warnings)), normalised)
 
 

@@ -104,7 +104,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._secrets import redac
 from ansible_collections.rosops.fleet.plugins.module_utils._spec import check_fleet
 
 try:
-    import jsonschema  # noqa: F401 - the checks need it
+    import jsonschema  # noqa: F401  # pylint: disable=unused-import  # the checks need it
 except ImportError:
     JSONSCHEMA_ERROR: str | None = traceback.format_exc()
 else:

@@ -143,8 +143,9 @@ class Peers:
         self._ends.append(listener.close)
         return int(listener.getsockname()[1])
 
-    @staticmethod
-    def dead() -> int:
-        """A port where nothing listens."""
-        with socket.create_server(("127.0.0.1", 0)) as listener:
-            return int(listener.getsockname()[1])
+    def dead(self) -> int:
+        """A port where nothing listens. It stays bound, else a test that runs at the same time might get it."""
+        holder = socket.socket()
+        holder.bind(("127.0.0.1", 0))
+        self._ends.append(holder.close)
+        return int(holder.getsockname()[1])
