@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import io
 import tarfile
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
 from .run import run
+
+# Hosts boot in parallel, and each asks for the user's key.
+_MAKING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -73,12 +77,13 @@ def ssh_quote(path: Path) -> str:
 def _public(key: Path, comment: str) -> str:
     """The public half; both are made where one is missing (an interruption can leave half a pair)."""
     public = key.with_name(f"{key.name}.pub")
-    if not (key.exists() and public.exists() and public.read_text().strip()):
-        key.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        key.unlink(missing_ok=True)
-        public.unlink(missing_ok=True)
-        run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", comment, "-f", str(key)])
-    return public.read_text()
+    with _MAKING:
+        if not (key.exists() and public.exists() and public.read_text().strip()):
+            key.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            key.unlink(missing_ok=True)
+            public.unlink(missing_ok=True)
+            run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", comment, "-f", str(key)])
+        return public.read_text()
 
 
 def _directory(tar: tarfile.TarFile, name: str, mode: int) -> None:
