@@ -16,8 +16,8 @@ description:
   - "A host's outcome is one of V(updated) (something was changed), V(unchanged), V(failed), V(deferred-offline)
     (unreachable), and V(deferred-busy) or V(rolled-back), which a play declares itself. On screen, check mode says
     C(would change) and C(would not change); in the file C(check_mode) is true."
-  - A play declares an outcome with M(ansible.builtin.set_fact) of C(fleet_outcome), a word or C({outcome, reason}). A
-    failure outweighs it, unless the word itself is one of C(failed), C(rolled-back), C(deferred-busy),
+  - A play declares an outcome with M(ansible.builtin.set_fact) of C(fleet_outcome), a word or C({outcome, reason,
+    steps}). A failure outweighs it, unless the word itself is one of C(failed), C(rolled-back), C(deferred-busy),
     C(deferred-offline).
   - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails ends the
     run for all hosts of its play, so all of them are C(failed).
@@ -28,7 +28,8 @@ description:
     (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many)."
   - "A host in the file: C(host), C(groups), C(outcome), C(reason), C(failed_task), C(changed) (names of tasks),
     C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(rollout) (elapsed, objects and
-    unmet ones of M(rosops.fleet.rollout_ready)), C(counts) (Ansible's own)."
+    unmet ones of M(rosops.fleet.rollout_ready)), C(steps) (of an update, each with C(name), C(apps), C(handoff),
+    C(outcome), C(reason), C(from), C(to), C(phases) in seconds, C(busy_wait)), C(counts) (Ansible's own)."
   - Seconds of a task run from its start to its last host's result, so they add up to the run only under a strategy that
     takes one task after the other.
 options:

@@ -11,7 +11,7 @@ short_description: ROS apps of a robot
 version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
-  - Builds one Deployment per item of C(ros_apps).
+  - Builds one Deployment per item of C(ros_apps), and before them the ConfigMaps with the code that runs in their pods.
 options:
   _input:
     description:
@@ -31,15 +31,21 @@ EXAMPLES = r"""
 
 RETURN = r"""
 _value:
-  description: Kubernetes objects, in the order of C(ros_apps).
+  description: Kubernetes objects, ConfigMaps first, then Deployments in the order of C(ros_apps).
   type: list
   elements: dict
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._workloads import ros_app_objects
+from ansible_collections.rosops.fleet.plugins.module_utils import _workloads
 from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import hook_files
+
+
+def ros_app_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The pure function, with the code that it does not read itself."""
+    return _workloads.ros_app_objects(ctx, hook_files())
 
 
 class FilterModule:

@@ -51,8 +51,9 @@ def app_warnings(app: App, raw: App, path: str) -> list[str]:
 
 
 def _name(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    if app["name"] == names.MASTER_NAME:
-        yield Problem(f"{path}.name", f"is {names.MASTER_NAME}, the name of the ROS master", "any other name")
+    taken = {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}
+    if app["name"] in taken:
+        yield Problem(f"{path}.name", f"is {app['name']}, the name of {taken[app['name']]}", "any other name")
 
 
 def _second_master(app: App, _raw: App, ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
@@ -158,7 +159,7 @@ def _volumes(app: App, _raw: App, ctx: Mapping[str, Any], path: str) -> Iterator
 
 def _mounts(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
     """Kubernetes refuses two mounts at one path, long after validation."""
-    places: dict[str, str] = {}
+    places: dict[str, str] = {names.HOOKS_DIR: "the collection's own code"} if app["hooks"] else {}
     for key, field, targets in (
         ("volumes", "mount_path", [mount["mount_path"] for mount in app["volumes"]]),
         ("devices", "", app["devices"]),
@@ -184,9 +185,9 @@ def _resources(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Itera
 
 
 def _environment(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    for key in (names.NODE_NAME_ENV, "ROS_HOSTNAME"):
+    for key in (names.NODE_NAME_ENV, names.APP_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
         if key in app["env"]:
-            reason = "is set by the collection" if key == names.NODE_NAME_ENV else "would hide the pod's ROS_IP"
+            reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
             yield Problem(f"{path}.env.{key}", reason, "leave it out")
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Mapping
+from typing import Any, Callable, Mapping
 
 from ._errors import SpecError
 
@@ -20,6 +20,7 @@ WAIT_ARGS: dict[str, dict[str, Any]] = {
     "timeout": {"type": "float", "default": 60.0},
     "interval": {"type": "float", "default": 0.5},
     "consecutive": {"type": "int", "default": 1},
+    "stable": {"type": "float", "default": 0.0},
 }
 GATE_ARGS: dict[str, dict[str, Any]] = {
     "nodes": {"type": "list", "elements": "str", "default": []},
@@ -34,6 +35,7 @@ GATE_ARGS: dict[str, dict[str, Any]] = {
             "subscribers": {"type": "int"},
             "connected": {"type": "bool", "default": False},
             "min_rate": {"type": "float"},
+            "publisher": {"type": "str"},
         },
     },
     "services": {
@@ -51,12 +53,29 @@ GATE_ARGS: dict[str, dict[str, Any]] = {
             "state": {"type": "str", "choices": ["up", "idle"], "default": "up"},
         },
     },
+    "edges": {
+        "type": "list",
+        "elements": "dict",
+        "default": [],
+        "options": {
+            "publisher": {"type": "str", "required": True},
+            "topic": {"type": "str", "required": True},
+            "subscriber": {"type": "str", "required": True},
+            "peer": {"type": "str", "choices": ["publisher", "subscriber"]},
+        },
+    },
     "absent": {"type": "list", "elements": "str", "default": []},
     "namespace": {"type": "str", "default": "/"},
 }
 
 # a look costs the robot time, so there is a smallest pause between two
-_LEAST = {"timeout": (0.0, " s"), "interval": (0.05, " s"), "consecutive": (1, ""), "node_timeout": (0.05, " s")}
+_LEAST = {
+    "timeout": (0.0, " s"),
+    "interval": (0.05, " s"),
+    "consecutive": (1, ""),
+    "stable": (0.0, " s"),
+    "node_timeout": (0.05, " s"),
+}
 
 _NAME = re.compile(r"^(/\w+|[A-Za-z_]\w*)(/\w+)*\Z", re.ASCII)
 _TYPE = re.compile(r"^[A-Za-z]\w*/[A-Za-z]\w*\Z", re.ASCII)
@@ -64,7 +83,10 @@ _TYPE = re.compile(r"^[A-Za-z]\w*/[A-Za-z]\w*\Z", re.ASCII)
 
 @dataclass(frozen=True)
 class TopicCondition:
-    """What a topic must show. With no number and no `connected` given, it needs one publisher."""
+    """What a topic must show. With no number and no `connected` given, it needs one publisher.
+
+    With a `publisher`, it is that node whose connections, rate and type are judged, and nobody else's.
+    """
 
     name: str
     type: str | None = None
@@ -72,6 +94,7 @@ class TopicCondition:
     subscribers: int | None = None
     connected: bool = False
     min_rate: float | None = None
+    publisher: str | None = None
 
 
 @dataclass(frozen=True)
@@ -81,12 +104,26 @@ class ActionCondition:
 
 
 @dataclass(frozen=True)
+class EdgeCondition:
+    """A connection. `peer` is the end ("publisher" or "subscriber") that may leave by itself; empty: neither."""
+
+    publisher: str
+    topic: str
+    subscriber: str
+    peer: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.publisher} -> {self.topic} -> {self.subscriber}"
+
+
+@dataclass(frozen=True)
 class Conditions:
     nodes: tuple[str, ...] = ()
     topics: tuple[TopicCondition, ...] = ()
     services: tuple[str, ...] = ()
     actions: tuple[ActionCondition, ...] = ()
     absent: tuple[str, ...] = ()
+    edges: tuple[EdgeCondition, ...] = ()
 
 
 def resolve(name: str, namespace: str = "/") -> str:
@@ -106,6 +143,10 @@ def conditions_from(params: Mapping[str, Any]) -> Conditions:
         value = params.get(option)
         if value is not None and not (math.isfinite(value) and value >= least):
             errors.append(f"{option}: {value} is not at least {least:g}{unit}")
+
+    stable, timeout = params.get("stable"), params.get("timeout")
+    if stable and timeout is not None and math.isfinite(stable) and stable > timeout >= 0:
+        errors.append(f"stable: {stable} s do not fit into the timeout of {timeout} s")
 
     def named(path: str, name: Any) -> str:
         if not isinstance(name, str) or not _NAME.match(name):
@@ -133,6 +174,7 @@ def conditions_from(params: Mapping[str, Any]) -> Conditions:
                 item.get("subscribers"),
                 bool(item.get("connected")),
                 item.get("min_rate") or None,
+                named(f"{path}.publisher", item["publisher"]) if item.get("publisher") else None,
             )
         )
     services = [named(f"services[{i}].name", s.get("name")) for i, s in enumerate(params.get("services") or ())]
@@ -142,9 +184,20 @@ def conditions_from(params: Mapping[str, Any]) -> Conditions:
         if state not in ("up", "idle"):
             errors.append(f"actions[{i}].state: {state!r} is neither up nor idle")
         actions.append(ActionCondition(named(f"actions[{i}].name", item.get("name")), state))
-    found = Conditions(names("nodes"), tuple(topics), tuple(services), tuple(actions), names("absent"))
+    edges = [_edge(f"edges[{i}]", item, named, errors) for i, item in enumerate(params.get("edges") or ())]
+    found = Conditions(
+        names("nodes"), tuple(topics), tuple(services), tuple(actions), names("absent"), tuple(edges)
+    )  # fmt: skip
     for name in sorted(set(found.nodes) & set(found.absent) - {""}):
         errors.append(f"absent: {name} is in nodes, too")
     if errors:
         raise SpecError("; ".join(errors), errors=errors)
     return found
+
+
+def _edge(path: str, item: Mapping[str, Any], named: Callable[[str, Any], str], errors: list[str]) -> EdgeCondition:
+    peer = item.get("peer") or ""
+    if peer not in ("", "publisher", "subscriber"):
+        errors.append(f"{path}.peer: {peer!r} is neither publisher nor subscriber")
+    names = {key: named(f"{path}.{key}", item.get(key)) for key in ("publisher", "topic", "subscriber")}
+    return EdgeCondition(**names, peer=peer)

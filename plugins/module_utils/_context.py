@@ -126,6 +126,9 @@ def complete_app(app: Mapping[str, Any], volumes: list[dict[str, Any]]) -> dict[
             for mount in app.get("volumes") or []
         ],
         "readiness": complete_readiness(app.get("readiness") or {}),
+        "hooks": bool(app.get("hooks", True)),
+        "depends_on": list(dict.fromkeys(app.get("depends_on") or [])),
+        "update": complete_update(app.get("update") or {}),
         "drain_deadline": DRAIN_DEADLINE if app.get("drain_deadline") is None else app["drain_deadline"],
         "termination_grace_period": GRACE_PERIOD if grace is None else grace,
         "resources": dict(app.get("resources") or {}),
@@ -162,6 +165,15 @@ def complete_readiness(readiness: Mapping[str, Any]) -> dict[str, Any]:
         "timeout": value("timeout", READY_TIMEOUT),
         "interval": value("interval", READY_INTERVAL),
         "consecutive": value("consecutive", READY_CONSECUTIVE),
+    }
+
+
+def complete_update(update: Mapping[str, Any]) -> dict[str, Any]:
+    """How an app is updated. Without `on_busy` the run's setting decides, without `group` it is alone."""
+    return {
+        "group": update.get("group") or None,
+        "idle": list(update.get("idle") or []),
+        "on_busy": update.get("on_busy") or None,
     }
 
 

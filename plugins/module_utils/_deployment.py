@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils import _context as co
 from ansible_collections.rosops.fleet.plugins.module_utils import _names as names
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._merge import deep_merge
+from ansible_collections.rosops.fleet.plugins.module_utils._pod_hooks import app_probes, hook_mount, hook_volume
 
 REVISION_LENGTH = 8
 PROGRESS_DEADLINE = 300
@@ -109,7 +110,9 @@ def _container(app: Mapping[str, Any], ctx: Mapping[str, Any]) -> dict[str, Any]
     if app["devices"]:
         # Kubernetes gives a device node to a container only through a device plugin or to a privileged one.
         container["securityContext"] = {"privileged": True}
-    if app["readiness"]["command"]:
+    if app["hooks"]:
+        container.update(app_probes())
+    elif app["readiness"]["command"]:
         container["readinessProbe"] = exec_probe(probe_command(app["readiness"]["command"]))
     return container
 
@@ -124,12 +127,16 @@ def _environment(app: Mapping[str, Any], ctx: Mapping[str, Any]) -> list[dict[st
     namespace = context.graph_namespace(app, ctx)
     if namespace != "/":
         env["ROS_NAMESPACE"] = {"value": namespace}
+    if app["hooks"]:
+        env[names.APP_ENV] = {"value": app["name"]}
+        label = f"metadata.labels['{names.LABEL_REVISION}']"
+        env[names.REVISION_ENV] = {"valueFrom": {"fieldRef": {"fieldPath": label}}}
     env.update({key: {"value": value} for key, value in app["env"].items()})
     return [{"name": key, **value} for key, value in env.items()]
 
 
 def _volumes(app: Mapping[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Pairs of a pod's volume and the container's mount of it: claims, devices, host paths."""
+    """Pairs of a pod's volume and the container's mount of it: claims, devices, host paths, the hooks' code."""
     pairs: list[tuple[dict[str, Any], dict[str, Any]]] = []
     for volume in app["volumes"]:
         source = {"persistentVolumeClaim": {"claimName": names.claim_name(volume["name"])}}
@@ -141,6 +148,8 @@ def _volumes(app: Mapping[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any
     for number, item in enumerate(app["host_paths"]):
         source = {"hostPath": {"path": item["path"]}}
         pairs.append(_volume(f"host-path-{number}", source, item["mount_path"], item["read_only"]))
+    if app["hooks"]:
+        pairs.append((hook_volume(app), hook_mount()))
     return pairs
 
 

@@ -67,6 +67,7 @@ class NodeAnswer:
     bus: Any = None
     publications: Any = None
     subscriptions: Any = None
+    refused: bool = False  # nothing listens at its address: it is dead, where one that is late may only be busy
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ class ServiceProbe:
     provider: str = ""
     type: str = ""
     error: str = ""
+    md5sum: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,12 +91,22 @@ class StatusReading:
 
 @dataclass(frozen=True)
 class Rate:
-    """Messages per second, summed over a topic's publishers."""
+    """Messages per second, summed over a topic's publishers; `by` has the same of each publisher that was counted."""
 
     hz: float = 0.0
     messages: int = 0
     seconds: float = 0.0
     error: str = ""
+    by: Mapping[str, Rate] = field(default_factory=dict, compare=False)
+
+
+@dataclass(frozen=True)
+class Extras:
+    """What can be found out beside the graph itself, where it was asked for."""
+
+    rates: Mapping[str, Rate] = field(default_factory=dict)  # by topic
+    md5sums: Mapping[str, str] = field(default_factory=dict)  # by topic
+    connections: Mapping[str, int] = field(default_factory=dict)  # by service
 
 
 # ---- the graph
@@ -106,6 +118,7 @@ class Connection:
 
     The peer of an outgoing one is the subscriber's node name; of an incoming one the publisher's URI. Only the outgoing
     ones say that messages flow: both client libraries report an incoming one as connected before any handshake.
+    `info` is what the client library says of it in words, its sockets' addresses among them.
     """
 
     topic: str
@@ -113,6 +126,7 @@ class Connection:
     direction: str
     transport: str
     connected: bool
+    info: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -127,6 +141,7 @@ class Node:
     services: tuple[str, ...] = ()
     own_types: Mapping[str, str] = field(default_factory=dict)
     connections: tuple[Connection, ...] | None = None  # None: not asked, or no answer
+    refused: bool = False  # nothing listens at its address
 
     @property
     def reachable(self) -> bool:
@@ -176,13 +191,19 @@ class Graph:
     services: Mapping[str, Service] = field(default_factory=dict)
     actions: Mapping[str, Action] = field(default_factory=dict)
 
-    def as_dict(self, rates: Mapping[str, Rate] | None = None) -> dict[str, Any]:
+    def as_dict(self, extras: Extras | None = None) -> dict[str, Any]:
         """The graph as JSON-able data, the shape that ros_graph_info returns."""
-        rates = rates or {}
+        more = extras or Extras()
         return {
             "nodes": {name: _node_dict(node) for name, node in sorted(self.nodes.items())},
-            "topics": {name: _topic_dict(topic, rates.get(name)) for name, topic in sorted(self.topics.items())},
-            "services": {name: _service_dict(service) for name, service in sorted(self.services.items())},
+            "topics": {
+                name: _topic_dict(topic, more.rates.get(name), more.md5sums.get(name))
+                for name, topic in sorted(self.topics.items())
+            },
+            "services": {
+                name: _service_dict(service, more.connections.get(name))
+                for name, service in sorted(self.services.items())
+            },
             "actions": {name: _action_dict(action) for name, action in sorted(self.actions.items())},
         }
 
@@ -199,20 +220,27 @@ def _node_dict(node: Node) -> dict[str, Any]:
     }
 
 
-def _topic_dict(topic: Topic, rate: Rate | None) -> dict[str, Any]:
+def _hertz(rate: Rate | None) -> float | None:
+    return None if rate is None or rate.error else round(rate.hz, 3)
+
+
+def _topic_dict(topic: Topic, rate: Rate | None, md5sum: str | None) -> dict[str, Any]:
     return {
         "type": topic.type,
+        "md5sum": md5sum,
         "publishers": list(topic.publishers),
         "subscribers": list(topic.subscribers),
         "connections": [{"publisher": publisher, "subscriber": peer} for publisher, peer in topic.connections],
-        "rate": None if rate is None or rate.error else round(rate.hz, 3),
+        "rate": _hertz(rate),
+        "rates": {name: _hertz(part) for name, part in sorted(rate.by.items())} if rate else {},
         "rate_error": rate.error if rate else "",
     }
 
 
-def _service_dict(service: Service) -> dict[str, Any]:
+def _service_dict(service: Service, connections: int | None) -> dict[str, Any]:
     probe = service.probe or ServiceProbe()
-    return {"providers": list(service.providers), **asdict(probe), "up": bool(service.probe and not probe.error)}
+    up = bool(service.probe and not probe.error)
+    return {"providers": list(service.providers), **asdict(probe), "up": up, "connections": connections}
 
 
 def _action_dict(action: Action) -> dict[str, Any]:
@@ -288,7 +316,8 @@ def connections(raw: Any) -> tuple[Connection, ...]:
         peer, direction, transport, topic = row[1:5]
         if all(isinstance(value, str) for value in (peer, direction, transport, topic)):
             connected = bool(row[5]) if len(row) > 5 else True
-            found.append(Connection(topic, peer, direction, transport, connected))
+            info = row[6] if len(row) > 6 and isinstance(row[6], str) else ""
+            found.append(Connection(topic, peer, direction, transport, connected, info))
     return tuple(found)
 
 
@@ -342,7 +371,7 @@ def _node(state: MasterState, name: str, answer: NodeAnswer | None, doubtful: bo
     if doubtful and pid is not None and any(topic not in own for topic in (*published, *subscribed)):
         pid, error = None, f"another node answers at {answer.uri}: a stale registration"
     bus = connections(answer.bus) if pid is not None and answer.bus is not None else None
-    return Node(name, answer.uri, pid, True, error, published, subscribed, services, own, bus)
+    return Node(name, answer.uri, pid, True, error, published, subscribed, services, own, bus, answer.refused)
 
 
 def build(

@@ -144,6 +144,8 @@ def images_plan(
 ) -> dict[str, Any]:
     """What a node lacks: archives to bring (a whole archive if one of its images is missing) and names to pull.
 
+    A name that one of the archives holds is never pulled.
+
     `wanted` is what must be there in the end, name -> ID; a pulled image's ID is not known beforehand (empty).
     """
     present = node_images(listing)
@@ -159,8 +161,9 @@ def images_plan(
         if any(present.get(image["ref"]) != image["id"] for image in images):
             bring.append(path)
     names = [normal_ref(ref) for ref in refs]
+    pull = [name for name in names if name not in present and name not in wanted]
     wanted.update({name: "" for name in names if name not in wanted})
-    return {"bring": bring, "pull": [name for name in names if name not in present], "wanted": wanted}
+    return {"bring": bring, "pull": pull, "wanted": wanted}
 
 
 def _chosen(archive: Mapping[str, Any], images: list[Image]) -> list[Image]:

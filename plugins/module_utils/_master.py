@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ROS master's Deployment and Service."""
+"""The ROS master's Deployment and Service, and those of the keeper beside it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._deployment import (
     node_selector,
     object_labels,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._keeper_objects import annotate, keeper_objects
 from ansible_collections.rosops.fleet.plugins.module_utils._merge import deep_merge
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
@@ -37,7 +38,10 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 
 
 def master_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Deployment and Service of the robot's master, or of the fleet's; nothing for an external one. ctx is complete."""
+    """The robot's master, or the fleet's, and its keeper; nothing for an external one. ctx is complete.
+
+    The overrides are the master's alone.
+    """
     if ctx["master"]["mode"] == "external":
         return []
     plain = plain_master(ctx)
@@ -55,9 +59,9 @@ def master_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
     }
     deployment = deep_merge(plain, ctx["master"]["overrides"])
     template = deployment["spec"]["template"]
-    _annotate(template, canonical_hash(template))
-    _annotate(deployment, canonical_hash(deployment))
-    return [deployment, service]
+    annotate(template, canonical_hash(template))
+    annotate(deployment, canonical_hash(deployment))
+    return [deployment, service, *keeper_objects(ctx)]
 
 
 def plain_master(ctx: Mapping[str, Any]) -> dict[str, Any]:
@@ -107,8 +111,3 @@ def _pod_spec(ctx: Mapping[str, Any]) -> dict[str, Any]:
     if ctx["pull_secrets"]:
         spec["imagePullSecrets"] = [{"name": secret["name"]} for secret in ctx["pull_secrets"]]
     return spec
-
-
-def _annotate(item: dict[str, Any], digest: str) -> None:
-    metadata = item["metadata"]
-    metadata["annotations"] = {**(metadata.get("annotations") or {}), names.ANNOTATION_HASH: digest}

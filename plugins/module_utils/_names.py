@@ -18,7 +18,14 @@ LABEL_PLACEMENT = "deploymentType"
 ANNOTATION_HASH = "rosops.fleet/spec-hash"
 ANNOTATION_HANDOFF = "rosops.fleet/handoff"
 ANNOTATION_NODE = "rosops.fleet/ros-node"
+ANNOTATION_UPDATING = "rosops.fleet/updating"  # on a Deployment while a step changes it: its version is not proven yet
 NODE_NAME_ENV = "ROSOPS_NODE_NAME"
+APP_ENV = "ROSOPS_APP"
+REVISION_ENV = "ROSOPS_REVISION"
+HOOKS_NAME = "rosops-hooks"  # the ConfigMap of what runs in pods, and the volume of it
+HOOKS_DIR = "/opt/rosops-fleet/hooks"
+KEEPER_NAME = "ros-keeper"
+KEEPER_PORT = 11411
 
 
 def robot_namespace(robot: str) -> str:
@@ -34,6 +41,16 @@ def ros_name(name: str) -> str:
 def claim_name(volume: str) -> str:
     """The seed's pattern for claims: `<volume>-pvc`."""
     return f"{volume}-pvc"
+
+
+def update_name(app: str) -> str:
+    """The ConfigMap that keeps an app's contract and its earlier versions."""
+    return f"{app}-update"
+
+
+def fleet_hooks_name(app: str) -> str:
+    """The ConfigMap of an app of the whole fleet. Not in the others' map: a robot without the app applies that, too."""
+    return f"{HOOKS_NAME}-{app}"
 
 
 def default_mount_path(volume: str) -> str:

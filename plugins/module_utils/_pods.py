@@ -75,6 +75,12 @@ def is_ready(pod: Mapping[str, Any]) -> bool:
     return not is_terminating(pod) and condition(pod, "Ready").get("status") == "True"
 
 
+def is_up(pod: Mapping[str, Any]) -> bool:
+    """One of its containers runs, so that its probes may have something to say."""
+    statuses = (pod.get("status") or {}).get("containerStatuses") or []
+    return not is_terminating(pod) and any("running" in (item.get("state") or {}) for item in statuses)
+
+
 def _containers(pod: Mapping[str, Any]) -> Iterator[Object]:
     status = pod.get("status") or {}
     for key in ("initContainerStatuses", "containerStatuses"):
@@ -143,6 +149,25 @@ def trouble(pod: Mapping[str, Any], crashes: bool = True) -> Verdict | None:
         unbound = "unbound immediate PersistentVolumeClaims" in message
         return Verdict(WAIT, _words(who, "Unschedulable", message), suspect="" if unbound else "Unschedulable")
     return suspect
+
+
+def restarts(pod: Mapping[str, Any]) -> dict[str, int]:
+    """How often each of its containers was started again."""
+    return {str(item.get("name", "?")): int(item.get("restartCount") or 0) for item in _containers(pod)}
+
+
+def error_end(pod: Mapping[str, Any], before: Mapping[str, int]) -> Verdict | None:
+    """A failure for a container that ended with an error even once, beyond the restarts that it had `before`."""
+    for container in _containers(pod):
+        name = str(container.get("name", "?"))
+        again = int(container.get("restartCount") or 0)
+        last = dict((container.get("lastState") or {}).get("terminated") or {}) if again > before.get(name, 0) else {}
+        for ended in (_state(container, "terminated"), last):
+            if ended.get("exitCode"):
+                times = f" ({again} restart{'' if again == 1 else 's'})" if again else ""
+                where = f"pod {name_of(pod)}, container {name}"
+                return Verdict(FAIL, f"{where}: ended with {_exit(ended)}{times}")
+    return None
 
 
 def why_not_ready(pod: Mapping[str, Any]) -> str:

@@ -40,6 +40,7 @@ class Polled:
     elapsed: float
     looks: int
     passes: int  # how many of the last looks passed in a row
+    held: float = 0.0  # seconds from the end of the first of these to the end of the last
 
     @property
     def timed_out(self) -> bool:
@@ -60,8 +61,12 @@ def poll(  # noqa: PLR0913 - the clock and the sleep are the price of tests that
     consecutive: int = 1,
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
+    stable: float = 0.0,
 ) -> Polled:
     """Call `probe` until it passed `consecutive` times in a row, failed once, or `timeout` seconds are over.
+
+    With `stable` it also has to pass in every look for that many seconds, counted from the end of the first look that
+    passed; one that does not starts the count over. The time-out includes them.
 
     Looks start `interval` seconds apart, counted from start to start, and at once if a look took longer than that.
     So what becomes true is reported at most `interval` plus the length of one look later (with `consecutive` = 1).
@@ -71,16 +76,21 @@ def poll(  # noqa: PLR0913 - the clock and the sleep are the price of tests that
     start = now()
     deadline = start + timeout
     looks = passes = 0
+    since = start
     while True:
         began = now()
         seen = probe()
         looks += 1
         passes = passes + 1 if seen.verdict == PASS else 0
         ended = now()
-        if seen.verdict == FAIL or passes >= consecutive:
-            return Polled(seen.verdict, seen.observed, ended - start, looks, passes)
+        since = ended if passes <= 1 else since
+        held = ended - since
+        if seen.verdict == FAIL or (passes >= consecutive and held >= stable):
+            return Polled(seen.verdict, seen.observed, ended - start, looks, passes, held)
         if began >= deadline:
-            return Polled(WAIT, seen.observed, ended - start, looks, passes)
+            return Polled(WAIT, seen.observed, ended - start, looks, passes, held)
         pause = min(began + interval, deadline) - ended
+        if passes >= consecutive:  # then only the time is lacking: the last look is due at its end
+            pause = min(pause, since + stable - ended)
         if pause > 0:
             sleep(pause)

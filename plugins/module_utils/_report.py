@@ -65,7 +65,7 @@ class _Host:
     unreachable: str = ""
     ready: dict[str, Any] = field(default_factory=dict)
     rollout: dict[str, Any] = field(default_factory=dict)
-    declared: dict[str, str] = field(default_factory=dict)
+    declared: dict[str, Any] = field(default_factory=dict)
     blocked: list[tuple[str, str]] = field(default_factory=list)  # host that ended the run for this one, and how
 
 
@@ -119,15 +119,16 @@ def _rollout_of(result: Mapping[str, Any]) -> dict[str, Any]:
     return {"elapsed": result.get("elapsed"), "objects": len(rows), "unmet": unmet}
 
 
-def _declared_of(result: Mapping[str, Any]) -> dict[str, str]:
-    """An outcome that a play decided itself, with `set_fact: fleet_outcome`: a word, or a word and a reason."""
+def _declared_of(result: Mapping[str, Any]) -> dict[str, Any]:
+    """An outcome that a play decided itself, with `set_fact: fleet_outcome`: a word, or `{outcome, reason, steps}`."""
     facts = result.get("ansible_facts")
     value = facts.get(FACT) if isinstance(facts, Mapping) else None
     if isinstance(value, Mapping):
         word, reason = str(value.get("outcome", "")), str(value.get("reason") or "")
     else:
         word, reason = str(value or ""), ""
-    return {"outcome": word, "reason": reason} if word in OUTCOMES else {}
+    steps = value.get("steps") if isinstance(value, Mapping) else None
+    return {"outcome": word, "reason": reason, "steps": list(steps or [])} if word in OUTCOMES else {}
 
 
 class Report:
@@ -242,6 +243,7 @@ class Report:
             "changed": host.changed,
             "ready": host.ready or None,
             "rollout": host.rollout or None,
+            "steps": host.declared.get("steps") or [],
             "counts": counts,
         }
 

@@ -9,6 +9,7 @@ from typing import Any, Iterator, Mapping
 
 from ansible_collections.rosops.fleet.plugins.module_utils import _context as context
 from ansible_collections.rosops.fleet.plugins.module_utils import _names as names
+from ansible_collections.rosops.fleet.plugins.module_utils._dependencies import dependency_problems
 from ansible_collections.rosops.fleet.plugins.module_utils._deployment import canonical_hash
 from ansible_collections.rosops.fleet.plugins.module_utils._formats import FORMS, moving_tag
 from ansible_collections.rosops.fleet.plugins.module_utils._master import plain_master
@@ -23,7 +24,8 @@ NODE_BOUND = (None, "local-path")
 def robot_problems(ctx: Ctx, positions: list[int], edge_count: int) -> list[Problem]:
     """Problems between the apps and volumes of one robot; `positions` are the apps' places in ros_apps."""
     apps = [(f"hosts.{ctx['robot']}.ros_apps[{position}]", app) for app, position in zip(ctx["apps"], positions)]
-    return [*_same_names(ctx, apps), *_same_volumes(ctx), *_volume_users(ctx, apps, edge_count)]
+    found = [*_same_names(ctx, apps), *_same_volumes(ctx), *_volume_users(ctx, apps, edge_count)]
+    return [*found, *dependency_problems(ctx, apps)]
 
 
 def _same_names(ctx: Ctx, apps: list[tuple[str, Any]]) -> Iterator[Problem]:
@@ -56,6 +58,9 @@ def _same_volumes(ctx: Ctx) -> Iterator[Problem]:
         ):
             path = f"hosts.{ctx['robot']}.persistent_storage.volumes[{index}].name"
             yield Problem(path, f"is '{name}', a name that devices and host paths get", "any other name")
+        if name == names.HOOKS_NAME:
+            path = f"hosts.{ctx['robot']}.persistent_storage.volumes[{index}].name"
+            yield Problem(path, f"is '{name}', the volume of the collection's own code", "any other name")
 
 
 def _volume_users(ctx: Ctx, apps: list[tuple[str, Any]], edge_count: int) -> Iterator[Problem]:

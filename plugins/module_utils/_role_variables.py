@@ -43,6 +43,7 @@ OPTIONS: dict[str, Option] = {
         "elements": "dict",
         "options": {"path": {"type": "str", "required": True}, "images": {"type": "list", "elements": "str"}},
     },
+    "images_needed": {"type": "list", "elements": "str"},
     "images_refs": {"type": "list", "elements": "str"},
     "images_throttle": {"type": "int"},
     "images_rate_limit": {"type": "str"},
@@ -117,6 +118,15 @@ OPTIONS: dict[str, Option] = {
     "ros_app_rollout_timeout": {"type": "int"},
     "storage_remove_claims": {"type": "list", "elements": "str"},
     "storage_remove_confirm": {"type": "bool"},
+    "update_apps": {"type": "list", "elements": "str"},
+    "update_to": {"type": "str"},
+    "update_shared": {"type": "bool"},
+    "update_on_busy": {"type": "str", "choices": ["wait", "defer", "force"]},
+    "update_busy_timeout": {"type": "float"},
+    "update_ready_timeout": {"type": "float"},
+    "update_verify_seconds": {"type": "float"},
+    "update_rate_tolerance": {"type": "float"},
+    "update_rate_seconds": {"type": "float"},
 }
 
 

@@ -192,6 +192,15 @@ def _hash(pod: Mapping[str, Any]) -> str:
     return str((meta(pod).get("labels") or {}).get(HASH, ""))
 
 
+def _wanted_hash(obj: Mapping[str, Any], view: View) -> str:
+    """What a pod of the present revision has for its hash; nothing until the controller has said so."""
+    if obj.get("kind") == "StatefulSet":
+        return str((obj.get("status") or {}).get("updateRevision") or "")
+    revisions = view.all("ControllerRevision", str(meta(obj).get("namespace") or ""))
+    owned = [one for one in revisions if owned_by(one, obj)]
+    return _hash(max(owned, key=lambda one: _number(one, "revision"))) if owned else ""
+
+
 def _strategy(obj: Mapping[str, Any]) -> tuple[str, int]:
     strategy = (obj.get("spec") or {}).get("updateStrategy") or {}
     rolling = strategy.get("rollingUpdate") or {}
@@ -257,7 +266,7 @@ def _stateful_set(obj: Mapping[str, Any], view: View) -> Verdict:
     first = _number(spec.get("ordinals") or {}, "start") + partition
     pods = view.controlled("Pod", str(meta(obj).get("namespace") or ""), "StatefulSet", name_of(obj))
     on_delete = kind == "OnDelete"
-    wanted = str(status.get("updateRevision") or "")
+    wanted = _wanted_hash(obj, view)
     group = _sort(obj, pods, wanted, lambda pod: on_delete or _ordinal(pod) < first)
     available = _number(status, "availableReplicas", _number(status, "readyReplicas"))
     verdict = _judge_set(group, view, desired, available, "OnDelete" if on_delete else f"partition {partition}")
@@ -269,13 +278,12 @@ def _daemon_set(obj: Mapping[str, Any], view: View) -> Verdict:
     status = obj.get("status") or {}
     desired = _number(status, "desiredNumberScheduled")
     namespace = str(meta(obj).get("namespace") or "")
-    revisions = [one for one in view.all("ControllerRevision", namespace) if owned_by(one, obj)]
-    newest = max(revisions, key=lambda one: _number(one, "revision"), default=None)
-    if newest is None:
+    wanted = _wanted_hash(obj, view)
+    if not wanted:
         return Verdict(WAIT, "its controller revision has not been seen yet")
     on_delete = _strategy(obj)[0] == "OnDelete"
     pods = view.controlled("Pod", namespace, "DaemonSet", name_of(obj))
-    group = _sort(obj, pods, _hash(newest), lambda _pod: on_delete)
+    group = _sort(obj, pods, wanted, lambda _pod: on_delete)
     available = min(_number(status, "numberAvailable"), desired - _number(status, "numberUnavailable"))
     verdict = _judge_set(group, view, desired, available, "OnDelete")
     if verdict.verdict == PASS and desired == 0:
@@ -398,6 +406,25 @@ def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
         "PersistentVolumeClaim": lambda: _claim(obj, view, refs),
     }
     return others[ref.kind]()
+
+
+def present_pods(ref: Ref, view: View) -> list[Object]:
+    """The pods of the present template that are to stay: whose news are news of this rollout."""
+    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) else None
+    if obj is None or _unseen(obj):
+        return []
+    if ref.kind == "Pod":
+        return [obj]
+    if ref.kind == "Deployment":
+        newest = _current_set(obj, view)
+        found = [pod for pod in _pods_of_deployment(obj, view) if newest and owned_by(pod, newest)]
+    elif ref.kind in ("StatefulSet", "DaemonSet"):
+        wanted = _wanted_hash(obj, view)
+        pods = view.controlled("Pod", ref.namespace, ref.kind, ref.name)
+        found = [pod for pod in pods if owned_by(pod, obj) and wanted and _hash(pod) == wanted]
+    else:  # a Job counts its own crashes, and the others have no pods
+        found = []
+    return [pod for pod in found if not is_terminating(pod)]
 
 
 class Tracker:

@@ -19,12 +19,18 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pods import (
     Object,
     Verdict,
     condition,
+    error_end,
+    is_ready,
     is_terminating,
+    is_up,
     meta,
+    name_of,
+    restarts,
     uid_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._poll import FAIL, PASS, WAIT, overall
-from ansible_collections.rosops.fleet.plugins.module_utils._rollout import Tracker, judge
+from ansible_collections.rosops.fleet.plugins.module_utils._probe_news import ProbeNews
+from ansible_collections.rosops.fleet.plugins.module_utils._rollout import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.plugins.module_utils._view import CLUSTER_WIDE, Ref, View, parse_refs, watched
 from ansible_collections.rosops.fleet.plugins.module_utils._watch import Change, Watch
 
@@ -33,6 +39,7 @@ ROLLOUT_ARGS: dict[str, dict[str, Any]] = {
     "objects": {"type": "list", "elements": "dict", "required": True, "aliases": ["definitions"]},
     "timeout": {"type": "float", "default": 300},
     "unschedulable_grace": {"type": "float", "default": 10},
+    "fail_on_restart": {"type": "bool", "default": False},
 }
 
 SAY_SECONDS = 10.0  # below the idle time-outs of the tools that run playbooks
@@ -74,6 +81,7 @@ class Settings:
 
     timeout: float = 300.0
     grace: float = 10.0
+    fail_on_restart: bool = False
     say: Callable[[str], None] = say_nothing
     now: Callable[[], float] = time.monotonic
     watch: Callable[[Any, Iterable[Target]], Stream] = Watch
@@ -115,7 +123,8 @@ class _Wait:
 
     def __init__(self, refs: Sequence[Ref], settings: Settings) -> None:
         self.refs, self.settings = refs, settings
-        self.view, self.tracker = View(), Tracker(settings.grace)
+        self.view, self.tracker, self.news = View(), Tracker(settings.grace), ProbeNews()
+        self.before: dict[str, dict[str, int]] = {}  # by pod uid, the restarts that are none of this rollout's
         self.unlisted = set(targets_for(refs))
         self.lost: dict[Target, ApiError] = {}
         self.start = settings.now()
@@ -154,14 +163,46 @@ class _Wait:
             verdict = judge(ref, self.view, self.refs)
             if self.unlisted:
                 verdict = Verdict(WAIT, self.unreachable() or "is being looked up")
+            elif verdict.verdict != FAIL:
+                verdict = self._with_pods(present_pods(ref, self.view), verdict)
             rows.append(Row(ref, self.tracker.settle(ref, verdict, now)))
         return rows
+
+    def _with_pods(self, pods: Sequence[Object], verdict: Verdict) -> Verdict:
+        """The verdict with what the present pods have to add: an end with an error, and the last words of a probe."""
+        for pod in pods if self.settings.fail_on_restart else ():
+            # a pod that was Ready when first seen had its restarts in an earlier life
+            before = self.before.setdefault(uid_of(pod), restarts(pod) if is_ready(pod) else {})
+            ended = error_end(pod, before)
+            if ended:
+                return ended
+        said = [(pod, self.news.lines[uid_of(pod)]) for pod in pods if _waits(pod) and uid_of(pod) in self.news.lines]
+        for pod, line in said if verdict.verdict == WAIT else ():
+            if line.hopeless:
+                return Verdict(FAIL, f"pod {name_of(pod)}: {line.text}")
+        if verdict.verdict == PASS or not said:
+            return verdict
+        heard = "; ".join(f"pod {name_of(pod)}: {line.text}" for pod, line in said[:3])
+        return Verdict(verdict.verdict, f"{verdict.reason}; {heard}", verdict.suspect)
+
+    def starting(self) -> set[str]:
+        """Namespaces where a present pod is up but not ready: only its probe knows why."""
+        if self.unlisted or self.lost:
+            return set()
+        return {ref.namespace for ref in self.refs if any(_waits(pod) for pod in present_pods(ref, self.view))}
+
+    def hear(self, kube: Cluster) -> bool:
+        return self.news.ask(kube, self.starting(), self.settings.now())
 
     def unreachable(self) -> str:
         return str(next(iter(self.lost.values()))) if self.lost else ""
 
     def elapsed(self) -> float:
         return self.settings.now() - self.start
+
+
+def _waits(pod: Mapping[str, Any]) -> bool:
+    return is_up(pod) and not is_ready(pod)
 
 
 def _progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
@@ -182,6 +223,8 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
     with settings.watch(kube, sorted(wait.unlisted, key=str)) as stream:
         while True:
             rows = wait.rows()
+            if any(row.verdict.verdict == WAIT for row in rows) and wait.hear(kube):
+                rows = wait.rows()
             verdict, now = overall([row.verdict.verdict for row in rows]), settings.now()
             if verdict == PASS:
                 return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
@@ -193,7 +236,7 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if now >= say_at:
                 settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [wait.start + settings.timeout, say_at, wait.tracker.due()]
+            ends = [wait.start + settings.timeout, say_at, wait.tracker.due(), wait.news.due(wait.starting(), now)]
             until = min(end for end in ends if end is not None)
             if wait.unlisted:
                 until = min(until, now + 1.0)
@@ -246,7 +289,7 @@ def _notes(kube: Cluster, bad: Sequence[Row], view: View) -> list[str]:
             events = kube.objects("Event", namespace, fields="type=Warning")
             notes += _warnings((one for one in events if _is_news(one, view, namespace, said)), names)
             for pod in view.all("Pod", namespace):
-                notes += _last_words(kube, pod, names)
+                notes += _last_words(kube, pod, names, said)
     except KubeError:
         pass
     return notes[:SHOWN]
@@ -265,6 +308,8 @@ def _is_news(event: Mapping[str, Any], view: View, namespace: str, said: str) ->
         return False
     if kind == "ReplicaSet" and found and not (found.get("spec") or {}).get("replicas"):
         return False
+    if event.get("reason") == "Unhealthy" and f"pod {name}: " in said:
+        return False
     bare = message.replace("Error: ", "")
     return event.get("reason") != "BackOff" and bare not in IMAGE_ERRORS and bare not in said
 
@@ -279,24 +324,40 @@ def _warnings(events: Iterable[Mapping[str, Any]], names: Iterable[str]) -> list
     return [f"  event of {about}: {event.get('reason')}: {event.get('message')}" for about, event in newest.items()]
 
 
-def _last_words(kube: Cluster, pod: Mapping[str, Any], names: Iterable[str]) -> list[str]:
+def _last_words(kube: Cluster, pod: Mapping[str, Any], names: Iterable[str], said: str) -> list[str]:
     name, namespace = str(meta(pod).get("name")), str(meta(pod).get("namespace"))
-    if not _concerns(name, names) or condition(pod, "Ready").get("status") == "True":
+    recovered = condition(pod, "Ready").get("status") == "True" and f"pod {name}," not in said
+    if not _concerns(name, names) or recovered:
         return []
     lines: list[str] = []
     for container in (pod.get("status") or {}).get("containerStatuses") or []:
-        ended = (container.get("lastState") or {}).get("terminated") or {}
+        last = (container.get("lastState") or {}).get("terminated") or {}
+        now = (container.get("state") or {}).get("terminated") or {}
+        ended = last or (now if now.get("exitCode") else {})
         if ended and not ended.get("message"):
-            tail = kube.log_tail(namespace, name, str(container.get("name")))
+            tail = _log_of_the_end(kube, namespace, name, str(container.get("name")))
             lines += [f"  log of pod {name}, container {container.get('name')}: {line}" for line in tail.splitlines()]
     return lines
+
+
+def _log_of_the_end(kube: Cluster, namespace: str, pod: str, container: str) -> str:
+    """Of the container that ended: the previous one, or the present one if none was started since."""
+    try:
+        return kube.log_tail(namespace, pod, container)
+    except ApiError:
+        return kube.log_tail(namespace, pod, container, previous=False)
 
 
 # --- for the module and the action ----------------------------------------------------------------------------------
 
 
 def settings_from(params: Mapping[str, Any], say: Callable[[str], None] = say_nothing) -> Settings:
-    return Settings(timeout=float(params["timeout"]), grace=float(params["unschedulable_grace"]), say=say)
+    return Settings(
+        timeout=float(params["timeout"]),
+        grace=float(params["unschedulable_grace"]),
+        fail_on_restart=bool(params["fail_on_restart"]),
+        say=say,
+    )
 
 
 def run(params: Mapping[str, Any], kube: Cluster, settings: Settings, check_mode: bool = False) -> dict[str, Any]:

@@ -29,6 +29,7 @@ ROS_ARGS: dict[str, dict[str, Any]] = {
 }
 
 MAX_STATUS = 4 * 1024 * 1024
+REFUSED_PAUSE = 0.05
 TICK = 0.005  # read a stream in batches: waking up for each message would cost the robot's CPU
 
 
@@ -101,7 +102,7 @@ class RosMaster:
             where = found if isinstance(found, str) else ""
             why = reason(error, where or self.uri, self.timeout)
             if kind == "node":
-                return NodeAnswer(where, error=why)
+                return NodeAnswer(where, error=why, refused=isinstance(error, ConnectionRefusedError))
             if kind == "service":
                 return ServiceProbe(where, error=why)
             return StatusReading(error=why)
@@ -116,6 +117,13 @@ class RosMaster:
         return _graph.build(state, answers, probes, statuses)
 
     def _node(self, uri: Any, asked: frozenset[str]) -> NodeAnswer:
+        try:
+            return self._ask_node(uri, asked)
+        except ConnectionRefusedError:
+            time.sleep(min(REFUSED_PAUSE, self.timeout / 4))
+            return self._ask_node(uri, asked)  # twice refused is dead; once may be a server that is just opening
+
+    def _ask_node(self, uri: Any, asked: frozenset[str]) -> NodeAnswer:
         with Api(_address(uri), self.caller, Deadline(self.timeout)) as api:
             pid = api.call("getPid")
             if not isinstance(pid, int):
@@ -134,7 +142,7 @@ class RosMaster:
         deadline = Deadline(self.timeout)
         with connect(*address_of(_address(uri), "rosrpc"), deadline) as sock:
             reply = handshake(sock, {"callerid": self.caller, "service": name, "md5sum": "*", "probe": "1"})
-        return ServiceProbe(uri, reply.get("callerid", ""), reply.get("type", ""))
+        return ServiceProbe(uri, reply.get("callerid", ""), reply.get("type", ""), md5sum=reply.get("md5sum", ""))
 
     def _subscribe(self, uri: str, topic: str, deadline: Deadline) -> tuple[TimedSocket, dict[str, str]]:
         """A connection that carries the topic's messages, without a registration: no graph tool will list us."""
@@ -171,35 +179,63 @@ class RosMaster:
             return StatusReading(tuple(readings), reason(error, uri, self.timeout))
         return StatusReading(tuple(readings))
 
-    # ---- rates
+    # ---- streams: md5sums and rates
 
-    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
-        """Count the messages of topics, all at the same time, each for its number of seconds."""
-        topics = [graph.topics[name] for name in seconds if name in graph.topics]
-        sources = [(topic.name, publisher) for topic in topics for publisher in topic.publishers]
+    def _open(
+        self, graph: Graph, sources: Sequence[tuple[str, str]]
+    ) -> dict[tuple[str, str], tuple[TimedSocket, dict[str, str]] | str]:
+        """A stream of each (topic, publisher) with its handshake, all at the same time; or why there is none."""
         uris: dict[str, Any] = {name: graph.nodes[name].uri for _topic, name in sources}
         uris.update(self._look_up(sorted(name for name, uri in uris.items() if not uri), ())[0])
 
         def task(topic: str, publisher: str) -> Any:
-            return self._subscribe(_address(uris[publisher]), topic, Deadline(self.timeout))[0]
+            return self._subscribe(_address(uris[publisher]), topic, Deadline(self.timeout))
 
         def failed(key: Any, error: BaseException) -> Any:
             where = uris[key[1]] if isinstance(uris[key[1]], str) else self.uri
             return f"{key[1]}: {reason(error, where, self.timeout)}"
 
-        opened = in_parallel({key: partial(task, *key) for key in sources}, self.timeout, failed)
-        counted = _count({key: sock for key, sock in opened.items() if not isinstance(sock, str)}, seconds)
+        return in_parallel({key: partial(task, *key) for key in sources}, self.timeout, failed)
+
+    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
+        """The md5sum that a publisher of each topic gives in its handshake; topics where none does are left out."""
+        sources = []
+        for topic in (graph.topics[name] for name in topics if name in graph.topics):
+            alive = [name for name in topic.publishers if graph.nodes[name].reachable]
+            sources += [(topic.name, name) for name in alive[:1]]
         found = {}
-        for topic in seconds:
-            errors = [why for key, why in opened.items() if key[0] == topic and isinstance(why, str)]
-            parts = [rate for key, rate in counted.items() if key[0] == topic]
+        for (name, _publisher), stream in self._open(graph, sources).items():
+            if not isinstance(stream, str):
+                stream[0].close()
+                if stream[1].get("md5sum"):
+                    found[name] = stream[1]["md5sum"]
+        return found
+
+    def rates(
+        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
+    ) -> dict[str, Rate]:
+        """Count the messages of topics, all at the same time, each for its number of seconds.
+
+        `only` names the publishers to count for some of the topics; of the others it is all.
+        """
+        sources = []
+        for topic in (graph.topics[name] for name in seconds if name in graph.topics):
+            wanted = set((only or {}).get(topic.name, topic.publishers))
+            sources += [(topic.name, publisher) for publisher in topic.publishers if publisher in wanted]
+        opened = self._open(graph, sources)
+        counted = _count({key: one[0] for key, one in opened.items() if not isinstance(one, str)}, seconds)
+        found = {}
+        for topic_name in seconds:
+            by = {key[1]: rate for key, rate in counted.items() if key[0] == topic_name}
+            errors = {key[1]: one for key, one in opened.items() if key[0] == topic_name and isinstance(one, str)}
+            parts = list(by.values())
+            by.update({name: Rate(error=why) for name, why in errors.items()})
             if not parts:
-                found[topic] = Rate(error="; ".join(errors) or "no publisher")
+                found[topic_name] = Rate(error="; ".join(errors.values()) or "no publisher", by=by)
                 continue
             # one of several publishers may be gone: what the others send is still the topic's rate
-            found[topic] = Rate(
-                sum(rate.hz for rate in parts), sum(rate.messages for rate in parts), max(r.seconds for r in parts)
-            )
+            hz, messages = sum(rate.hz for rate in parts), sum(rate.messages for rate in parts)
+            found[topic_name] = Rate(hz, messages, max(rate.seconds for rate in parts), by=by)
         return found
 
 

@@ -123,6 +123,15 @@ APP: Schema = mapping(
             mapping({"name": text("volume-name"), "mount_path": text("mount-path"), "read_only": FLAG}, "name")
         ),
         "readiness": READINESS,
+        "hooks": FLAG,
+        "depends_on": listing(text("app-name")),
+        "update": mapping(
+            {
+                "group": text("app-name"),
+                "idle": listing(text("graph-name")),
+                "on_busy": one_of("wait", "defer", "force"),
+            }
+        ),
         "drain_deadline": whole(0),
         "termination_grace_period": whole(1),
         "resources": mapping({"requests": RESOURCES, "limits": RESOURCES}),

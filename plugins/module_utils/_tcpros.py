@@ -124,11 +124,15 @@ class FrameCounter:
         """Messages per second between `start` and `end`.
 
         Taken between arrivals, which is exact where a window holds only a few messages. The first message does not
-        count: it may be a latched one of any age. A silence at the end does: it is no part of a steady stream.
+        count: it may be a latched one of any age. A silence at the end does: it is no part of a steady stream. Nor is
+        one at the beginning, after which a publisher that was held up sends all at once what it owes: never more than
+        what the whole window holds.
         """
         if self.count < 3:
             return self.count / (end - start) if end > start else 0.0
-        intervals = self.count - 2
+        intervals, most = self.count - 2, (self.count + 1) / (end - start)
         if end - self.last > 2 * (self.last - self.second) / intervals + 0.05:
-            return intervals / (end - self.second)
-        return intervals / (self.last - self.second) if self.last > self.second else self.count / (end - start)
+            return min(most, intervals / (end - self.second))
+        if self.last <= self.second:
+            return self.count / (end - start)
+        return min(most, intervals / (self.last - self.second))

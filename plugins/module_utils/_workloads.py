@@ -16,6 +16,7 @@ from typing import Any, Mapping
 from ansible_collections.rosops.fleet.plugins.module_utils import _context as context
 from ansible_collections.rosops.fleet.plugins.module_utils import _names as names
 from ansible_collections.rosops.fleet.plugins.module_utils._deployment import app_deployment
+from ansible_collections.rosops.fleet.plugins.module_utils._hooks import hook_objects
 from ansible_collections.rosops.fleet.plugins.module_utils._master import master_objects
 
 
@@ -55,10 +56,11 @@ def ros_master_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
     return master_objects(context.complete_context(ctx))
 
 
-def ros_app_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One Deployment per app, in the order of ros_apps."""
+def ros_app_objects(ctx: Mapping[str, Any], code: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
+    """One Deployment per app, in the order of ros_apps; with `code` (file name -> text) its ConfigMaps first."""
     full = context.complete_context(ctx)
-    return [app_deployment(app, full) for app in full["apps"]]
+    maps = [] if code is None else hook_objects(full, code)
+    return [*maps, *(app_deployment(app, full) for app in full["apps"])]
 
 
 def fleet_images(ctx: Mapping[str, Any], placement: str | None = None) -> list[str]:

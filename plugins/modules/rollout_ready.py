@@ -32,6 +32,9 @@ notes:
     missing, C(ProgressDeadlineExceeded), a failed Job or Pod, a lost claim. What can be transient has to last
     O(unschedulable_grace) seconds first: an unschedulable pod (while old pods terminate it does not count), a container
     that the runtime cannot create, refused pods (quota), a paused Deployment or suspended Job that is not done."
+  - "While a pod of the present template is up but not ready, the last line that its probe printed is part of the
+    reason. A line with C(cannot become ready: ), as this collection's probe prints it where waiting would not help, is
+    a failure at once."
   - "An API that cannot be reached at the start is tried for 10 seconds. One that goes away later is tried to the end."
 options:
   objects:
@@ -50,6 +53,13 @@ options:
     description: How many seconds a problem that may be transient has to last before it is a failure.
     type: float
     default: 10
+  fail_on_restart:
+    description:
+      - Fail as soon as a container of the present template has ended with an error even once, with its exit code and
+        the last lines of its log, instead of waiting for a crash loop. Jobs count their own crashes.
+      - A pod that was ready already when the module first saw it is not blamed for its former restarts.
+    type: bool
+    default: false
 extends_documentation_fragment:
   - rosops.fleet.kube
 attributes:

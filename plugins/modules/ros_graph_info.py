@@ -14,13 +14,28 @@ description:
     the module.
 options:
   rates:
-    description: Measure every topic's messages per second.
+    description: Measure the topics' messages per second, of each publisher and in sum.
     type: bool
     default: false
+  rate_topics:
+    description: Measure these topics only; by default all.
+    type: list
+    elements: str
   rate_seconds:
     description: Seconds to measure for; all topics are measured at the same time.
     type: float
     default: 2.0
+  md5sums:
+    description: Ask a publisher of each topic for its message type's md5sum, which takes one more connection each.
+    type: bool
+    default: false
+  service_connections:
+    description:
+      - Count the connections that clients keep open to the services. It takes half a second, and no ROS node notices.
+      - They are read from the socket tables of this host, so only services whose provider runs on it are counted, in
+        network namespaces of their own (pods) only by root.
+    type: bool
+    default: false
 extends_documentation_fragment:
   - rosops.fleet._ros
   - rosops.fleet._attributes.read_only
@@ -36,6 +51,15 @@ EXAMPLES = r"""
     master_uri: http://10.43.0.17:11311
     rates: true
   register: ros
+
+- name: Read what an update of an app has to know
+  rosops.fleet.ros_graph_info:
+    rates: true
+    rate_topics: [/temperature]
+    md5sums: true
+    service_connections: true
+  become: true
+  register: before
 
 - name: Show what is registered but does not answer
   ansible.builtin.debug:
@@ -64,18 +88,25 @@ graph:
       description:
         - By name, who publishes and who subscribes, by the master's word.
         - C(connections) are those that the publishers report.
-        - C(rate) is null where it was not or could not be measured.
+        - C(rate), and each publisher's in C(rates), is null where it was not or could not be measured.
+        - C(md5sum) is null where it was not asked for, or no publisher answers.
       type: dict
       sample:
         /chatter:
           type: std_msgs/String
+          md5sum: 992ce8a1687cec8c8bd883ec73ca41d1
           publishers: [/talker]
           subscribers: [/listener]
           connections: [{publisher: /talker, subscriber: /listener}]
           rate: 499.8
+          rates: {/talker: 499.8}
           rate_error: ""
     services:
-      description: By name, who registered it, and who answers at its address (C(provider)).
+      description:
+        - By name, who registered it, and who answers at its address (C(provider)).
+        - C(connections) is how many connections clients keep open to the provider, over all services of that node, as
+          they share a port. Those of its topics do not count. A call that takes longer than half a second looks the
+          same. It is null where it was not asked for or cannot be told.
       type: dict
       sample:
         /add_two_ints:
@@ -84,7 +115,9 @@ graph:
           provider: /adder
           type: example/AddTwoInts
           error: ""
+          md5sum: 6a2e34150c00229791cc89ff309fff21
           up: true
+          connections: 0
     actions:
       description: By name, the actions that have a whole server, with the number of listed goals by state.
       type: dict
@@ -104,17 +137,36 @@ elapsed:
 """
 
 import time
+from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._errors import FleetError
-from ..module_utils._graph import Rate, everything
+from ..module_utils._graph import Extras, everything
 from ..module_utils._ros_master import ROS_ARGS, RosMaster
+from ..module_utils._service_connections import ServiceConnections
 
 INFO_ARGS = {
     "rates": {"type": "bool", "default": False},
+    "rate_topics": {"type": "list", "elements": "str"},
     "rate_seconds": {"type": "float", "default": 2.0},
+    "md5sums": {"type": "bool", "default": False},
+    "service_connections": {"type": "bool", "default": False},
 }
+
+
+def read(ros: RosMaster, params: dict[str, Any]) -> dict[str, Any]:
+    """The graph, and what was asked for beside it."""
+    sockets = ServiceConnections() if params["service_connections"] else None
+    state = ros.state(types=True)
+    graph = ros.ask(state, everything(state))
+    measured = graph.topics if params["rate_topics"] is None else params["rate_topics"]
+    extras = Extras(
+        ros.rates(graph, dict.fromkeys(measured, params["rate_seconds"])) if params["rates"] else {},
+        ros.md5sums(graph, graph.topics) if params["md5sums"] else {},
+        sockets.count(graph) if sockets else {},
+    )
+    return graph.as_dict(extras)
 
 
 def main() -> None:
@@ -125,14 +177,10 @@ def main() -> None:
     start = time.monotonic()
     try:
         ros = RosMaster(params["master_uri"], params["node_timeout"])
-        state = ros.state(types=True)
-        graph = ros.ask(state, everything(state))
-        rates: dict[str, Rate] = {}
-        if params["rates"]:
-            rates = ros.rates(graph, dict.fromkeys(graph.topics, params["rate_seconds"]))
+        graph = read(ros, params)
     except FleetError as error:
         module.fail_json(msg=str(error), **error.details)
-    module.exit_json(changed=False, graph=graph.as_dict(rates), elapsed=round(time.monotonic() - start, 3))
+    module.exit_json(changed=False, graph=graph, elapsed=round(time.monotonic() - start, 3))
 
 
 if __name__ == "__main__":

@@ -15,80 +15,6 @@ description:
     arrives.
   - A node that is dead or hung, a master that is not up yet, or a name that does not resolve are reasons to wait.
 options:
-  nodes:
-    description: Nodes that must be registered and answer.
-    type: list
-    elements: str
-    default: []
-  topics:
-    description: What topics must show. A topic with only a name, type or rate needs one publisher that answers.
-    type: list
-    elements: dict
-    default: []
-    suboptions:
-      name:
-        description: Name of the topic.
-        type: str
-        required: true
-      type:
-        description:
-          - Message type, such as V(std_msgs/String).
-          - A node that is up and has another type fails the module at once, as waiting cannot mend that.
-        type: str
-      publishers:
-        description: Smallest number of publishers that answer.
-        type: int
-      subscribers:
-        description: Smallest number of subscribers that answer.
-        type: int
-      connected:
-        description:
-          - Every registered subscriber must be connected to every registered publisher, by the publishers' word.
-          - There must be at least one of each.
-        type: bool
-        default: false
-      min_rate:
-        description:
-          - Smallest number of messages per second, summed over the topic's publishers; 1 % less still passes.
-          - It is measured once all other conditions hold, for one second, or longer (up to 20) for rates below 4 Hz.
-        type: float
-  services:
-    description: Services that must accept a connection and answer its handshake.
-    type: list
-    elements: dict
-    default: []
-    suboptions:
-      name:
-        description: Name of the service.
-        type: str
-        required: true
-  actions:
-    description: Actions (actionlib) that must have exactly one server that publishes its status.
-    type: list
-    elements: dict
-    default: []
-    suboptions:
-      name:
-        description: Name of the action, the part before C(/goal) and C(/status).
-        type: str
-        required: true
-      state:
-        description:
-          - V(up) needs a living server.
-          - V(idle) needs one without a goal that is pending, active, preempting or recalling in two statuses in a row,
-            because a goal that is on its way stands in no list yet.
-        type: str
-        choices: [up, idle]
-        default: up
-  absent:
-    description: Nodes that must be gone, their registrations, too.
-    type: list
-    elements: str
-    default: []
-  namespace:
-    description: Namespace that relative names in the other options stand in.
-    type: str
-    default: /
   timeout:
     description: Seconds to wait. With V(0) the module looks once.
     type: float
@@ -101,7 +27,14 @@ options:
     description: Number of looks in a row that must find every condition true.
     type: int
     default: 1
+  stable:
+    description:
+      - Seconds for which every look must find every condition true. One that does not starts the count over.
+      - They are part of the O(timeout).
+    type: float
+    default: 0.0
 extends_documentation_fragment:
+  - rosops.fleet._gate
   - rosops.fleet._ros
   - rosops.fleet._attributes.read_only
 seealso:
@@ -130,6 +63,19 @@ EXAMPLES = r"""
         state: idle
     namespace: /robot1
     timeout: 300
+
+- name: The new revision has the old one's subscriber and rate, and keeps them
+  rosops.fleet.ros_ready:
+    topics:
+      - name: /temperature
+        publisher: /driver_77aa01de
+        min_rate: 450
+    edges:
+      - publisher: /driver_77aa01de
+        topic: /temperature
+        subscriber: /statistics
+        peer: subscriber
+    stable: 10
 
 - name: The old revision is gone
   rosops.fleet.ros_ready:
@@ -163,6 +109,11 @@ errors:
   returned: on bad options
   type: list
   elements: str
+held:
+  description: Seconds for which every look had found every condition true at the end.
+  returned: when the graph was looked at
+  type: float
+  sample: 10.2
 checks:
   description: The last look, condition by condition.
   returned: always
@@ -170,7 +121,7 @@ checks:
   elements: dict
   contains:
     kind:
-      description: One of V(master), V(node), V(topic), V(rate), V(service), V(action), V(absent).
+      description: One of V(master), V(node), V(topic), V(rate), V(service), V(action), V(edge), V(absent).
       type: str
       sample: topic
     name:
@@ -211,14 +162,17 @@ def result_of(ended: Polled) -> dict[str, Any]:
         "verdict": ended.verdict,
         "elapsed": round(ended.elapsed, 3),
         "looks": ended.looks,
+        "held": round(ended.held, 3),
         "checks": [check.as_dict() for check in last.checks],
     }
 
 
-def message_of(ended: Polled, consecutive: int) -> str:
+def message_of(ended: Polled, consecutive: int, stable: float) -> str:
     """Every condition that is not met, in one message."""
     last: Look = ended.last
     took = f"after {ended.elapsed:.1f} s"
+    if not last.unmet and ended.passes >= consecutive:
+        return f"The ROS graph was ready for {ended.held:.1f} of {stable:g} s without a break {took}"
     if not last.unmet:
         return f"The ROS graph was ready in {ended.passes} of {consecutive} looks in a row {took}"
     verb = "is not ready" if ended.timed_out else "cannot become ready"
@@ -236,11 +190,13 @@ def main() -> None:
             seen = look(ros, conditions)
             return Seen(seen.verdict, seen)
 
-        ended = poll(probe, params["timeout"], params["interval"], params["consecutive"])
+        ended = poll(
+            probe, params["timeout"], params["interval"], params["consecutive"], stable=params["stable"]
+        )  # fmt: skip
     except FleetError as error:
         module.fail_json(msg=str(error), ready=False, verdict="fail", elapsed=0.0, looks=0, checks=[], **error.details)
     if ended.verdict != PASS:
-        module.fail_json(msg=message_of(ended, params["consecutive"]), **result_of(ended))
+        module.fail_json(msg=message_of(ended, params["consecutive"], params["stable"]), **result_of(ended))
     module.exit_json(**result_of(ended))
 
 

@@ -4,14 +4,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Usage: build.sh [DESTINATION]   (default /opt/rosops-apps; what was there is replaced)
-# Needs python3-genpy and ros-std-msgs. ROSOPS_APPS_VERSION (1.0) becomes the version the applications report.
+# Needs python3-genpy, ros-std-msgs and ros-actionlib-msgs. ROSOPS_APPS_VERSION (1.0) becomes the version the applications report,
+# ROSOPS_APPS_PYTHON (Debian's) the interpreter that they are started with.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 destination=${1:-/opt/rosops-apps}
 package=rosops_apps
 python=/usr/bin/python3 # Debian's: the one that its ROS packages are for
-apps="temperature_publisher temperature_subscriber add_two_ints_server add_two_ints_client"
+apps="temperature_publisher temperature_subscriber add_two_ints_server add_two_ints_client
+    prime_factors_server prime_factors_client"
 
 rm -rf "$destination"
 mkdir -p "$destination/bin" "$destination/lib"
@@ -22,15 +24,21 @@ generate() { # generate msg|srv FILE...
     kind=$1
     shift
     "$python" "/usr/lib/genpy/gen${kind}_py.py" -p "$package" -o "$destination/lib/$package/$kind" \
-        "-I$package:$here/msgs/msg" -Istd_msgs:/usr/share/std_msgs/msg "$@"
+        "-I$package:$here/msgs/msg" "-I$package:$actions" \
+        -Istd_msgs:/usr/share/std_msgs/msg -Iactionlib_msgs:/usr/share/actionlib_msgs/msg "$@"
     "$python" "/usr/lib/genpy/gen${kind}_py.py" --initpy -o "$destination/lib/$package/$kind"
 }
-generate msg "$here"/msgs/msg/*.msg
+actions=$(mktemp -d)
+trap 'rm -rf "$actions"' EXIT
+for action in "$here"/msgs/action/*.action; do
+    "$python" "$here/split_action.py" "$action" "$actions"
+done
+generate msg "$here"/msgs/msg/*.msg "$actions"/*.msg
 generate srv "$here"/msgs/srv/*.srv
 
 for app in $apps; do
     cat >"$destination/bin/$app" <<EOF
-#!$python
+#!${ROSOPS_APPS_PYTHON:-$python}
 import sys
 from pathlib import Path
 

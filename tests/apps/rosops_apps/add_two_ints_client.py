@@ -1,7 +1,11 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Asks `add_two_ints` RATE_HZ (10) times a second; every request and its answer in LOG_DIR/add-two-ints.jsonl."""
+"""Asks `add_two_ints` RATE_HZ (10) times a second; every request and its answer in LOG_DIR/add-two-ints.jsonl.
+
+PERSISTENT=true keeps one connection for all requests, as clients do for speed. When the server at its other end goes,
+every later request fails: rospy does not connect such a proxy again, and neither does this program.
+"""
 
 from __future__ import annotations
 
@@ -35,23 +39,23 @@ def ask(proxy: Any, request: int) -> dict[str, Any]:
     return {**record, "a": a, "b": b, **outcome, "latency_ms": latency}
 
 
-def read_settings() -> tuple[float, Path]:
-    """Requests a second, and where the log goes."""
-    return settings.positive("RATE_HZ", 10.0), settings.required_log_dir()
+def read_settings() -> tuple[float, bool, Path]:
+    """Requests a second, whether over one connection, and where the log goes."""
+    return settings.positive("RATE_HZ", 10.0), settings.flag("PERSISTENT"), settings.required_log_dir()
 
 
-def request_answers(values: tuple[float, Path]) -> None:
+def request_answers(values: tuple[float, bool, Path]) -> None:
     """Ask until asked to stop."""
     from .srv import AddTwoInts  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    rate, directory = values
+    rate, persistent, directory = values
     period = 1.0 / rate
     previous = last_record(directory / LOG_NAME, key="request")
     log = JsonLinesLog(directory / LOG_NAME)
     request = previous["request"] + 1 if previous else 0
     rospy.wait_for_service(SERVICE)
-    # Not persistent: every request looks the server up, so the next one after an update finds the new server.
-    proxy = rospy.ServiceProxy(SERVICE, AddTwoInts)
+    # Unless persistent, every request looks the server up, so the next one after an update finds the new server.
+    proxy = rospy.ServiceProxy(SERVICE, AddTwoInts, persistent=persistent)
     is_ready = False
     due = time.monotonic()
     while not node.stopping():

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 import time
 from typing import Any, Callable, TypeVar
 
@@ -19,6 +20,7 @@ import rospy  # type: ignore[import-not-found]
 
 T = TypeVar("T")
 LINGER_SECONDS = 0.05
+LEAVE_SECONDS = 5.0
 
 
 class _Stop:
@@ -37,6 +39,17 @@ def _stop() -> None:
     time.sleep(LINGER_SECONDS)  # the connections' own threads send meanwhile what is queued
 
 
+def _leave() -> None:
+    """Wait until rospy has taken the registrations back.
+
+    It does so after `_stop` and before it says that it is shut down, in a thread that ends with the process: whoever
+    returns from its main thread on `stopping` alone may leave the graph a stale registration.
+    """
+    end = time.monotonic() + LEAVE_SECONDS
+    while _Stop.asked and not rospy.is_shutdown() and time.monotonic() < end:
+        time.sleep(0.005)
+
+
 def say(event: str, **fields: Any) -> None:
     """One line of JSON on the standard output, for whoever collects a container's log."""
     print(json.dumps({"event": event, "node": rospy.get_name(), **fields}), flush=True)
@@ -46,6 +59,25 @@ def ready() -> None:
     """Say that the application is ready."""
     settings.ready_file().write_text("ready\n", encoding="utf-8")
     say("ready")
+
+
+def _crash_after(seconds: float) -> None:
+    """End the process as a fault would: at once, without a word to the ROS master."""
+
+    def crash() -> None:
+        say("crashed", after=seconds)
+        os._exit(1)
+
+    timer = threading.Timer(seconds, crash)
+    timer.daemon = True
+    timer.start()
+
+
+def _never_connect() -> None:
+    """Be a node that looks ready and offers nothing."""
+    ready()
+    while not stopping():
+        time.sleep(0.1)
 
 
 def run(name: str, read_settings: Callable[[], T], application: Callable[[T], None]) -> None:
@@ -58,14 +90,21 @@ def run(name: str, read_settings: Callable[[], T], application: Callable[[T], No
     """
     try:
         values = read_settings()
+        faults = settings.faults()
     except settings.SettingError as error:
         sys.exit(f"{name}: {error}")
     settings.ready_file().unlink(missing_ok=True)
+    if faults.crash_after:
+        _crash_after(faults.crash_after)
     try:
         rospy.init_node(name)
         rospy.on_shutdown(_stop)
         say("started", version=settings.version())
-        application(values)
+        if faults.never_connect:
+            _never_connect()
+        else:
+            application(values)
+        _leave()
         say("stopped")
     except rospy.ROSInterruptException:
         say("stopped")  # while it waited for something

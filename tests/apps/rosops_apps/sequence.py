@@ -80,6 +80,25 @@ class SequenceTracker:
         return join_ranges(taken)
 
 
+class StreamGaps:
+    """Messages that a connection has left out, by the count that the publisher's library puts into each header.
+
+    TCP loses nothing in between, so what is missing within one connection was dropped by a full queue at one of its
+    ends. What is missing between two connections is not counted here: that is what an update may lose.
+    """
+
+    def __init__(self) -> None:
+        self._streams: dict[str, tuple[object, int]] = {}
+        self.dropped = 0
+
+    def add(self, publisher: str, connection: object, count: int) -> None:
+        """The header's count of a message; `connection` is the same object for all messages of one connection."""
+        known, last = self._streams.get(publisher, (None, 0))
+        if known is connection and count > last + 1:
+            self.dropped += count - last - 1
+        self._streams[publisher] = (connection, count)
+
+
 def join_ranges(ranges: list[list[int]]) -> list[list[int]]:
     """Sort ranges `[first, last]` and join those that touch or overlap."""
     joined: list[list[int]] = []

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Mapping, Optional
+from typing import Mapping, NamedTuple, Optional
 
 Environ = Optional[Mapping[str, str]]  # None: that of the process
 
@@ -32,6 +32,59 @@ def positive(name: str, default: float, environ: Environ = None) -> float:
     if not 0 < number < float("inf"):
         raise SettingError(f"{name} must be a number above 0, not {text!r}")
     return number
+
+
+def not_negative(name: str, default: float, environ: Environ = None) -> float:
+    """A number, 0 or above."""
+    return 0.0 if _get(name, environ) in {"0", "0.0"} else positive(name, default, environ)
+
+
+def whole(name: str, default: int, environ: Environ = None) -> int:
+    """A whole number above 0."""
+    number = positive(name, default, environ)
+    if number != int(number):
+        raise SettingError(f"{name} must be a whole number, not {number:g}")
+    return int(number)
+
+
+def flag(name: str, environ: Environ = None) -> bool:
+    """true or false, as YAML writes them; Ansible's templates write them with a capital."""
+    text = _get(name, environ).lower() or "false"
+    if text not in {"true", "false"}:
+        raise SettingError(f"{name} must be true or false, not {text!r}")
+    return text == "true"
+
+
+def queue_size(environ: Environ = None) -> int:
+    """How many messages wait on a topic before the oldest is dropped."""
+    return whole("QUEUE_SIZE", 1000, environ)
+
+
+def rates(environ: Environ = None) -> tuple[float, int]:
+    """Readings a second (RATE_HZ), and of how many samples of the sensor (SENSOR_HZ a second) one is published.
+
+    A reading's number is that of the sample: a version that publishes at half the rate leaves out every other number,
+    it does not count differently.
+    """
+    sensor = positive("SENSOR_HZ", 500.0, environ)
+    rate = positive("RATE_HZ", sensor, environ)
+    stride = round(sensor / rate)
+    if stride < 1 or abs(rate * stride - sensor) > 1e-6 * sensor:
+        raise SettingError(f"RATE_HZ {rate:g} must be SENSOR_HZ {sensor:g} divided by a whole number; set both")
+    return rate, stride
+
+
+class Faults(NamedTuple):
+    """How a bad version behaves; a good one has none of it."""
+
+    crash_after: float | None
+    never_connect: bool
+
+
+def faults(environ: Environ = None) -> Faults:
+    """CRASH_AFTER seconds, NEVER_CONNECT."""
+    after = positive("CRASH_AFTER", 0.0, environ)
+    return Faults(crash_after=after or None, never_connect=flag("NEVER_CONNECT", environ))
 
 
 def choice(name: str, allowed: tuple[str, ...], environ: Environ = None) -> str:

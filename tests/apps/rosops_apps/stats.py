@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class RunningStats:
@@ -57,7 +60,7 @@ class RunningStats:
         }
 
     @classmethod
-    def resume(cls, report: dict[str, Any], window: int) -> RunningStats:
+    def resume(cls, report: dict[str, Any], window: int) -> Self:
         """Go on from a report; only the moving average starts anew. A report that does not fit is a ValueError."""
         stats = cls(window)
         if not report.get("count"):

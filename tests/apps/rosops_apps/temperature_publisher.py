@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,66 +17,77 @@ from .jsonl import JsonLinesLog
 from .pacing import SampleClock, celsius, pending
 from .sequence import SequenceTracker
 
-QUEUE = 1000
 LONGEST_SLEEP = 0.5  # a slow sensor, too, notices within this time that it is asked to stop
 STEP_SECONDS = 0.1  # a wall clock this far away was set; it did not drift
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the environment says. `directory`: where the account of what was published goes, if there is to be one."""
+
+    rate: float
+    stride: int
+    queue: int
+    directory: Path | None
 
 
 class Sensor:
     """Publishes readings and keeps account of them."""
 
-    def __init__(self, topic: Any, message: Any, rate: float) -> None:
+    def __init__(self, topic: Any, message: Any, values: Settings) -> None:
         self._topic = topic
         self._message = message
-        self._rate = rate
+        self._stride = values.stride
+        self._sensor_rate = values.rate * values.stride
         self.sent = 0
         self.skipped = 0
         self.account = SequenceTracker()
 
-    def publish(self, numbers: range) -> None:
-        """Publish the readings of these samples."""
+    def publish(self, readings: range) -> None:
+        """Publish these readings: of every `stride`-th sample one."""
         message = self._message
-        for number in numbers:
+        for reading in readings:
+            number = reading * self._stride
             message.sequence = number
-            message.celsius = celsius(number, self._rate)
-            message.header.stamp = rospy.Time.from_sec(number / self._rate)
+            message.celsius = celsius(number, self._sensor_rate)
+            message.header.stamp = rospy.Time.from_sec(number / self._sensor_rate)
             self._topic.publish(message)
             self.account.add(number)
-        self.sent += len(numbers)
+        self.sent += len(readings)
 
     def report(self) -> dict[str, Any]:
         """What was published, since the start and (as ranges) since the last report."""
         return {"sent": self.sent, "skipped": self.skipped, "ranges": self.account.take_ranges()}
 
 
-def read_settings() -> tuple[float, Path | None]:
-    """The rate, and where the account of what was published goes (LOG_DIR, optional)."""
-    return settings.positive("RATE_HZ", 500.0), settings.log_dir()
+def read_settings() -> Settings:
+    """From the environment."""
+    rate, stride = settings.rates()
+    return Settings(rate=rate, stride=stride, queue=settings.queue_size(), directory=settings.log_dir())
 
 
-def publish(values: tuple[float, Path | None]) -> None:
+def publish(values: Settings) -> None:
     """Publish until asked to stop."""
     from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
-    rate, directory = values
-    log = JsonLinesLog(directory / "temperature-published.jsonl") if directory else None
-    topic = rospy.Publisher("temperature", Temperature, queue_size=QUEUE, tcp_nodelay=True)
+    log = JsonLinesLog(values.directory / "temperature-published.jsonl") if values.directory else None
+    topic = rospy.Publisher("temperature", Temperature, queue_size=values.queue, tcp_nodelay=True)
     message = Temperature()
     message.header.frame_id = "temperature_sensor"
-    sensor = Sensor(topic, message, rate)
-    pace(sensor, rate, log)
+    sensor = Sensor(topic, message, values)
+    pace(sensor, values, log)
     if log:
         record(sensor, log)
         log.close()
     node.say("published", sent=sensor.sent, skipped=sensor.skipped)
 
 
-def pace(sensor: Sensor, rate: float, log: JsonLinesLog | None) -> None:
-    """Have every sample published when it is due."""
+def pace(sensor: Sensor, values: Settings, log: JsonLinesLog | None) -> None:
+    """Have every reading published when it is due."""
     # After a stall as many readings as half a queue holds are caught up; more would push out what waits there.
-    most = max(1, min(QUEUE // 2, int(rate)))
+    most = max(1, min(values.queue // 2, int(values.rate)))
     now = followed = time.monotonic()
-    clock = SampleClock(rate, time.time(), now)
+    clock = SampleClock(values.rate, time.time(), now)
     last = clock.number(now)
     while not node.stopping():
         pause = clock.due(last + 1) - time.monotonic()

@@ -14,22 +14,32 @@ import rospy  # type: ignore[import-not-found]
 
 from . import node, settings
 from .jsonl import JsonLinesLog, last_record
-from .sequence import SequenceTracker
+from .sequence import SequenceTracker, StreamGaps
 from .stats import RunningStats
 
-QUEUE = 1000
 WINDOW = 500  # values in the moving average: one second of the sensor
 LOG_NAME = "temperature-stats.jsonl"
+
+
+def statistics() -> tuple[str, type[RunningStats]]:
+    """What computes them, and the class: numpy's where it is installed, which is in the major version's image."""
+    try:
+        from .stats_numpy import ENGINE, BatchStats  # noqa: PLC0415 - it may not be there
+    except ImportError:
+        return "python", RunningStats
+    return ENGINE, BatchStats
 
 
 class Account:
     """What came in. rospy calls from one thread per publisher, the log's loop reads from its own: hence the lock."""
 
     def __init__(self, previous: dict[str, Any] | None) -> None:
+        self.engine, stats = statistics()
         self._lock = threading.Lock()
         self._resumed_from = previous["last_sequence"] if previous else None
         self._sequence = SequenceTracker(after=self._resumed_from)
-        self._stats = RunningStats.resume(previous or {}, WINDOW)
+        self._streams = StreamGaps()
+        self._stats = stats.resume(previous or {}, WINDOW)
         self._received = 0
         self._arrived = 0.0
         self._gap = 0.0
@@ -40,7 +50,9 @@ class Account:
         stamp = message.header.stamp
         age = time.time() - stamp.secs - stamp.nsecs * 1e-9
         now = time.monotonic()
+        connection = message._connection_header
         with self._lock:
+            self._streams.add(connection["callerid"], connection, message.header.seq)
             if not self._sequence.add(message.sequence):
                 return
             self._stats.add(message.celsius)
@@ -63,6 +75,7 @@ class Account:
                 "last_sequence": self._sequence.last,
                 "missing": self._sequence.missing,
                 "duplicates": self._sequence.duplicates,
+                "stream_gaps": self._streams.dropped,
                 "ranges": self._sequence.take_ranges(),
                 "longest_gap_ms": round(self._gap * 1e3, 3),
                 "oldest_age_ms": round(self._latency * 1e3, 3),
@@ -72,14 +85,20 @@ class Account:
         return report
 
 
-def subscribe(directory: Path) -> None:
+def read_settings() -> tuple[Path, int]:
+    """Where the log goes, and the length of the queue."""
+    return settings.required_log_dir(), settings.queue_size()
+
+
+def subscribe(values: tuple[Path, int]) -> None:
     """Count until asked to stop."""
     from .msg import Temperature  # type: ignore[import-not-found] # noqa: PLC0415 - made when the image is built
 
+    directory, queue_size = values
     previous = last_record(directory / LOG_NAME, key="last_sequence")
     log = JsonLinesLog(directory / LOG_NAME)
     account = Account(previous)
-    subscriber = rospy.Subscriber("temperature", Temperature, account.take, queue_size=QUEUE, tcp_nodelay=True)
+    subscriber = rospy.Subscriber("temperature", Temperature, account.take, queue_size=queue_size, tcp_nodelay=True)
     node.ready()
     due = time.monotonic() + 1.0
     while not node.stopping():
@@ -97,9 +116,9 @@ def record(account: Account, log: JsonLinesLog, *, idle: bool = True) -> None:
     report = account.report()
     if report is not None and (idle or report["received"]):
         who = {"time": round(time.time(), 3), "node": rospy.get_name(), "version": settings.version()}
-        log.write({**who, **report})
+        log.write({**who, "statistics": account.engine, **report})
 
 
 def main() -> None:
     """Run it."""
-    node.run("temperature_subscriber", settings.required_log_dir, subscribe)
+    node.run("temperature_subscriber", read_settings, subscribe)

@@ -15,10 +15,11 @@ from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 
 from . import k3s, state
+from .app_images import app_archives
 from .artifacts import Cache
 from .errors import LabError
 from .hosts import HostRunner
-from .images import app_archives, host_image
+from .images import host_image
 from .inventory import host_variables, inventory
 from .lab import Lab, labs_of_checkout
 from .names import DEFAULT_HOSTS

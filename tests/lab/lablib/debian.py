@@ -1,17 +1,19 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Debian trees by mmdebstrap, and their way into podman's storage."""
+"""Debian trees by mmdebstrap, layers of packages on top of one, and the trees' way into podman's storage."""
 
 from __future__ import annotations
 
 import os
 import shlex
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from .artifacts import Cache, Recipe
 from .errors import LabError
+from .oci import write_difference
 from .paths import IMAGES, pins
 from .podman import PODMAN, podman, podman_try
 from .run import Job, build, run
@@ -19,6 +21,8 @@ from .run import Job, build, run
 # The machine's own ways to reach its Debian mirror; a tree is built with an apt configuration of its own.
 _INHERITED = ("Acquire::http", "Acquire::https", "Acquire::Check-Valid-Until", "Acquire::Check-Date")
 _NO_DOCUMENTATION = ("/usr/share/man/*", "/usr/share/doc/*", "/usr/share/locale/*", "/usr/share/info/*")
+# What mmdebstrap makes anew in every tree, and what a container gets from its runtime.
+_NOT_IN_A_LAYER = ("dev", "etc/machine-id", "proc", "run", "sys", "tmp")
 REPOSITORY = "localhost/rosops-lab"
 
 
@@ -31,10 +35,23 @@ def tree_recipe(kind: str, title: str, packages: Sequence[str]) -> Recipe:
     )
 
 
-def _options(packages: Sequence[str]) -> list[str]:
+def grown_recipe(kind: str, title: str, packages: Sequence[str], below: Recipe) -> Recipe:
+    """Packages on top of the tree of another recipe."""
+    return Recipe(
+        kind=kind,
+        title=title,
+        values={
+            "options": _options(packages, "custom"),  # nothing but what is asked for
+            "suite": pins()["debian"]["suite"],
+            "below": below.key(),
+        },
+    )
+
+
+def _options(packages: Sequence[str], variant: str = "minbase") -> list[str]:
     """What decides what is in the tree; the rest of the command line is about this machine."""
     return [
-        *("--variant=minbase", "--aptopt=Apt::Install-Recommends false"),
+        *(f"--variant={variant}", "--aptopt=Apt::Install-Recommends false"),
         *(f"--dpkgopt=path-exclude={path}" for path in _NO_DOCUMENTATION),
         f"--include={','.join(sorted(packages))}",
     ]
@@ -42,24 +59,48 @@ def _options(packages: Sequence[str]) -> list[str]:
 
 def make_tree(recipe: Recipe, directory: Path, log: Path) -> None:
     """`rootfs.tar` in the artifact's directory."""
+    customize = shlex.quote(str(IMAGES / recipe.kind / "customize.sh"))
+    _mmdebstrap(recipe, directory / "rootfs.tar", log, f'--customize-hook=sh {customize} "$1"')
+
+
+def make_layer(recipe: Recipe, below: Path, directory: Path, log: Path) -> None:
+    """`layer.tar` in the artifact's directory: what installing the recipe's packages changes in the tree below."""
+    grown = directory / "grown.tar"
+    _mmdebstrap(recipe, grown, log, *_on_top_of(below))
+    write_difference(directory / "layer.tar", below / "rootfs.tar", grown, leave_out=_NOT_IN_A_LAYER)
+    grown.unlink()
+
+
+def make_within(recipe: Recipe, below: Path, directory: Path, log: Path, script: Path) -> None:
+    """Runs a script in the tree below with the recipe's packages on top; the tree is thrown away.
+
+    The script's arguments are the tree and the artifact's directory.
+    """
+    hook = f'--customize-hook=sh {shlex.quote(str(script))} "$1" {shlex.quote(str(directory))}'
+    _mmdebstrap(recipe, directory / "none", log, *_on_top_of(below), hook, "--format=null")
+
+
+def _on_top_of(below: Path) -> tuple[str, ...]:
+    unpack = f'tar --extract --preserve-permissions --directory "$1" --file {shlex.quote(str(below / "rootfs.tar"))}'
+    return "--skip=check/empty", f"--setup-hook={unpack}"
+
+
+def _mmdebstrap(recipe: Recipe, target: Path, log: Path, *options: str) -> None:
     if os.geteuid() != 0:
         raise LabError("the lab needs root: it builds Debian trees and runs privileged containers", todo="run as root")
-    customize = IMAGES / recipe.kind / "customize.sh"
-    scratch = directory / "scratch"
-    scratch.mkdir()
     command = [
         # A mount and a process namespace of its own: an interrupted build leaves no mount and no process behind.
         *("unshare", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc"),
         *("mmdebstrap", "--mode=root", *recipe.values["options"]),
         *(f"--aptopt={line}" for line in _apt_settings()),
-        f'--customize-hook=sh {shlex.quote(str(customize))} "$1"',
+        *options,
         recipe.values["suite"],
-        str(directory / "rootfs.tar"),
+        str(target),
     ]
     if mirror := os.environ.get("ROSOPS_LAB_MIRROR"):
         command.append(mirror)
-    build(Job(command, recipe.title, log, env={"TMPDIR": str(scratch)}))
-    scratch.rmdir()
+    with tempfile.TemporaryDirectory(prefix="scratch-", dir=target.parent) as scratch:
+        build(Job(command, recipe.title, log, env={"TMPDIR": scratch}))
 
 
 def _apt_settings() -> list[str]:

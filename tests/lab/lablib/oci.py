@@ -84,6 +84,36 @@ def write_layer(target: Path, files: Iterable[tuple[str, Path]]) -> Layer:
     return Layer.of(target)
 
 
+def write_difference(target: Path, below: Path, grown: Path, leave_out: Sequence[str] = ()) -> None:
+    """A layer's tar: what the tree `grown` has that the tree `below` it has not, or has otherwise.
+
+    A directory that only got another time stamp is no change. Packages that are added take nothing away; where
+    something is gone nevertheless, the layer would be wrong, so it is not made.
+    """
+    with tarfile.open(below) as tar:
+        known = {_name(entry): _about(entry) for entry in tar}
+    with tarfile.open(grown) as tar, tarfile.open(target, "w", format=tarfile.PAX_FORMAT) as layer:
+        for entry in tar:
+            same = known.pop(_name(entry), None) == _about(entry)
+            if not same and not _within(_name(entry), leave_out):
+                layer.addfile(entry, tar.extractfile(entry) if entry.isreg() else None)
+    if gone := [name for name in known if not _within(name, leave_out)]:
+        raise LabError(f"a layer cannot take away {', '.join(sorted(gone)[:5])}", where=str(grown))
+
+
+def _name(entry: tarfile.TarInfo) -> str:
+    return entry.name.removeprefix("./").rstrip("/")
+
+
+def _within(name: str, places: Sequence[str]) -> bool:
+    return any(f"{name}/".startswith(f"{place}/") for place in places)
+
+
+def _about(entry: tarfile.TarInfo) -> tuple[object, ...]:
+    when = 0 if entry.isdir() else entry.mtime
+    return entry.type, entry.mode, entry.uid, entry.gid, entry.size, when, entry.linkname
+
+
 def write_archive(target: Path, images: Sequence[Image]) -> None:
     """All images in one docker archive; a layer that several have stands in it once."""
     with tarfile.open(target, "w", format=tarfile.GNU_FORMAT) as tar:

@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+CODE = {"run.py": "# stands for the code\n"}
 HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
@@ -30,7 +31,7 @@ def built(case: dict[str, Any]) -> dict[str, Any]:
             *workloads.namespace_objects(ctx),
             *workloads.storage_objects(ctx),
             *workloads.ros_master_objects(ctx),
-            *workloads.ros_app_objects(ctx),
+            *workloads.ros_app_objects(ctx, CODE),
         ],
         "conditions": workloads.ros_conditions(ctx),
         "images": {placement: workloads.fleet_images(ctx, placement) for placement in ("local", "remote")},

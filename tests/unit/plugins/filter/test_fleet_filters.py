@@ -19,7 +19,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._spec import check_fl
 PLUGINS = Path(__file__).resolve().parents[4] / "plugins" / "filter"
 NAMES = (
     "fleet_topology", "fleet_context", "fleet_hosts", "fleet_images", "namespace_objects", "storage_objects",
-    "ros_master_objects", "ros_app_objects", "ros_conditions",
+    "ros_master_objects", "ros_app_objects", "ros_hook_objects", "ros_conditions",
 )  # fmt: skip
 CTX = {"robot": "robot1", "apps": [{"name": "a", "image": "a:1", "args": ["x"]}], "volumes": [{"name": "v"}]}
 
@@ -46,8 +46,9 @@ def test_filters_are_documented(name: str) -> None:
     [
         ("namespace_objects", ["Namespace"]),
         ("storage_objects", ["PersistentVolumeClaim"]),
-        ("ros_master_objects", ["Deployment", "Service"]),
-        ("ros_app_objects", ["Deployment"]),
+        ("ros_master_objects", ["Deployment", "Service", "Deployment", "Service"]),
+        ("ros_app_objects", ["ConfigMap", "Deployment"]),
+        ("ros_hook_objects", ["ConfigMap"]),
     ],
 )
 def test_object_filters(name: str, kinds: list[str]) -> None:

@@ -8,6 +8,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._conditions import (
     ActionCondition,
     Conditions,
+    EdgeCondition,
     TopicCondition,
     conditions_from,
     resolve,
@@ -43,6 +44,10 @@ def test_conditions_from_the_modules_options() -> None:
             "services": [{"name": "add"}],
             "actions": [{"name": "move", "state": "idle"}, {"name": "/look"}],
             "absent": ["/old_1234"],
+            "edges": [
+                {"publisher": "talker", "topic": "chatter", "subscriber": "/ear", "peer": "subscriber"},
+                {"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": None},
+            ],
         }
     )
     assert found == Conditions(
@@ -54,7 +59,16 @@ def test_conditions_from_the_modules_options() -> None:
         services=("/robot1/add",),
         actions=(ActionCondition("/robot1/move", "idle"), ActionCondition("/look", "up")),
         absent=("/old_1234",),
+        edges=(
+            EdgeCondition("/robot1/talker", "/robot1/chatter", "/ear", "subscriber"),
+            EdgeCondition("/a", "/t", "/b"),
+        ),
     )
+
+
+def test_a_publisher_is_a_name_like_the_others() -> None:
+    found = conditions_from({"namespace": "/r", "topics": [{"name": "t", "publisher": "p"}, {"name": "u"}]})
+    assert [topic.publisher for topic in found.topics] == ["/r/p", None]
 
 
 def test_no_options_are_no_conditions() -> None:
@@ -88,6 +102,14 @@ def test_no_options_are_no_conditions() -> None:
         ({"interval": 0.0}, "interval"),
         ({"consecutive": 0}, "consecutive"),
         ({"node_timeout": 0.0}, "node_timeout"),
+        ({"stable": -1.0}, "stable"),
+        ({"stable": float("nan")}, "stable"),
+        ({"stable": 10.0, "timeout": 5.0}, "stable"),
+        ({"topics": [{"name": "/t", "publisher": "a b"}]}, "topics[0].publisher"),
+        ({"edges": [{"publisher": "/a", "topic": "/t"}]}, "edges[0].subscriber"),
+        ({"edges": [{"publisher": "/a", "topic": "t!", "subscriber": "/b"}]}, "edges[0].topic"),
+        ({"edges": [{"publisher": "", "topic": "/t", "subscriber": "/b"}]}, "edges[0].publisher"),
+        ({"edges": [{"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": "both"}]}, "edges[0].peer"),
     ],
 )
 def test_a_bad_option_is_named_with_its_path(params: dict[str, Any], path: str) -> None:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Mapping
+from typing import Any, Iterable, Mapping
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils import _gate
+from ansible_collections.rosops.fleet.plugins.module_utils._checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._conditions import (
     ActionCondition,
     Conditions,
+    EdgeCondition,
     TopicCondition,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._gate import (
-    Check,
     evaluate,
     look,
     questions,
@@ -102,6 +103,25 @@ def test_only_what_the_conditions_need_is_asked() -> None:
     }
     assert wanted.services == ("/trigger",)
     assert wanted.actions == ("/work", "/nothing")
+
+
+def test_of_one_publishers_topic_only_that_one_and_its_subscribers_are_asked() -> None:
+    state = recorded_state()
+
+    def asked(**wanted: Any) -> Mapping[str, frozenset[str]]:
+        return questions(state, Conditions(topics=(TopicCondition("/chatter", publisher="/talker_a", **wanted),))).nodes
+
+    assert asked() == {"/talker_a": frozenset()}
+    assert asked(type="a/B", min_rate=5.0) == {"/talker_a": {"types"}}
+    listeners = {"/relay", "/listener_a", "/listener_b", DEAD}
+    assert asked(connected=True) == {"/talker_a": {"bus"}, **dict.fromkeys(listeners, frozenset())}
+    assert set(asked(publishers=2)) == {"/talker_a", "/talker_b"}
+
+
+def test_of_an_edge_its_ends_are_asked() -> None:
+    edges = (EdgeCondition("/talker_a", "/chatter", DEAD), EdgeCondition("/nobody", "/chatter", "/relay"))
+    wanted = questions(recorded_state(), Conditions(edges=edges))
+    assert wanted.nodes == {"/talker_a": {"bus"}, DEAD: frozenset(), "/relay": frozenset()}
 
 
 @pytest.mark.parametrize(("rate", "seconds"), [(500, 1), (4, 1), (2, 2), (0.5, 8), (0.01, 20)])
@@ -400,6 +420,151 @@ def test_a_busy_server_is_up() -> None:
     assert action({"/worker": StatusReading(((1,),))}).verdict == PASS
 
 
+# ---- one publisher
+
+
+def test_a_publisher_must_publish_and_answer() -> None:
+    assert topic(graph(), publisher="/talker_a").verdict == PASS
+    other = topic(graph(), publisher="/relay", connected=True)
+    assert (other.verdict, other.reason) == (WAIT, "/relay does not publish it")
+    down = topic(graph({"/talker_a": HUNG}), publisher="/talker_a", connected=True)
+    assert (down.verdict, down.reason) == (
+        WAIT,
+        "its publisher /talker_a is registered, but down: no answer from http://h:1/ within 2 s",
+    )
+    assert topic(graph({"/talker_b": HUNG}), publisher="/talker_a").verdict == PASS
+
+
+def test_connected_to_one_publisher_whatever_the_others_do() -> None:
+    of = graph(rows_without("/talker_b", "/listener_a"), gone=DEAD)
+    assert topic(of, connected=True).verdict == WAIT
+    assert topic(of, connected=True, publisher="/talker_a").reason == (
+        "published by /talker_a; 3 subscribers connected to /talker_a"
+    )
+    missing = topic(of, connected=True, publisher="/talker_b")
+    assert (missing.verdict, missing.observed["missing"]) == (WAIT, ["/listener_a"])
+    assert missing.reason == "2 of 3 subscribers connected to /talker_b: missing /listener_a"
+
+
+def test_a_dead_subscriber_does_not_keep_one_publisher_from_being_connected() -> None:
+    check = topic(graph(), connected=True, publisher="/talker_a")
+    assert (check.verdict, f"down, so not counted: {DEAD}" in check.reason) == (PASS, True)
+    assert topic(graph(), connected=True).verdict == WAIT  # the whole topic's truth, for an operator
+    late = graph({**rows_without("/talker_a", "/listener_a"), "/listener_a": HUNG})
+    assert topic(late, connected=True, publisher="/talker_a").verdict == PASS
+
+
+def test_one_publisher_that_does_not_tell_its_connections_is_not_taken_as_connected() -> None:
+    silent = replace(recorded_answers()["/talker_a"], bus=None)
+    check = topic(graph({"/talker_a": silent}), connected=True, publisher="/talker_a")
+    assert (check.verdict, "are not known" in check.reason) == (WAIT, True)
+
+
+def test_one_publisher_without_any_subscriber_is_connected_to_all_there_are() -> None:
+    alone = graph(subscribers={})
+    assert topic(alone, connected=True, publisher="/talker_a").verdict == PASS
+    assert topic(alone, connected=True).verdict == WAIT
+    assert topic(alone, connected=True, publisher="/talker_a", subscribers=1).verdict == WAIT
+
+
+def test_only_the_publishers_own_type_counts() -> None:
+    wrong = replace(recorded_answers()["/talker_b"], publications=[["/chatter", "std_msgs/Int32"]])
+    of = graph({"/talker_b": wrong})
+    assert topic(of, type="std_msgs/String").verdict == FAIL
+    assert topic(of, type="std_msgs/String", publisher="/talker_a").verdict == PASS
+    assert topic(of, type="std_msgs/String", publisher="/talker_b").verdict == FAIL
+
+
+def test_only_the_publishers_own_rate_counts() -> None:
+    of = healthy()
+    both = Rate(90.0, 90, 1.0, by={"/talker_a": Rate(50.0, 50, 1.0), "/talker_b": Rate(error="/talker_b: gone")})
+
+    def rated(publisher: str | None) -> Check:
+        wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=60.0, publisher=publisher),))
+        return evaluate(of, wanted, {"/chatter": both})[1]
+
+    assert rated(None).verdict == PASS
+    assert (rated("/talker_a").verdict, rated("/talker_a").reason) == (
+        WAIT,
+        "50.0 Hz by /talker_a (50 messages in 1.0 s) of at least 60 Hz",
+    )
+    assert "not measured: /talker_b: gone" in rated("/talker_b").reason
+    assert "does not publish it" in rated("/relay").reason
+
+
+def test_whose_messages_are_counted_and_how_long() -> None:
+    def plan(*topics: TopicCondition) -> Any:
+        return _gate.rate_plan(Conditions(topics=topics))
+
+    fast = TopicCondition("/t", min_rate=100.0, publisher="/a")
+    slow = TopicCondition("/t", min_rate=2.0, publisher="/b")
+    assert plan(fast, slow, TopicCondition("/u", publisher="/a")) == ({"/t": 2.0}, {"/t": ["/a", "/b"]})
+    assert plan(slow, fast)[0] == {"/t": 2.0}
+    assert plan(fast, TopicCondition("/t", min_rate=5.0)) == ({"/t": 1.0}, {})
+    ros = FakeRos(healthy(), Rate(1.0, by={"/talker_a": Rate(100.0, 100, 1.0)}))
+    wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0, publisher="/talker_a"),))
+    assert (look(ros, wanted).verdict, ros.only) == (PASS, {"/chatter": ["/talker_a"]})
+
+
+# ---- edges
+
+
+def connection(of: Graph, publisher: str, subscriber: str, peer: str = "", topic: str = "/chatter") -> Check:
+    return only(Conditions(edges=(EdgeCondition(publisher, topic, subscriber, peer),)), of)
+
+
+def test_an_edge_that_is_there() -> None:
+    check = connection(graph(), "/talker_a", "/relay")
+    assert (check.kind, check.name) == ("edge", "/talker_a -> /chatter -> /relay")
+    assert (check.verdict, check.reason, check.observed) == (PASS, "connected", {"connected": True})
+
+
+LOST = rows_without("/talker_a", "/listener_a")
+
+
+@pytest.mark.parametrize("peer", ["", "publisher", "subscriber"])
+def test_an_edge_that_is_missing_between_two_that_live(peer: str) -> None:
+    check = connection(graph(LOST), "/talker_a", "/listener_a", peer)
+    assert (check.verdict, check.reason) == (WAIT, "/listener_a is not connected to /talker_a")
+    assert connection(graph(), "/talker_a", "/helper", peer).reason == "/helper lives, but does not subscribe to it"
+    assert connection(graph(), "/helper", "/relay", peer).reason == "/helper lives, but does not publish it"
+
+
+def forgotten() -> Graph:
+    """The graph in which nobody knows the dead node any more."""
+    of = graph(gone=DEAD)
+    return replace(of, nodes={name: node for name, node in of.nodes.items() if name != DEAD})
+
+
+@pytest.mark.parametrize(
+    ("of", "words"),
+    [
+        (graph(), "registered, but down: nothing listens at"),
+        (forgotten(), "is not registered with the master"),
+        (graph({DEAD: HUNG}), "registered, but down: no answer from"),
+    ],
+)
+def test_a_peer_that_left_by_itself_is_noted_and_any_other_is_missing(of: Graph, words: str) -> None:
+    left = connection(of, "/talker_a", DEAD, "subscriber")
+    assert (left.verdict, left.reason.startswith("passes unconnected, as its peer left")) == (PASS, True)
+    assert words in left.reason
+    for peer in ("", "publisher"):
+        check = connection(of, "/talker_a", DEAD, peer)
+        assert (check.verdict, words in check.reason) == (WAIT, True)
+    assert connection(of, DEAD, "/relay", "publisher").verdict == PASS
+    assert connection(of, DEAD, "/relay", "subscriber").verdict == WAIT
+
+
+def test_an_edges_publisher_that_does_not_tell_its_connections() -> None:
+    silent = replace(recorded_answers()["/talker_a"], bus=None)
+    check = connection(graph({"/talker_a": silent}), "/talker_a", "/relay", "subscriber")
+    assert (check.verdict, "are not known" in check.reason) == (WAIT, True)
+
+
+def test_an_edge_of_a_topic_nobody_registered() -> None:
+    assert connection(graph(), "/talker_a", "/relay", topic="/nothing").verdict == WAIT
+
+
 # ---- the look
 
 
@@ -412,6 +577,7 @@ class FakeRos:
         self.graph, self.rate, self.error = of, rate, error
         self.types: bool | None = None
         self.sampled: dict[str, float] = {}
+        self.only: dict[str, Any] = {}
 
     def state(self, types: bool = False) -> MasterState:
         self.types = types
@@ -423,9 +589,11 @@ class FakeRos:
         del state, wanted
         return self.graph
 
-    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
+    def rates(
+        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
+    ) -> dict[str, Rate]:
         del graph
-        self.sampled = dict(seconds)
+        self.sampled, self.only = dict(seconds), dict(only or {})
         return dict.fromkeys(seconds, self.rate or Rate(error="none"))
 
 
@@ -474,6 +642,7 @@ def test_without_a_master_every_condition_is_unmet_and_named() -> None:
         ("/s",),
         (ActionCondition("/a"),),
         ("/x",),
+        (EdgeCondition("/p", "/t", "/s"),),
     )
     seen = look(FakeRos(healthy(), error="the ROS master does not answer: nothing listens"), wanted)
     assert seen.verdict == WAIT
@@ -484,13 +653,14 @@ def test_without_a_master_every_condition_is_unmet_and_named() -> None:
         ("rate", "/t"),
         ("service", "/s"),
         ("action", "/a"),
+        ("edge", "/p -> /t -> /s"),
         ("absent", "/x"),
     ]
     assert "nothing listens" in str(seen.unmet[0])
 
 
 def test_a_check_as_data() -> None:
-    check = _gate.Check("node", "/a", WAIT, "not registered", {"pid": None})
+    check = Check("node", "/a", WAIT, "not registered", {"pid": None})
     assert check.as_dict() == {
         "kind": "node",
         "name": "/a",

@@ -10,6 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._graph import (
     Connection,
+    Extras,
     MasterState,
     NodeAnswer,
     Rate,
@@ -110,6 +111,13 @@ def test_bus_info_of_roscpp() -> None:
 )
 def test_bus_info_leaves_out_rows_that_make_no_sense(raw: Any, expected: int) -> None:
     assert len(connections(raw)) == expected
+
+
+def test_the_far_end_of_a_connection_is_kept() -> None:
+    rows = connections(recorded("nodes")["/relay"]["getBusInfo"][2])
+    assert rows[0].info == "TCPROS connection on port 40307 to [127.0.0.1:53886 on socket 11]"
+    assert connections([[1, "/b", "o", "TCPROS", "/t"]])[0].info == ""
+    assert connections([[1, "/b", "o", "TCPROS", "/t", 1, 5]])[0].info == ""
 
 
 def test_a_row_says_itself_whether_it_is_connected() -> None:
@@ -217,12 +225,13 @@ def test_everything_asks_every_node_service_and_action() -> None:
 def test_the_graph_as_json() -> None:
     statuses = {"/work": {"/worker": StatusReading(((3,), (3, 1)))}}
     probes = {
-        "/trigger": ServiceProbe("rosrpc://h:1", "/helper", "std_srvs/Trigger"),
+        "/trigger": ServiceProbe("rosrpc://h:1", "/helper", "std_srvs/Trigger", md5sum="93"),
         "/relay/get_loggers": ServiceProbe("rosrpc://h:2", error="nothing listens at rosrpc://h:2"),
     }
     graph = build(recorded_state(), recorded_answers(), probes, statuses)
-    rates = {"/chatter": Rate(99.98765, 100, 1.0), "/rosout": Rate(error="/x: gone")}
-    data = json.loads(json.dumps(graph.as_dict(rates)))
+    by = {"/talker_a": Rate(49.98765, 50, 1.0), "/talker_b": Rate(error="gone")}
+    rates = {"/chatter": Rate(99.98765, 100, 1.0, by=by), "/rosout": Rate(error="/x: gone")}
+    data = json.loads(json.dumps(graph.as_dict(Extras(rates, {"/chatter": "99"}, {"/trigger": 2}))))
     assert data["nodes"][DEAD] == {
         "uri": "http://127.0.0.1:9/",
         "pid": None,
@@ -234,12 +243,18 @@ def test_the_graph_as_json() -> None:
     }
     assert data["topics"]["/chatter_relay"] == {
         "type": "std_msgs/String",
+        "md5sum": None,
         "publishers": ["/relay"],
         "subscribers": ["/listener_relay"],
         "connections": [{"publisher": "/relay", "subscriber": "/listener_relay"}],
         "rate": None,
+        "rates": {},
         "rate_error": "",
     }
+    assert data["topics"]["/chatter"]["rates"] == {"/talker_a": 49.988, "/talker_b": None}
+    assert data["topics"]["/chatter"]["md5sum"] == "99"
+    assert (data["services"]["/trigger"]["md5sum"], data["services"]["/trigger"]["connections"]) == ("93", 2)
+    assert data["services"]["/rosout/get_loggers"]["connections"] is None
     assert data["topics"]["/chatter"]["rate"] == 99.988
     assert (data["topics"]["/rosout"]["rate"], data["topics"]["/rosout"]["rate_error"]) == (None, "/x: gone")
     assert data["services"]["/trigger"]["up"] is True

@@ -23,14 +23,16 @@ class Clock:
         self.naps.append(seconds)
         self.time += seconds
 
-    def run(self, verdicts: list[str], timeout: float, interval: float, consecutive: int = 1) -> Polled:
+    def run(
+        self, verdicts: list[str], timeout: float, interval: float, consecutive: int = 1, stable: float = 0.0
+    ) -> Polled:
         def probe() -> Seen:
             self.starts.append(self.time - 1000.0)
             self.time += self.look_seconds
             index = min(len(self.starts), len(verdicts)) - 1
             return Seen(verdicts[index], f"look {len(self.starts)}")
 
-        return poll(probe, timeout, interval, consecutive, self.now, self.sleep)
+        return poll(probe, timeout, interval, consecutive, self.now, self.sleep, stable)
 
 
 def test_a_first_pass_returns_without_sleeping() -> None:
@@ -88,6 +90,44 @@ def test_passes_in_a_row_start_over_after_a_look_that_did_not_pass() -> None:
 def test_too_few_passes_in_a_row_time_out() -> None:
     result = Clock().run([PASS], timeout=1, interval=1, consecutive=3)
     assert (result.verdict, result.passes, result.timed_out) == (WAIT, 2, True)
+
+
+def test_stable_looks_on_until_it_has_held_for_so_long() -> None:
+    clock = Clock()
+    result = clock.run([WAIT, PASS], timeout=60, interval=0.5, stable=1.2)
+    assert clock.starts == pytest.approx([0, 0.5, 1.0, 1.5, 1.7])  # the last one just at the end
+    assert (result.verdict, result.looks, result.passes) == (PASS, 5, 4)
+    assert (result.held, result.elapsed) == (pytest.approx(1.2), pytest.approx(1.7))
+
+
+def test_one_look_that_does_not_pass_starts_the_stable_time_over() -> None:
+    clock = Clock()
+    result = clock.run([PASS, PASS, WAIT, PASS], timeout=60, interval=1, stable=2)
+    assert clock.starts == pytest.approx([0, 1, 2, 3, 4, 5])
+    assert (result.verdict, result.held) == (PASS, pytest.approx(2))
+
+
+def test_the_stable_time_counts_from_the_end_of_the_first_look() -> None:
+    clock = Clock(look_seconds=1.0)
+    result = clock.run([PASS], timeout=60, interval=0.5, stable=2)
+    assert (result.looks, result.elapsed, result.held) == (3, pytest.approx(3), pytest.approx(2))
+
+
+def test_a_time_out_before_the_stable_time_is_over() -> None:
+    result = Clock().run([WAIT, WAIT, PASS], timeout=3, interval=1, stable=5)
+    assert (result.verdict, result.timed_out, result.passes) == (WAIT, True, 2)
+    assert result.held == pytest.approx(1)
+    assert Clock().run([PASS, WAIT], timeout=1, interval=1, stable=5).held == 0
+
+
+def test_stable_and_consecutive_both_have_to_be_reached() -> None:
+    assert Clock().run([PASS], timeout=60, interval=1, consecutive=4, stable=1).looks == 4
+    assert Clock().run([PASS], timeout=60, interval=1, consecutive=2, stable=3).looks == 4
+
+
+def test_a_failure_ends_the_stable_time_at_once() -> None:
+    result = Clock().run([PASS, FAIL], timeout=60, interval=1, stable=10)
+    assert (result.verdict, result.looks, result.held) == (FAIL, 2, 0)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._pods import Object, Verdict
-from ansible_collections.rosops.fleet.plugins.module_utils._rollout import Tracker, judge
+from ansible_collections.rosops.fleet.plugins.module_utils._rollout import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.plugins.module_utils._view import Ref, View, parse_refs, watched
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils.kube_objects import (
     LATER,
@@ -757,3 +757,38 @@ def test_a_fresh_listing_replaces_what_was_known() -> None:
     assert judge(DEPLOYMENT, view).verdict == "pass"
     view.drop("Pod", new_pod)
     assert judge(DEPLOYMENT, view).verdict == "wait"
+
+
+# --- whose news count -----------------------------------------------------------------------------------------------
+
+
+def names(of: Ref, view: View) -> list[str]:
+    return [str(one["metadata"]["name"]) for one in present_pods(of, view)]
+
+
+def test_present_pods_of_a_deployment_are_those_of_its_newest_replica_set() -> None:
+    pods = (pod("new-1", NEW), pod("old-1", OLD), gone_soon(pod("new-2", NEW)), pod("other", owner("ReplicaSet", "x")))
+    assert names(ref("Deployment"), rolled(*pods)) == ["new-1"]
+    # the controller has not seen the new template: what is newest now is the old one
+    assert names(ref("Deployment"), rolled(*pods, status={"observedGeneration": 1})) == []
+    assert names(ref("Deployment"), rolled(*pods, revision="3")) == []
+
+
+@pytest.mark.parametrize("kind", ["StatefulSet", "DaemonSet"])
+def test_present_pods_of_a_set_are_those_of_its_revision(kind: str) -> None:
+    made = stateful_set() if kind == "StatefulSet" else daemon_set()
+    pods = [set_pod(kind, "talker-0", "old"), set_pod(kind, "talker-1", "new")]
+    foreign = set_pod(kind, "talker-2", "new")
+    foreign["metadata"]["ownerReferences"][0]["uid"] = "uid-of-a-namesake"
+    assert names(ref(kind), View([made, *REVISIONS, *pods, foreign])) == ["talker-1"]
+    made["status"].pop("updateRevision", None)
+    assert names(ref(kind), View([made, *pods])) == []
+
+
+def test_present_pods_of_what_is_one_or_has_none() -> None:
+    alone = pod("talker", [])
+    assert names(ref("Pod"), View([alone])) == ["talker"]
+    assert names(ref("Pod"), View([])) == []
+    assert names(ref("ConfigMap"), View([alone])) == []
+    job = obj("Job", "talker")
+    assert names(ref("Job"), View([job, pod("talker-x", owner("Job", "talker"))])) == []

@@ -10,6 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._kube import ApiError, Target
 from ansible_collections.rosops.fleet.plugins.module_utils._pods import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._probe_news import latest, probe_line
 from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import (
     Settings,
     look_once,
@@ -23,6 +24,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils.kube_objec
     NEW,
     NS,
     OLD,
+    container,
     deployment,
     gone_soon,
     obj,
@@ -83,13 +85,18 @@ class FakeKube:
 
     def __init__(self, lists: dict[str, list[Object]] | None = None, log: str = "", refuse: int = 0) -> None:
         self.lists, self.log, self.refuse = lists or {}, log, refuse
+        self.no_previous = False
+        self.asked: list[tuple[str, ...]] = []
 
-    def objects(self, kind: str, *_where: str, **_which: str) -> list[Object]:
+    def objects(self, kind: str, *where: str, **which: str) -> list[Object]:
+        self.asked.append((kind, *where, *which.values()))
         if self.refuse:
             raise ApiError("no", status=self.refuse)
         return self.lists.get(kind, [])
 
-    def log_tail(self, *_whose: Any) -> str:
+    def log_tail(self, *_whose: Any, previous: bool = True) -> str:
+        if previous and self.no_previous:
+            raise ApiError("previous terminated container not found", status=400)
         return self.log
 
 
@@ -339,6 +346,157 @@ def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
 def test_what_may_not_be_read_is_done_without() -> None:
     done = Run((0.1, lists(old_pod)), kube=FakeKube(refuse=403), timeout=5)
     assert len(done.message.splitlines()) == 2
+
+
+# --- an end with an error, at once -----------------------------------------------------------------------------------
+
+CRASHED = {"terminated": {"exitCode": 3, "reason": "Error"}}
+
+
+def app(**more: Any) -> Object:
+    return {**container(running={}), **more}
+
+
+def test_an_end_with_an_error_fails_at_once_with_exit_code_and_log() -> None:
+    dead = pod("talker-new-1", NEW, [app(state=CRASHED)])
+    kube = FakeKube(log="Traceback\nImportError: rospy")
+    kube.no_previous = True
+    steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, dead)])]
+    done = Run(*steps, kube=kube, fail_on_restart=True)
+    assert done.took == pytest.approx(1.0)
+    assert done.message.splitlines()[1:] == [
+        f"  Deployment {NS}/talker: pod talker-new-1, container ros-app: ended with exit code 3 (Error)",
+        "  log of pod talker-new-1, container ros-app: Traceback",
+        "  log of pod talker-new-1, container ros-app: ImportError: rospy",
+    ]
+    assert Run(*steps, timeout=5).took == pytest.approx(5)  # without the option it may come back
+
+
+def test_an_end_that_was_missed_is_seen_by_the_restart_even_if_the_pod_is_ready_again() -> None:
+    starting = pod("talker-new-1", NEW, [app()])
+    back = pod("talker-new-1", NEW)
+    back["status"]["containerStatuses"] = [app(ready=True, restartCount=1, lastState=CRASHED)]
+    steps = [(0.1, lists(starting, old_pod)), (2.0, [changed(PODS, back), changed(PODS, old_pod, "gone")])]
+    done = Run(*steps, fail_on_restart=True, kube=FakeKube(log="last words"))
+    assert "exit code 3 (Error) (1 restart)" in done.message
+    assert done.message.endswith("container ros-app: last words")
+    assert Run(*steps).error is None
+
+
+def test_restarts_of_an_earlier_life_and_clean_ends_are_no_failure() -> None:
+    survivor = pod("talker-new-1", NEW)
+    survivor["status"]["containerStatuses"] = [app(ready=True, restartCount=2, lastState=CRASHED)]
+    assert Run((0.1, lists(survivor)), fail_on_restart=True).error is None
+    again = pod("talker-new-1", NEW, [app(restartCount=3, lastState=CRASHED)])
+    later = [(0.1, lists(survivor, old_pod)), (1.0, [changed(PODS, again)])]
+    assert "3 restarts" in Run(*later, fail_on_restart=True).message
+    clean = pod("talker-new-1", NEW)
+    clean["status"]["containerStatuses"] = [
+        app(ready=True, restartCount=1, lastState={"terminated": {"exitCode": 0, "reason": "Completed"}})
+    ]
+    steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, clean)])]
+    assert Run(*steps, (2.0, [changed(PODS, old_pod, "gone")]), fail_on_restart=True).took == pytest.approx(2.0)
+
+
+def test_a_crash_before_the_first_look_counts_for_a_pod_that_is_not_ready() -> None:
+    crashed = pod("talker-new-1", NEW, [app(restartCount=1, lastState=CRASHED)])
+    assert "exit code 3" in Run((0.1, lists(crashed, old_pod)), fail_on_restart=True).message
+
+
+def test_an_old_pods_crash_is_not_this_rollouts() -> None:
+    crashed = pod("talker-old-1", OLD, [app(restartCount=1, lastState=CRASHED)])
+    done = Run((0.1, lists(new_pod, crashed)), (1.0, [changed(PODS, crashed, "gone")]), fail_on_restart=True)
+    assert done.error is None
+
+
+# --- what probes say -------------------------------------------------------------------------------------------------
+
+
+def unhealthy(message: str, second: int, name: str = "talker-new-1", uid: str = "") -> Object:
+    event = warning(name, message, second, reason="Unhealthy")
+    return {**event, "involvedObject": {**event["involvedObject"], "uid": uid or f"uid-{name}"}}
+
+
+def test_a_probe_without_hope_fails_at_once_with_its_line() -> None:
+    line = "Startup probe failed: cannot become ready: /talker_new has /temperature at 250 Hz of 500\n"
+    kube = FakeKube({"Event": [unhealthy("Startup probe failed: not ready: not registered yet", 1)]})
+    starting = pod("talker-new-1", NEW, [app()])
+    calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
+    assert calm.message.splitlines()[1].endswith(
+        "old pod talker-old-1 still runs on robot1; "
+        "pod talker-new-1: Startup probe failed: not ready: not registered yet"
+    )
+    assert len(calm.message.splitlines()) == 2  # and not once more as an event
+    assert "not registered yet" in calm.said[0]
+    kube.lists["Event"].append(unhealthy(line, 2))
+    done = Run((0.1, lists(starting, old_pod)), kube=kube)
+    assert done.took == pytest.approx(0.1)
+    assert done.message == (
+        f"1 of 1 cannot be rolled out:\n  Deployment {NS}/talker: pod talker-new-1: Startup probe failed: "
+        "cannot become ready: /talker_new has /temperature at 250 Hz of 500"
+    )
+
+
+def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_ready() -> None:
+    starting = pod("talker-new-1", NEW, [app()])
+    pulling = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
+    kube = FakeKube()
+    done = Run(
+        (0.1, lists(pulling, old_pod)),
+        (5.0, [changed(PODS, starting)]),
+        *((5.0 + step / 10, [changed(PODS, starting)]) for step in range(30)),
+        (10.0, [changed(PODS, new_pod)]),
+        (20.0, [changed(PODS, old_pod, "gone")]),
+        kube=kube,
+    )
+    assert done.error is None
+    assert 4 <= len(kube.asked) <= 6
+    assert set(kube.asked) == {("Event", NS, "reason=Unhealthy,involvedObject.kind=Pod")}
+
+
+def test_events_of_other_pods_say_nothing_here() -> None:
+    hopeless = "Startup probe failed: cannot become ready: never"
+    events = [
+        unhealthy(hopeless, 1, "talker-old-1"),
+        unhealthy(hopeless, 1, uid="uid-of-an-earlier-pod"),
+        {**unhealthy(hopeless, 1), "reason": "Killing"},
+    ]
+    starting = pod("talker-new-1", NEW, [app()])
+    unready_old = pod("talker-old-1", OLD, [app()])
+    done = Run((0.1, lists(starting, unready_old)), kube=FakeKube({"Event": events}), timeout=3)
+    assert done.took == pytest.approx(3)
+    assert "never" not in done.message.splitlines()[1]
+
+
+def test_events_that_may_not_be_read_are_asked_for_once() -> None:
+    kube = FakeKube(refuse=403)
+    done = Run((0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), kube=kube, timeout=20)
+    assert done.took == pytest.approx(20)
+    assert len(kube.asked) == 2  # and once for the message
+
+
+@pytest.mark.parametrize(
+    ("message", "line"),
+    [
+        ("Startup probe failed: not ready: x\n", "Startup probe failed: not ready: x"),
+        ("(combined from similar events): Startup probe failed: not ready: y", "Startup probe failed: not ready: y"),
+        ("Startup probe failed: Traceback:\n  File\nOSError: z\n", "Startup probe failed: OSError: z"),
+        ("Startup probe failed: cannot become ready: a\nwarning: b", "Startup probe failed: cannot become ready: a"),
+        ('Startup probe errored: command "x" timed out', 'Startup probe errored: command "x" timed out'),
+        ("Startup probe failed: ", "Startup probe failed:"),
+        ("", ""),
+    ],
+)
+def test_a_probes_line(message: str, line: str) -> None:
+    assert probe_line(message) == line
+
+
+def test_the_newest_line_counts() -> None:
+    old = {**unhealthy("Startup probe failed: cannot become ready: a", 1), "lastTimestamp": "2026-01-01T11:00:00Z"}
+    by_series = {**unhealthy("Startup probe failed: b", 1), "series": {"lastObservedTime": "2026-01-01T12:30:00.123Z"}}
+    assert latest([by_series, old, unhealthy("Startup probe failed: c", 5)])["uid-talker-new-1"].text.endswith("b")
+    same = [unhealthy("Startup probe failed: cannot become ready: d", 5), unhealthy("Startup probe failed: e", 5)]
+    assert latest(same)["uid-talker-new-1"].hopeless
 
 
 # --- check mode, parameters -----------------------------------------------------------------------------------------

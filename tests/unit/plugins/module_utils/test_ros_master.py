@@ -325,6 +325,77 @@ def test_rates_are_counted_over_all_publishers(ros: Replay) -> None:
     assert wanted in ros.handshakes
 
 
+def test_each_publishers_rate_comes_from_the_same_count(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 30]
+    master = ros.start()
+    graph = master.ask(master.state(), Questions())
+    rate = master.rates(graph, {"/chatter": 0.4})["/chatter"]
+    assert {name: part.messages for name, part in rate.by.items()} == {"/talker_a": 30, "/talker_b": 30}
+    assert (rate.messages, rate.hz) == (60, sum(part.hz for part in rate.by.values()))
+    assert len([fields for fields in ros.handshakes if fields.get("topic") == "/chatter"]) == 2
+
+
+def test_only_the_publishers_asked_for_are_counted(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 30]
+    master = ros.start()
+    graph = master.ask(master.state(), Questions())
+    rates = master.rates(graph, {"/chatter": 0.2, "/chatter_relay": 0.2}, {"/chatter": ["/talker_b", "/nobody"]})
+    assert {name: list(rate.by) for name, rate in rates.items()} == {
+        "/chatter": ["/talker_b"],
+        "/chatter_relay": ["/relay"],
+    }
+    assert len([fields for fields in ros.handshakes if fields.get("topic") == "/chatter"]) == 1
+
+
+def test_a_publisher_that_is_gone_stands_in_the_rates_with_its_reason(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 5]
+    ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.dead()}/"
+    master = ros.start()
+    rate = master.rates(master.ask(master.state(), Questions()), {"/chatter": 0.2})["/chatter"]
+    assert (rate.error, rate.by["/talker_b"].messages) == ("", 5)
+    assert rate.by["/talker_a"].error.startswith("/talker_a: nothing listens at")
+
+
+def test_md5sums_come_from_the_first_publisher_that_lives(ros: Replay) -> None:
+    ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.dead()}/"
+    master = ros.start()
+    graph = master.ask(master.state(), everything(master.state()))
+    assert master.md5sums(graph, ["/chatter", "/chatter_relay", "/nothing", "/work/result"]) == {
+        "/chatter": "992ce8a1687cec8c8bd883ec73ca41d1",
+        "/chatter_relay": "992ce8a1687cec8c8bd883ec73ca41d1",
+        "/work/result": "992ce8a1687cec8c8bd883ec73ca41d1",
+    }
+    assert graph.services["/trigger"].probe is not None
+    assert graph.services["/trigger"].probe.md5sum == "937c9679a518e3a18d831e57125ea522"
+
+
+def test_a_refusal_counts_when_it_comes_twice(ros: Replay) -> None:
+    port = ros.peers.dead()
+    ros.nodes["/talker_a"] = f"http://127.0.0.1:{port}/"
+    ros.nodes["/talker_b"] = f"http://127.0.0.1:{ros.peers.hung()}/"
+    master = ros.start(timeout=SHORT)
+    asked = ["/talker_a", "/talker_b", "/relay"]
+    graph = master.ask(master.state(), Questions(dict.fromkeys(asked, frozenset())))
+    assert {name: graph.nodes[name].refused for name in asked} == {
+        "/talker_a": True,  # dead
+        "/talker_b": False,  # late: it may only be busy
+        "/relay": False,
+    }
+
+
+def test_a_refusal_that_comes_once_is_no_death(ros: Replay, monkeypatch: pytest.MonkeyPatch) -> None:
+    ask_node = RosMaster._ask_node
+    refusals = [ConnectionRefusedError()]
+
+    def once(self: RosMaster, uri: Any, asked: frozenset[str]) -> Any:
+        if refusals:
+            raise refusals.pop()
+        return ask_node(self, uri, asked)
+
+    monkeypatch.setattr(RosMaster, "_ask_node", once)
+    assert judge(ros.start(), nodes=["/relay"])["node", "/relay"][0] == PASS
+
+
 def test_a_rate_of_publishers_that_are_gone(ros: Replay) -> None:
     ros.nodes["/talker_a"] = ros.nodes["/talker_b"] = f"http://127.0.0.1:{ros.peers.dead()}/"
     master = ros.start()
@@ -382,7 +453,9 @@ def test_everything(ros: Replay) -> None:
         "provider": "",
         "type": "",
         "error": "unknown node [/relay/get_loggers]",
+        "md5sum": "",
         "up": False,
+        "connections": None,
     }
     assert graph["actions"]["/work"]["up"] is True
     assert {"publisher": "/relay", "subscriber": "/listener_relay"} in graph["topics"]["/chatter_relay"]["connections"]

@@ -139,14 +139,25 @@ def test_the_order_of_keys_changes_nothing() -> None:
         {"resources": {"limits": {"cpu": 1}}},
         {"handoff": "replace"},
         {"overrides": {"spec": {"template": {"spec": {"priorityClassName": "high"}}}}},
-        {"readiness": {"command": "/ready"}},
+        {"hooks": False},
+        {"hooks": False, "readiness": {"command": "/ready"}},
     ],
 )
 def test_what_changes_the_pod_changes_the_revision(change: dict[str, Any]) -> None:
     assert revision(deployment(pattern="pubsub")) != revision(deployment(pattern="pubsub", **change))
 
 
-@pytest.mark.parametrize("change", [{"readiness": {"topics": [{"name": "chatter"}]}}, {"node_name": "another"}, {}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"readiness": {"topics": [{"name": "chatter"}]}},
+        {"readiness": {"command": "/ready"}},
+        {"node_name": "another"},
+        {"depends_on": ["other"], "update": {"group": "both", "idle": ["arm"], "on_busy": "defer"}},
+        {"drain_deadline": 40},
+        {},
+    ],
+)
 def test_what_leaves_the_pod_leaves_the_revision(change: dict[str, Any]) -> None:
     assert revision(deployment(pattern="pubsub")) == revision(deployment(pattern="pubsub", **change))
 
@@ -237,13 +248,16 @@ def test_overrides_may_not_lose_the_app() -> None:
     ],
 )
 def test_readiness_command(command: Any, expected: list[str]) -> None:
-    probe = container(deployment(readiness={"command": command}))["readinessProbe"]
+    probe = container(deployment(hooks=False, readiness={"command": command}))["readinessProbe"]
     assert probe["exec"]["command"] == expected
     assert probe["timeoutSeconds"] >= 2
 
 
-def test_no_probe_without_a_command() -> None:
-    assert "readinessProbe" not in container(deployment())
+def test_no_probe_without_hooks_and_a_command() -> None:
+    item = deployment(hooks=False)
+    assert not {"readinessProbe", "startupProbe", "lifecycle", "volumeMounts"} & set(container(item))
+    assert "volumes" not in pod(item)
+    assert not {"ROSOPS_APP", "ROSOPS_REVISION"} & set(env(item))
 
 
 def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
@@ -255,14 +269,15 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
             *_workloads.namespace_objects(full),
             *_workloads.storage_objects(full),
             *_workloads.ros_master_objects(full),
-            *_workloads.ros_app_objects(full),
+            *_workloads.ros_app_objects(full, {"run.py": ""}),
         ]
         found.append(
             [item for item in objects if "fleet" in (item["metadata"]["name"], item["metadata"].get("namespace"))]
         )
     assert found[0] == found[1]
     assert [item["kind"] for item in found[0]] == [
-        "Namespace", "PersistentVolumeClaim", "Deployment", "Service", "Deployment",
+        "Namespace", "PersistentVolumeClaim", "Deployment", "Service", "Deployment", "Service",
+        "ConfigMap", "ConfigMap", "Deployment",
     ]  # fmt: skip
 
 
@@ -288,7 +303,7 @@ def test_mount_path_defaults_to_the_volumes_then_to_the_seeds() -> None:
         volumes=[{"name": "a"}, {"name": "b"}, {"name": "c", "mount_path": "/c"}],
         robot={"volumes": [{"name": "a"}, {"name": "b", "mountPath": "/b"}, {"name": "c", "mountPath": "/other"}]},
     )
-    assert [mount["mountPath"] for mount in container(item)["volumeMounts"]] == ["/mnt/data/a", "/b", "/c"]
+    assert [mount["mountPath"] for mount in container(item)["volumeMounts"][:3]] == ["/mnt/data/a", "/b", "/c"]
 
 
 def test_devices_need_a_privileged_container() -> None:
@@ -382,7 +397,7 @@ def test_context_from_variables_and_defaults() -> None:
 
 
 def test_master_starts_roscore_as_measured() -> None:
-    master, service = _workloads.ros_master_objects(ctx())
+    master, service, *_keeper = _workloads.ros_master_objects(ctx())
     assert container(master)["args"] == ["roscore", "-p", "11311", "-t", "2", "-w", "16"]
     assert "ROS_MASTER_URI" not in env(master)
     assert master["spec"]["strategy"] == {"type": "Recreate"}

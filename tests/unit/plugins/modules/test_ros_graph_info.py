@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Mapping
+from typing import Any, Iterable, Mapping
 
 import pytest
 import yaml
@@ -31,8 +31,19 @@ class FakeMaster:
         return build(state, recorded_answers())
 
     def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
-        assert set(seconds) == set(graph.topics)
-        return {name: Rate(5.0, 10, taken) for name, taken in seconds.items()}
+        return {
+            name: Rate(5.0, 10, taken, by={publisher: Rate(2.5) for publisher in graph.topics[name].publishers})
+            for name, taken in seconds.items()
+        }
+
+    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
+        assert set(topics) == set(graph.topics)
+        return {"/chatter": "99"}
+
+
+class FakeSockets:
+    def count(self, graph: Graph) -> dict[str, int]:
+        return dict.fromkeys(graph.services, 1)
 
 
 def run(
@@ -58,7 +69,37 @@ def test_the_graph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
 
 def test_rates(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     result = run(monkeypatch, capsys, rates=True)
-    assert {topic["rate"] for topic in result["graph"]["topics"].values()} == {5.0}
+    topics = result["graph"]["topics"]
+    assert {topic["rate"] for topic in topics.values()} == {5.0}
+    assert topics["/chatter"]["rates"] == {"/talker_a": 2.5, "/talker_b": 2.5}
+    assert {topic["md5sum"] for topic in topics.values()} == {None}
+
+
+def test_rates_of_some_topics(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    topics = run(monkeypatch, capsys, rates=True, rate_topics=["/chatter"])["graph"]["topics"]
+    assert [name for name, topic in topics.items() if topic["rate"] is not None] == ["/chatter"]
+    topics = run(monkeypatch, capsys, rates=True, rate_topics=[])["graph"]["topics"]
+    assert {topic["rate"] for topic in topics.values()} == {None}
+
+
+def test_md5sums(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    topics = run(monkeypatch, capsys, md5sums=True)["graph"]["topics"]
+    assert (topics["/chatter"]["md5sum"], topics["/chatter_relay"]["md5sum"]) == ("99", None)
+
+
+def test_service_connections(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    services = run(monkeypatch, capsys)["graph"]["services"]
+    assert {service["connections"] for service in services.values()} == {None}
+    monkeypatch.setattr(ros_graph_info, "ServiceConnections", FakeSockets)
+    services = run(monkeypatch, capsys, service_connections=True)["graph"]["services"]
+    assert {service["connections"] for service in services.values()} == {1}
+
+
+def test_the_documentation_is_the_argument_spec() -> None:
+    options = yaml.safe_load(ros_graph_info.DOCUMENTATION)["options"]
+    assert {
+        name: {key: value for key, value in option.items() if key != "description"} for name, option in options.items()
+    } == ros_graph_info.INFO_ARGS
 
 
 def test_no_master(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Mapping
 import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
-from ansible_collections.rosops.fleet.plugins.doc_fragments._ros import ModuleDocFragment
+from ansible_collections.rosops.fleet.plugins.doc_fragments import _gate, _ros
 from ansible_collections.rosops.fleet.plugins.module_utils._conditions import GATE_ARGS, WAIT_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._graph import Graph, MasterState, Questions, Rate, build
@@ -42,8 +42,8 @@ class FakeMaster:
         assert isinstance(self.now, Graph)
         return self.now
 
-    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
-        del graph
+    def rates(self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Any]) -> dict[str, Rate]:
+        del graph, only
         return {name: Rate(100.0, 100, 1.0) for name in seconds}
 
 
@@ -199,8 +199,9 @@ def documented(text: str) -> dict[str, Any]:
 
 
 def test_the_documentation_is_the_argument_spec() -> None:
-    assert documented(ros_ready.DOCUMENTATION) == {**WAIT_ARGS, **GATE_ARGS}
-    assert documented(ModuleDocFragment.DOCUMENTATION) == ROS_ARGS
+    assert documented(ros_ready.DOCUMENTATION) == WAIT_ARGS
+    assert documented(_gate.ModuleDocFragment.DOCUMENTATION) == GATE_ARGS
+    assert documented(_ros.ModuleDocFragment.DOCUMENTATION) == ROS_ARGS
 
 
 def test_the_examples_use_options_that_there_are() -> None:

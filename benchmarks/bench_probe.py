@@ -1,0 +1,139 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the probes and the stop hook cost, by the CPU time of each call and its children, beside real rospy nodes.
+
+    python benchmarks/bench_probe.py
+
+Needs Debian's ROS 1 packages on this machine. CPU time, not wall time: it is what probes take from a robot, and
+it hardly depends on what else runs. Without the container runtime's own part of an exec. The last line printed is the
+result as JSON; the exit status is 1 where the readiness probe costs more than its share of a core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections"), str(CHECKOUT / "tests" / "ros")]
+
+from ansible_collections.rosops.fleet.plugins.module_utils._pod_hooks import app_probes  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import hook_files  # noqa: E402
+from scene import PYTHON, Scene, until  # noqa: E402 - found through the lines above
+
+SHARE = 0.02  # of one core, at the readiness probe's own period
+MD5SUM = "1b2a79973e8bf53d7b53acb71299cb57"  # of std_msgs/UInt64
+SETTINGS = {
+    "expect_node": True, "handoff": "overlap", "actions": [], "stop_deadline": 5, "command": None, "min_rates": {},
+    "keeper": None,
+}  # fmt: skip
+
+
+class Pod:
+    """A node's name, its settings and the mounted code; calls are made as the kubelet makes them."""
+
+    def __init__(self, scene: Scene, python: str) -> None:
+        self.scene, self.python = scene, python
+        self.name = f"bench_{scene.port}"
+        self.hooks = scene.directory / "hooks"
+        self.hooks.mkdir()
+        for file, text in hook_files().items():
+            (self.hooks / file).write_text(text)
+
+    def settings(self, contract: dict[str, Any] | None = None, **changes: Any) -> None:
+        (self.hooks / "app-app.json").write_text(json.dumps({**SETTINGS, "node": "/bench", **changes}))
+        (self.hooks / "contract.json").write_text(json.dumps(contract or {}))
+
+    def call(self, word: str) -> tuple[float, float, str]:
+        """CPU seconds of the call with its children, wall seconds, and what it said."""
+        env = {
+            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_APP": "app",
+            "ROSOPS_NODE_NAME": self.name,
+        }  # fmt: skip
+        began = time.monotonic()
+        command = [self.python, "-I", "-S", str(self.hooks / "run.py"), word]
+        process = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own
+        assert process.stdout is not None
+        said = process.stdout.read().strip()
+        _pid, _status, usage = os.wait4(process.pid, 0)
+        return usage.ru_utime + usage.ru_stime, time.monotonic() - began, said
+
+
+def measure(pod: Pod, word: str, trials: int, expected: str = "") -> dict[str, Any]:
+    calls = [pod.call(word) for _trial in range(trials)]
+    wrong = [said for _cpu, _wall, said in calls if not said.startswith(expected) or bool(said) != bool(expected)]
+    if wrong:
+        raise SystemExit(f"{word} said: {wrong[0]}")
+    cpu, wall = [call[0] * 1000 for call in calls], [call[1] * 1000 for call in calls]
+    return {
+        "calls": trials,
+        "cpu_ms_median": round(statistics.median(cpu), 1),
+        "cpu_ms_max": round(max(cpu), 1),
+        "wall_ms_median": round(statistics.median(wall), 1),
+    }
+
+
+def rows(scene: Scene, pod: Pod, trials: int) -> dict[str, dict[str, Any]]:
+    node = f"/{pod.name}"
+    scene.start_master()
+    scene.start("listener", "/listener")
+    scene.start("talker", node)
+    pod.settings()
+    until("the probe to pass", lambda: pod.call("started")[2] == "")
+    found = {"ready": measure(pod, "ready", trials)}
+    pod.settings(command=["/bin/sh", "-c", "test -d /"])
+    found["ready, with a command"] = measure(pod, "ready", trials)
+    found["started, the app agrees"] = measure(pod, "started", max(3, trials // 5))
+    pod.settings(min_rates={"/numbers": 450})
+    found["started, with a rate of 500 Hz"] = measure(pod, "started", max(3, trials // 5))
+    pod.settings(contract={
+        "revision": "", "until": time.time() + 600, "tolerance": 0.1, "node": node, "subscriptions": {}, "services": {},
+        "actions": [], "topics": {"/numbers": {"type": "std_msgs/UInt64", "md5sum": MD5SUM, "rate": 500.0}},
+    })  # fmt: skip
+    found["started, with a contract"] = measure(pod, "started", max(3, trials // 5))
+    (scratch := Path(f"/tmp/rosops-fleet-{os.getuid()}/{pod.name}.json")).unlink()  # noqa: S108
+    pod.settings(command=["false"])
+    found["started, first call in vain (10 s)"] = measure(pod, "started", 1, "not ready")
+    found["started, later calls in vain (10 s)"] = measure(pod, "started", 1, "not ready")
+    pod.settings()
+    found["stop"] = measure(pod, "stop", 1)
+    scratch.unlink(missing_ok=True)
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trials", type=int, default=50, help="calls of the readiness probe")
+    parser.add_argument("--python", default=PYTHON, help="the pod's Python")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as directory:
+        scene = Scene(Path(directory))
+        try:
+            found = rows(scene, Pod(scene, arguments.python), arguments.trials)
+        finally:
+            scene.end()
+    period = app_probes()["readinessProbe"]["periodSeconds"]
+    share = found["ready, with a command"]["cpu_ms_median"] / 1000 / period
+    print(f"{'call':<38} {'calls':>5} {'CPU ms median':>14} {'max':>8} {'wall ms':>8}")
+    for name, row in found.items():
+        print(
+            f"{name:<38} {row['calls']:>5} {row['cpu_ms_median']:>14} {row['cpu_ms_max']:>8} {row['wall_ms_median']:>8}"
+        )
+    print(f"readiness every {period} s: {share:.2%} of a core (limit {SHARE:.0%})")
+    version = subprocess.run([arguments.python, "-V"], capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603
+    result = {"rows": found, "share": share, "limit": SHARE, "python": version, "machine": platform.machine()}
+    print(json.dumps({**result, "cores": os.cpu_count(), "load": os.getloadavg()[0]}))
+    return 0 if share <= SHARE else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,118 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line of the experiment."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from pathlib import Path
+
+from . import report
+from .errors import BenchError
+from .experiment import Experiment, Options
+from .order import STRESS
+from .plain_manifests import NAMES
+from .results import Results, load
+from .scenario import CASES, RATE, chosen
+
+ARMS = ("plain", "fleet")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options."""
+    made = argparse.ArgumentParser(
+        prog="bench_update.py", description="Updates, by plain Kubernetes and by update.yml."
+    )
+    made.add_argument("--trials", type=_positive, default=10, help="rounds of each arm (default: 10)")
+    made.add_argument(
+        "--messages", type=_positive, default=100_000, help="messages looked at per update (default: 100000)"
+    )
+    made.add_argument(
+        "--stress", choices=sorted(STRESS), default="both", help="with stress-ng on the robot (default: both)"
+    )
+    made.add_argument("--arms", type=_arms, default=list(ARMS), help="plain,fleet (default) or one of them")
+    made.add_argument("--cases", default="", help=f"some of: {', '.join(case.name for case in CASES)} (default: all)")
+    made.add_argument(
+        "--plain-names", choices=NAMES, default="same", help="node names of the plain arm (default: same)"
+    )
+    made.add_argument("--quiet", type=float, help="seconds without an update at a round's beginning, for the control")
+    made.add_argument(
+        "--playbook", default="playbooks/update.yml", help="the fleet arm's (default: playbooks/update.yml)"
+    )
+    made.add_argument("--lab", default="bench", help="name of the lab that is made for it (default: bench)")
+    made.add_argument("--keep", action="store_true", help="leave the lab as it is afterwards")
+    made.add_argument(
+        "--report", type=Path, metavar="DIRECTORY", help="run nothing: tables and plots of an earlier run"
+    )
+    return made
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return number
+
+
+def _arms(text: str) -> list[str]:
+    arms = [word for word in text.split(",") if word]
+    if not arms or set(arms) - set(ARMS):
+        raise argparse.ArgumentTypeError(f"must be some of {','.join(ARMS)}")
+    return [arm for arm in ARMS if arm in arms]
+
+
+def quiet_seconds(messages: int) -> float:
+    """A round's quiet beginning: a fifth of it, and not less than 12 s or more than 40 s.
+
+    >>> quiet_seconds(100_000), quiet_seconds(10_000)
+    (40.0, 12.0)
+    """
+    return min(40.0, max(12.0, messages / RATE / 5))
+
+
+def main() -> int:
+    """0: measured, whatever it showed; 1: something could not be measured; 2: no result."""
+    arguments = parser().parse_args()
+    if arguments.report:
+        return _report_again(arguments.report)
+    try:
+        cases = chosen([name for name in arguments.cases.split(",") if name])
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    options = Options(
+        arguments.trials, arguments.messages, arguments.stress, arguments.arms, cases, arguments.lab, arguments.keep,
+        arguments.plain_names, arguments.playbook, arguments.quiet or quiet_seconds(arguments.messages),
+    )  # fmt: skip
+    signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(143))  # so that the lab goes then, too
+    results = Results()
+    experiment = Experiment(options, results, _say)
+    try:
+        try:
+            experiment.run()
+        finally:
+            experiment.tear_down()
+    except BenchError as error:
+        print(f"error: {error}", file=sys.stderr)
+        experiment.problems.append(str(error))
+    if not results.records:
+        return 2
+    settings = {"trials": options.trials, "messages": options.messages, "plain_names": options.plain_names,
+                "playbook": options.changer, "quiet_s": options.quiet}  # fmt: skip
+    report.write(results, experiment.about, settings, experiment.problems)
+    return 1 if experiment.problems else 0
+
+
+def _report_again(directory: Path) -> int:
+    results = Results(directory.name)
+    results.records, results.details = load(directory)
+    found = report.kept(directory)
+    report.write(results, found["about"], found["settings"], found["problems"])
+    return 1 if found["problems"] else 0
+
+
+def _say(text: str) -> None:
+    print(f"{time.strftime('%H:%M:%S')} {text}", flush=True)

@@ -1,0 +1,143 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The lab and its cluster: commands of the checkout, SSH to the hosts, the Kubernetes API. All I/O of both arms."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from kubernetes import client, config
+
+from .errors import BenchError
+from .paths import CHECKOUT, LAB
+
+EDGE, ROBOT = "edge1", "robot1"
+HOSTS = f"{EDGE}:edge,{ROBOT}:robots"
+STORAGE = "/var/lib/rancher/k3s/storage"
+
+
+def environment(lab: str) -> dict[str, str]:
+    """This checkout's tools and settings, also without make."""
+    return {
+        **os.environ,
+        "PATH": f"{CHECKOUT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}",
+        "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
+        "ANSIBLE_HOME": str(CHECKOUT / ".ansible"),
+        "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
+        "ANSIBLE_NOCOLOR": "1",
+        "LC_ALL": "C.UTF-8",
+        "ROSOPS_LAB": lab,
+    }
+
+
+class Cluster:
+    """One lab: its hosts, and the cluster that site.yml makes of them."""
+
+    def __init__(self, lab: str, sockets: Path) -> None:
+        self.lab = lab
+        self.environment = environment(lab)
+        self._sockets = sockets
+        self._hosts: dict[str, Mapping[str, Any]] = {}
+        self._apps: Any = None
+        self._core: Any = None
+
+    # --- the lab -----------------------------------------------------------------------------------------------------
+
+    def lab_command(self, *words: str) -> None:
+        """A command of the lab."""
+        done = subprocess.run([str(LAB), *words], cwd=CHECKOUT, env=self.environment, check=False)  # noqa: S603 - our own
+        if done.returncode != 0:
+            raise BenchError(f"tests/lab/lab {' '.join(words)} ended with {done.returncode}")
+
+    def playbook(
+        self, words: list[str], inventories: list[str], log: Path, report: Path
+    ) -> tuple[int, float, float, float]:
+        """ansible-playbook; returns exit status, start and end on the wall clock, CPU seconds that it took here."""
+        report.unlink(missing_ok=True)
+        command = ["ansible-playbook", *(word for path in inventories for word in ("-i", path)), *words]
+        env = {**self.environment, "ROSOPS_FLEET_REPORT": str(report)}
+        before = os.times()
+        started = time.time()
+        with log.open("a", encoding="utf-8") as file:
+            done = subprocess.run(command, cwd=CHECKOUT, env=env, stdout=file, stderr=file, check=False)  # noqa: S603
+        ended = time.time()
+        after = os.times()
+        cpu = after.children_user + after.children_system - before.children_user - before.children_system
+        return done.returncode, started, ended, cpu
+
+    def connect(self) -> None:
+        """Learn the hosts from the inventory, and the cluster's API from the kubeconfig that site.yml left."""
+        command = ["ansible-inventory", "-i", "inventories/lab", "--list"]
+        done = subprocess.run(  # noqa: S603 - our own
+            command, cwd=CHECKOUT, env=self.environment, stdout=subprocess.PIPE, text=True, check=False
+        )
+        if done.returncode != 0:
+            raise BenchError(f"ansible-inventory ended with {done.returncode}")
+        self._hosts = json.loads(done.stdout)["_meta"]["hostvars"]
+        kubeconfigs = sorted((Path(self._hosts[EDGE]["lab_dir"]) / "kube").glob("*"))
+        if kubeconfigs:
+            api = config.new_client_from_config(str(kubeconfigs[0]))
+            self._apps, self._core = client.AppsV1Api(api), client.CoreV1Api(api)
+
+    @property
+    def variables(self) -> Mapping[str, Any]:
+        """The lab's inventory variables."""
+        return self._hosts[ROBOT]
+
+    # --- hosts -------------------------------------------------------------------------------------------------------
+
+    def ssh_words(self, host: str, command: str) -> list[str]:
+        """A shell command on a host, over one connection that stays open."""
+        known = self._hosts[host]
+        master = ["-o", "ControlMaster=auto", "-o", "ControlPersist=60s", "-o", f"ControlPath={self._sockets}/%C"]
+        key = str(known["ansible_ssh_private_key_file"]).replace("%%", "%")
+        options = [*shlex.split(str(known["ansible_ssh_common_args"])), "-o", "LogLevel=ERROR", "-o", "BatchMode=yes"]
+        address = f"{known['ansible_user']}@{known['ansible_host']}"
+        return ["ssh", "-F", "none", *master, *options, "-i", key, address, command]
+
+    def ssh(self, host: str, command: str, stdin: bytes = b"", check: bool = True) -> bytes:
+        """Run it there; its standard output."""
+        done = subprocess.run(  # noqa: S603 - our own
+            self.ssh_words(host, command), input=stdin, capture_output=True, check=False, timeout=300
+        )
+        if check and done.returncode != 0:
+            raise BenchError(f"on {host}: {command}: {done.stderr.decode(errors='replace').strip()}")
+        return done.stdout
+
+    def kubectl(self, words: str, stdin: bytes = b"", check: bool = True) -> str:
+        """The cluster's own kubectl."""
+        return self.ssh(EDGE, f"k3s kubectl {words}", stdin, check).decode(errors="replace")
+
+    # --- the API -----------------------------------------------------------------------------------------------------
+
+    def deployments(self, namespace: str) -> list[dict[str, Any]]:
+        """The namespace's Deployments as the API has them."""
+        return self._plain(self._apps.list_namespaced_deployment(namespace))
+
+    def pods(self, namespace: str | None = None) -> list[dict[str, Any]]:
+        """Pods of a namespace, or of all."""
+        listed = self._core.list_namespaced_pod(namespace) if namespace else self._core.list_pod_for_all_namespaces()
+        return self._plain(listed)
+
+    def _plain(self, listed: Any) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = client.ApiClient().sanitize_for_serialization(listed)["items"]
+        return found
+
+
+def wait_for(what: str, condition: Callable[[], str], seconds: float, interval: float = 0.2) -> float:
+    """Wait until the condition has nothing to complain of; returns the moment when that was so."""
+    deadline = time.monotonic() + seconds
+    while True:
+        complaint = condition()
+        if not complaint:
+            return time.time()
+        if time.monotonic() > deadline:
+            raise BenchError(f"{what}: not within {seconds:g} s: {complaint}")
+        time.sleep(interval)

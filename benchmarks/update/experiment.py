@@ -1,0 +1,134 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The whole run: one lab, both arms, round after round."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .cluster import EDGE, HOSTS, ROBOT, Cluster
+from .errors import BenchError
+from .fleet import FleetArm
+from .order import rounds
+from .plain import PlainArm
+from .results import Results
+from .rounds import Arm, Plan, clear, run_round
+from .scenario import Case, images
+from .stress import Stress
+from .versions import about
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the command line says."""
+
+    trials: int
+    messages: int
+    stress: str
+    arms: list[str]
+    cases: list[Case]
+    lab: str
+    keep: bool
+    plain_names: str
+    changer: str
+    quiet: float
+
+
+class Experiment:
+    """Brings the lab up, runs the rounds, takes the lab down."""
+
+    def __init__(self, options: Options, results: Results, say: Callable[[str], None]) -> None:
+        self._options = options
+        self._results = results
+        self._say = say
+        self._sockets = tempfile.TemporaryDirectory(prefix="bench-")  # short: a socket's path may have 107 characters
+        self._cluster = Cluster(options.lab, Path(self._sockets.name))
+        self._fleet = FleetArm(self._cluster, results.directory, options.changer)
+        self.about: dict[str, Any] = {}
+        self.problems: list[str] = []
+
+    def run(self) -> None:
+        """Every round; what goes wrong in one is noted, and the next one begins anew."""
+        self._set_up()
+        options = self._options
+        arms = self._arms()
+        plan = Plan(options.cases, options.messages, options.quiet, self._say)
+        for stress, trial, name in rounds(options.trials, options.arms, options.stress):
+            self._say(f"trial {trial} of {options.trials}, {name}{', under stress' if stress else ''}")
+            began = time.monotonic()
+            try:
+                self._round(arms[name], plan, (trial, stress))
+            except Exception as error:  # a run takes hours: one round that fails must not cost the others
+                with (self._results.directory / "errors.log").open("a", encoding="utf-8") as file:
+                    file.write(traceback.format_exc())
+                self._note(f"trial {trial}, {name}, stress {stress}: {error!r}")
+            self._say(f"  {time.monotonic() - began:.0f} s")
+        for arm in arms.values():
+            clear(self._cluster, arm.namespace)
+
+    def _round(self, arm: Arm, plan: Plan, which: tuple[int, bool]) -> None:
+        trial, stress = which
+        for other in (PlainArm.namespace, FleetArm.namespace):  # nothing of the other arm may use the machine
+            clear(self._cluster, other)
+        keep = self._results.raw / f"{'stress' if stress else 'calm'}-{trial:02d}-{arm.name}"
+        log = keep.with_name(f"{keep.name}-stress.log")
+        hardship = Stress(self._options.lab, ROBOT, log, self._say) if stress else nullcontext()
+        measured = run_round(self._cluster, arm, plan, which, keep, hardship)
+        self._results.add(measured)
+        if not self.about.get("ros"):
+            self.about = {**self.about, **about(self._cluster)}
+        for item in measured:
+            if item.details["problem"]:
+                self._note(f"trial {trial}, {arm.name}, {item.record['app']}/{item.record['update']}: "
+                           f"{item.details['problem']}")  # fmt: skip
+
+    def _note(self, problem: str) -> None:
+        self.problems.append(problem)
+        self._say(f"  PROBLEM: {problem}")
+
+    def _set_up(self) -> None:
+        self._cluster.lab_command("artifacts")
+        self._cluster.lab_command("up", "--lab", self._options.lab, "--hosts", HOSTS)
+        self._cluster.connect()
+        variables = self._cluster.variables
+        self._say(f"lab {self._options.lab} is up; site.yml runs")
+        self._fleet.prepare([*variables["lab_image_archives"], *variables.get("lab_update_archives", [])])
+        self._fleet.site("--skip-tags", "ready")  # there is no app yet: each round waits for its own
+        self._cluster.connect()
+        self._check_images()
+
+    def _check_images(self) -> None:
+        """Every version on both hosts before the first round: a pull would be measured as a slow update."""
+        for host in (EDGE, ROBOT):
+            there = self._cluster.ssh(host, "k3s ctr images list -q").decode()
+            missing = [tag for tag in images(self._options.cases) if f"lab/apps:{tag}" not in there]
+            if missing:
+                raise BenchError(f"{host} has no lab/apps:{', lab/apps:'.join(missing)}; --cases leaves updates out")
+
+    def _arms(self) -> Mapping[str, Arm]:
+        names = self._options.plain_names
+        return {
+            "plain": PlainArm(self._cluster, names, self._results.directory, self._master()),
+            "fleet": self._fleet,
+        }
+
+    def _master(self) -> dict[str, Any]:
+        """The fleet arm's master as site.yml has made it: the plain arm's has the same image, flags and probe."""
+        for item in self._cluster.deployments(FleetArm.namespace):
+            if item["metadata"]["name"] == "ros-master":
+                container: dict[str, Any] = item["spec"]["template"]["spec"]["containers"][0]
+                return {key: container[key] for key in ("image", "args", "readinessProbe")}
+        raise BenchError(f"site.yml has left no Deployment ros-master in {FleetArm.namespace}")
+
+    def tear_down(self) -> None:
+        """Remove the lab, unless it is to be kept."""
+        self._sockets.cleanup()
+        if not self._options.keep:
+            self._cluster.lab_command("down", "--lab", self._options.lab)

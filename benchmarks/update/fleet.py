@@ -1,0 +1,91 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The fleet arm: the inventory is changed, and playbooks/update.yml does the rest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from .cluster import ROBOT, Cluster
+from .errors import BenchError
+from .fleet_inventory import variables
+from .paths import CHECKOUT
+from .scenario import App, Case, all_apps
+from .step import Step, fleet_step
+from .windows import Span
+
+STAGES = "namespace,storage,master,apps,ready"
+
+
+class FleetArm:
+    """Writes group variables beside the lab's inventory, and runs the playbooks as a user does."""
+
+    name = "fleet"
+    namespace = f"robot-{ROBOT}"
+
+    def __init__(self, cluster: Cluster, directory: Path, changer: str) -> None:
+        self._cluster = cluster
+        self._changer = changer
+        self._inventory = directory / "inventory"
+        self._log = directory / "fleet.log"
+        self._report = directory / "fleet-report.json"
+        self._apps: dict[str, App] = {}
+        self.control_cpu: list[float] = []  # CPU seconds of each update's run on the control node
+
+    def prepare(self, archives: list[str]) -> None:
+        """The generated inventory: this lab's robot, and images of every version on every node."""
+        groups = self._inventory / "group_vars"
+        groups.mkdir(parents=True, exist_ok=True)
+        hosts: dict[str, Any] = {"robots": {"hosts": {ROBOT: {}}}}
+        (self._inventory / "hosts.yml").write_text(json.dumps(hosts, indent=2), encoding="utf-8")
+        images = {"images_archives": [{"path": path} for path in archives]}
+        (groups / "all.yml").write_text(json.dumps(images, indent=2), encoding="utf-8")
+        self._write([])
+
+    def site(self, *words: str) -> None:
+        """site.yml has to end well: without it there is nothing to measure."""
+        status, _start, _end, _cpu = self._play("playbooks/site.yml", *words)
+        if status != 0:
+            tail = self._log.read_text(encoding="utf-8").splitlines()[-40:]
+            raise BenchError("\n".join([*tail, f"site.yml ended with {status}; its log is {self._log}"]))
+
+    def deploy(self, cases: Iterable[Case]) -> None:
+        """Everything at its first version, up."""
+        self._apps = {app.name: app for app in all_apps(cases)}
+        self._write(self._apps.values())
+        self.site("--tags", STAGES)
+
+    def update(self, case: Case) -> Step:
+        """One run of the playbook after the case's apps changed in the inventory."""
+        changed = {app.name: app for app in case.changed()}
+        self._write({**self._apps, **changed}.values())
+        status, start, end, cpu = self._play(self._changer)
+        self.control_cpu.append(cpu)
+        step = self._judge(status, Span(start, end))
+        if step.problem:
+            self._write(self._apps.values())  # the next update must not try this one again
+        else:
+            self._apps.update(changed)
+        return step
+
+    def _judge(self, status: int, run: Span) -> Step:
+        if not self._report.exists():
+            return Step(
+                run, None, run_seconds=run.seconds, outcome="failed", problem=f"no report, exit status {status}"
+            )
+        report: Mapping[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
+        if self._changer.endswith("site.yml"):  # it knows no steps: all of its run counts
+            problem = "" if status == 0 else f"exit status {status}"
+            return Step(run, run.seconds, 0.0, {"run": run.seconds}, run.seconds, problem=problem)
+        return fleet_step(report, ROBOT, run)
+
+    def _play(self, *words: str) -> tuple[int, float, float, float]:
+        inventories = [str(CHECKOUT / "inventories" / "lab"), str(self._inventory)]
+        return self._cluster.playbook(list(words), inventories, self._log, self._report)
+
+    def _write(self, apps: Iterable[App]) -> None:
+        text = json.dumps(variables(apps), indent=2)
+        (self._inventory / "group_vars" / "robots.yml").write_text(text, encoding="utf-8")

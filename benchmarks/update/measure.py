@@ -1,0 +1,137 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One case of one round: its logs and its step -> its record and what else is worth keeping. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from . import goals, messages, requests
+from .jsonlog import Lines
+from .records import Record, record
+from .scenario import RATE, Case
+from .step import Step
+from .windows import Span, after_start, around, before
+
+GUARD = 1.0  # seconds on either side of an update that still count as it: logs are written once a second
+ACTION_SECONDS = 30.0
+Logs = Mapping[str, Mapping[str, Lines]]
+
+
+@dataclass(frozen=True)
+class Round:
+    """What the cases of a round have in common."""
+
+    arm: str
+    stress: bool
+    trial: int
+    count: int  # messages that a case's span has
+    quiet: Span  # the round's beginning, without an update
+    whole: Span
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A case's record, and beside it what the record has no key for."""
+
+    record: Record
+    details: dict[str, Any]
+
+
+def measure(case: Case, step: Step, logs: Logs, this: Round) -> Measured:
+    """The case's figures."""
+    named = {"app": case.app, "update": case.update, "arm": this.arm, "stress": this.stress, "trial": this.trial}
+    ended_well = not step.problem
+    timed = {
+        "step_s": step.seconds if ended_well else None,
+        "busy_wait_s": step.busy_wait if ended_well else None,
+    }
+    update = Span(step.span.start - GUARD, step.span.end + GUARD)
+    control = before(this.quiet, update.seconds)
+    kind = case.app.split("-")[0]
+    values, details = {"pubsub": _pubsub, "service": _service, "action": _action}[kind](
+        case, update, control, logs, this
+    )
+    return Measured(
+        record({**named, **timed, **values}),
+        {
+            **named,
+            "problem": step.problem,
+            "outcome": step.outcome,
+            "update_span": [round(step.span.start, 3), round(step.span.end, 3)],
+            "control_s": round(control.seconds, 3),
+            "phases": dict(step.phases),
+            "run_s": step.run_seconds,
+            **details,
+        },
+    )
+
+
+def _lines(logs: Logs, app: str) -> Lines:
+    """All records of an app; its log is one file."""
+    return [line for file in logs.get(app, {}).values() for line in file]
+
+
+def _pubsub(case: Case, update: Span, control: Span, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
+    published, received = _lines(logs, case.source.name), _lines(logs, case.sink.name)
+    span = around(update, this.count / RATE, this.whole.start)
+    account = messages.messages(published, received, span, RATE)
+    within = messages.messages(published, received, update, RATE)
+    aside = messages.messages(published, received, control, RATE)
+    values = {
+        **messages.as_fields(account),
+        "gap_ms": messages.gap_ms(received, update, RATE),
+        "gap_control_ms": messages.gap_ms(received, control, RATE),
+    }
+    return values, {
+        "lost": account.lost if account else None,
+        "dropped_by_queues": messages.dropped_by_queues(received, span),
+        "not_sent": account.not_sent if account else None,
+        "lost_ranges": account.lost_ranges if account else None,
+        "lost_during": within.lost if within else None,
+        "lost_control": aside.lost if aside else None,
+        "oldest_age_ms": messages.oldest_age_ms(received, update),
+        "oldest_age_control_ms": messages.oldest_age_ms(received, control),
+        "subscriber_processes": messages.processes(received),
+        "publisher_skipped": max((int(line.get("skipped") or 0) for line in published), default=None),
+    }
+
+
+def _service(case: Case, update: Span, control: Span, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
+    asked = _lines(logs, case.sink.name)
+    account = requests.requests(asked, Span(this.quiet.start, this.whole.end))
+    calm, busy = requests.latency_ms(asked, control), requests.latency_ms(asked, update)
+    values = {
+        "sent": account.sent if account else None,
+        "failed": account.failed if account else None,
+        "p95_before_ms": calm[95],
+        "p95_during_ms": busy[95],
+    }
+    return values, {
+        "latency_before_ms": calm,
+        "latency_during_ms": busy,
+        "wrong": account.wrong if account else None,
+        "operations": list(account.operations) if account else None,
+    }
+
+
+def _action(case: Case, update: Span, _control: Span, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
+    span = after_start(update, ACTION_SECONDS)
+    calm = before(this.quiet, span.seconds)
+    client, server = _lines(logs, case.sink.name), _lines(logs, case.source.name)
+    account = goals.goals(client, server, Span(this.quiet.start, this.whole.end))
+    values = {
+        "sent": account.sent if account else None,
+        "lost": account.lost if account else None,
+        "aborted": account.aborted if account else None,
+        "twice": account.twice if account else None,
+        "completion_before_ms": goals.completion_ms(client, calm),
+        "completion_during_ms": goals.completion_ms(client, span),
+    }
+    return values, {
+        "completion_window_s": round(span.seconds, 3),
+        "completion_control_s": round(calm.seconds, 3),
+        "longest_completion_ms": goals.longest_ms(client, span),
+    }

@@ -1,0 +1,21 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""In which order the rounds come. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+STRESS = {"no": (False,), "yes": (True,), "both": (False, True)}
+
+
+def rounds(trials: int, arms: Sequence[str], stress: str) -> Iterator[tuple[bool, int, str]]:
+    """(stress, trial, arm): the arms in turn, the other way round in every other trial, so that none is always first.
+
+    >>> list(rounds(2, ("plain", "fleet"), "no"))
+    [(False, 1, 'plain'), (False, 1, 'fleet'), (False, 2, 'fleet'), (False, 2, 'plain')]
+    """
+    for under_stress in STRESS[stress]:
+        for trial in range(1, trials + 1):
+            for arm in arms if trial % 2 else reversed(arms):
+                yield under_stress, trial, arm

@@ -1,0 +1,113 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a run leaves: report.md, summary.json, plots. No figure in it but from the records, and the seed's own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .groups import groups
+from .measure import ACTION_SECONDS
+from .records import KEYS
+from .results import Results
+from .tables import loss_table, phase_table, tables, usage_table
+from .verdicts import TITLES, judge, verdicts
+
+SUMMARY, TEXT = "summary.json", "report.md"
+MEANS = KEYS[5:]
+
+
+def write(results: Results, about: Mapping[str, Any], settings: Mapping[str, Any], problems: list[str]) -> None:
+    """All of it, and the report on screen."""
+    summary = summarise(results, about, settings, problems)
+    text = as_text(results, summary)
+    results.write(SUMMARY, json.dumps(summary, indent=2) + "\n")
+    path = results.write(TEXT, text)
+    from .plots import draw  # noqa: PLC0415 - matplotlib takes a second, and only this needs it
+
+    draw(results, about)
+    print(f"\n{text}\nresults: {path.parent}", flush=True)
+
+
+def kept(directory: Path) -> dict[str, Any]:
+    """The summary of an earlier run."""
+    found: dict[str, Any] = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
+    return found
+
+
+def summarise(
+    results: Results, about: Mapping[str, Any], settings: Mapping[str, Any], problems: list[str]
+) -> dict[str, Any]:
+    """The figures of every group, and the verdicts."""
+    findings = judge(results.records)
+    return {
+        "benchmark": "update",
+        "about": dict(about),
+        "settings": dict(settings),
+        "groups": [
+            {
+                "app": group.app,
+                "update": group.update,
+                "arm": group.arm,
+                "stress": group.stress,
+                "trials": len(group.records),
+                "mean": {key: group.mean(key) for key in MEANS},
+                "worst": {key: group.worst(key) for key in MEANS},
+            }
+            for group in groups(results.records)
+        ],
+        "bars": {
+            str(bar): {
+                "what": TITLES[bar],
+                "verdict": verdict,
+                "findings": [[item.verdict, item.text] for item in findings if item.bar == bar],
+            }
+            for bar, verdict in verdicts(findings).items()
+        },
+        "problems": problems,
+    }
+
+
+def as_text(results: Results, summary: Mapping[str, Any]) -> str:
+    """The report."""
+    about = "\n".join(f"- {key}: {value}" for key, value in {**summary["about"], **summary["settings"]}.items())
+    bars = "\n".join(_bar(number, bar) for number, bar in summary["bars"].items())
+    problems = "\n".join(f"- {problem}" for problem in summary["problems"]) or "none"
+    return f"""# Updates by plain Kubernetes and by update.yml
+
+{about}
+
+Means over the trials, in brackets the worst trial. The seed's rows are its own figures, on its own machine.
+Completion: mean over the goals sent within {ACTION_SECONDS:g} s from the update's start, against as long before it.
+p95 and gap: from a second before the update to a second after it, against as long without an update in the same round.
+
+{tables(results.records)}
+
+## Where messages went
+
+{loss_table(results.details)}
+
+## Seconds by phase
+
+{phase_table(results.details)}
+
+## CPU and memory
+
+{usage_table(results.details)}
+
+## What it must show
+
+{bars}
+
+## Measurements that failed
+
+{problems}
+"""
+
+
+def _bar(number: str, bar: Mapping[str, Any]) -> str:
+    lines = [f"{number}. **{bar['verdict']}** {bar['what']}"]
+    return "\n".join([*lines, *(f"   - {verdict}: {text}" for verdict, text in bar["findings"])])

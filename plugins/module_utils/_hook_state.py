@@ -1,0 +1,87 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the code in a pod knows: the app's settings, its contract, and what an earlier call left.
+
+Pods of the old and of the new revision share the settings, so the node's name comes from the pod's environment. The
+imports are few on purpose: the readiness probe is started every ten seconds. Runs on Python 3.8, in pods.
+"""
+
+# importing pathlib would cost as much as all the rest of a call:
+# ruff: noqa: PTH100, PTH103, PTH105, PTH120, PTH123
+from __future__ import annotations
+
+import json
+import os
+
+TYPE_CHECKING = False  # typing's own costs its import
+if TYPE_CHECKING:
+    from typing import Any, Mapping
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+SCRATCH = f"/tmp/rosops-fleet-{os.getuid()}"  # noqa: S108
+DEFAULTS = {"handoff": "replace", "actions": [], "stop_deadline": 5, "command": None, "min_rates": {}, "keeper": None}
+
+
+def load_settings(environ: Mapping[str, str], directory: str = HERE) -> dict[str, Any]:
+    """The app's settings, with its node's full name as `node`.
+
+    An app that was taken out of the inventory loses its settings while it runs on: its node is then looked for, and
+    nothing more.
+    """
+    name = environ.get("ROSOPS_NODE_NAME", "")
+    found = _load(f"{directory}/app-{environ.get('ROSOPS_APP', '')}.json")
+    if not found:
+        node = f"{environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
+        found = {"node": node, "expect_node": bool(load_state(node))}
+    settings = {**DEFAULTS, **found}
+    if name:
+        settings["node"] = f"{settings['node'].rpartition('/')[0]}/{name}"
+    settings["actions"] = [own_name(action, settings["node"]) for action in settings["actions"]]
+    settings["min_rates"] = {own_name(topic, settings["node"]): hz for topic, hz in settings["min_rates"].items()}
+    return settings
+
+
+def own_name(name: str, node: str) -> str:
+    """A private name below the node, any other as it is."""
+    return f"{node}/{name[1:]}" if name.startswith("~") else name
+
+
+def load_contract(environ: Mapping[str, str], node: str, now: float, directory: str = HERE) -> dict[str, Any] | None:
+    """What this revision owes the graph while an update is under way; None if nothing does that means this very pod."""
+    contract = _load(f"{directory}/contract.json")
+    revision = environ.get("ROSOPS_REVISION", "")
+    if not contract or contract.get("node") != node or contract.get("until", 0) < now:
+        return None
+    return contract if contract.get("revision") in (revision, None, "") or not revision else None
+
+
+def state_file(node: str) -> str:
+    """Named after the node: a volume on /tmp may be another pod's, too."""
+    return f"{SCRATCH}/{node.strip('/').replace('/', '.')}.json"
+
+
+def load_state(node: str) -> dict[str, Any]:
+    """What an earlier call found out; empty if there was none, or nothing can be kept here."""
+    return _load(state_file(node))
+
+
+def save_state(node: str, state: Mapping[str, Any]) -> None:
+    """Keep it for later calls. Where nothing can be written they look it up anew, which only takes longer."""
+    path = state_file(node)
+    try:
+        os.makedirs(SCRATCH, 0o700, exist_ok=True)
+        with open(f"{path}.new", "w", encoding="utf-8") as file:
+            json.dump(state, file)
+        os.replace(f"{path}.new", path)
+    except OSError:
+        pass
+
+
+def _load(path: str) -> dict[str, Any]:
+    try:
+        with open(path, encoding="utf-8") as file:
+            content = json.load(file)
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}

@@ -1,0 +1,143 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sends the action `prime_factors` batch after batch of ten numbers; a line for each in LOG_DIR/prime-factors.jsonl."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import actionlib  # type: ignore[import-not-found]
+import rospy  # type: ignore[import-not-found]
+from actionlib_msgs.msg import GoalStatus  # type: ignore[import-not-found]
+
+from . import node, settings
+from .factors import batch_numbers, count_right
+from .jsonl import JsonLinesLog, last_record
+
+LOG_NAME = "prime-factors.jsonl"
+ACTION = "prime_factors"
+ABANDONED = "abandoned"  # by this client itself, when it is asked to stop
+LOOK_SECONDS = 0.1
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the environment says."""
+
+    directory: Path
+    pause: float
+    timeout: float
+
+
+class Goal:
+    """One goal that was sent, and what came back."""
+
+    def __init__(self, client: Any, message: Any) -> None:
+        self._client = client
+        self._ended = threading.Event()
+        self._feedback = 0
+        self._ended_at = 0.0
+        self._state = GoalStatus.LOST
+        self._result: Any = None
+        self._sent = time.time()
+        self._sent_at = time.monotonic()
+        self._message = message
+        client.send_goal(message, done_cb=self._done, feedback_cb=self._count)
+        self._id = client.gh.comm_state_machine.action_goal.goal_id.id
+
+    def _count(self, _feedback: Any) -> None:
+        self._feedback += 1
+
+    def _done(self, state: int, result: Any) -> None:
+        self._ended_at = time.monotonic()
+        self._state, self._result = state, result
+        self._ended.set()
+
+    def wait(self, timeout: float) -> str:
+        """The outcome. `lost` is also a goal without a result after `timeout` seconds."""
+        deadline = self._sent_at + timeout
+        while not self._ended.wait(LOOK_SECONDS):
+            if node.stopping():
+                self._client.cancel_goal()
+                return ABANDONED
+            if time.monotonic() >= deadline:
+                self._client.stop_tracking_goal()
+                return "lost"
+        return str(GoalStatus.to_string(self._state)).lower()
+
+    def report(self, outcome: str) -> dict[str, Any]:
+        """The goal's line in the log."""
+        answers = [(entry.number, entry.factors) for entry in self._result.factors] if self._result else []
+        right, wrong = count_right(self._message.numbers, answers)
+        ended = self._ended_at or time.monotonic()
+        return {
+            "time": round(time.time(), 3),
+            "node": rospy.get_name(),
+            "batch": self._message.batch,
+            "goal": self._id,
+            "sent": round(self._sent, 3),
+            "outcome": outcome,
+            "has_result": self._result is not None and self._ended.is_set(),
+            "results": len(answers),
+            "right": right,
+            "wrong": wrong,
+            "server": self._result.server if self._result else None,
+            "completion_ms": round((ended - self._sent_at) * 1e3, 3),
+            "feedback": self._feedback,
+        }
+
+
+def read_settings() -> Settings:
+    """Where the log goes, the pause between batches, and how long a goal may take."""
+    return Settings(
+        directory=settings.required_log_dir(),
+        pause=settings.not_negative("BATCH_PAUSE", 1.0),
+        timeout=settings.positive("GOAL_TIMEOUT", 120.0),
+    )
+
+
+def next_batch(previous: dict[str, Any] | None) -> int:
+    """The one after the log's last; that one again if this client itself gave it up."""
+    if previous is None:
+        return 0
+    return int(previous["batch"]) + (previous.get("outcome") != ABANDONED)
+
+
+def send_batches(values: Settings) -> None:
+    """Send until asked to stop."""
+    from .msg import PrimeFactorsAction, PrimeFactorsGoal  # type: ignore[import-not-found] # noqa: PLC0415
+
+    batch = next_batch(last_record(values.directory / LOG_NAME, key="batch"))
+    log = JsonLinesLog(values.directory / LOG_NAME)
+    client = actionlib.SimpleActionClient(ACTION, PrimeFactorsAction)
+    # Once, as most clients do: a goal that is sent while no server is there is not repeated.
+    client.wait_for_server()
+    is_ready = False
+    while not node.stopping():
+        goal = Goal(client, PrimeFactorsGoal(batch=batch, numbers=batch_numbers(batch)))
+        record = goal.report(goal.wait(values.timeout))
+        log.write(record)
+        log.sync()
+        batch += 1
+        if not is_ready and record["right"] == len(batch_numbers(batch)):
+            is_ready = True
+            node.ready()
+        pause(values.pause)
+    log.close()
+
+
+def pause(seconds: float) -> None:
+    """Wait, but not when asked to stop."""
+    end = time.monotonic() + seconds
+    while not node.stopping() and time.monotonic() < end:
+        time.sleep(max(0.0, min(LOOK_SECONDS, end - time.monotonic())))
+
+
+def main() -> None:
+    """Run it."""
+    node.run("prime_factors_client", read_settings, send_batches)

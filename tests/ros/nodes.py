@@ -1,0 +1,163 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""ROS nodes for the tests, run by the Python that has rospy: `nodes.py KIND NAME LOG [ARGUMENTS]`.
+
+Each writes what it saw as lines of JSON, so that a test counts from what the nodes say and not from what it hopes.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import threading
+import time
+from typing import Any, Callable
+
+import actionlib
+import rospy
+from actionlib.msg import TestAction, TestGoal, TestResult
+from std_msgs.msg import UInt64
+from std_srvs.srv import Trigger
+
+HZ = 500
+_lock = threading.Lock()
+
+
+class Log:
+    def __init__(self, path: str) -> None:
+        self.file = open(path, "a", encoding="utf-8", buffering=1)  # noqa: PTH123, SIM115 - lives as long as the node
+
+    def __call__(self, **entry: Any) -> None:
+        with _lock:
+            self.file.write(json.dumps({"at": time.time(), **entry}) + "\n")
+
+
+def talker(_log: Log, topic: str = "/numbers") -> None:
+    out = rospy.Publisher(topic, UInt64, queue_size=1000)
+    rate, number = rospy.Rate(HZ), 0
+    while not rospy.is_shutdown():
+        out.publish(number)
+        number += 1
+        rate.sleep()
+
+
+def listener(log: Log, topic: str = "/numbers") -> None:
+    seen = {"count": 0, "last": -1, "lost": 0, "repeated": 0}
+
+    def got(message: Any) -> None:
+        if seen["last"] >= 0:
+            seen["lost"] += max(0, message.data - seen["last"] - 1)
+            seen["repeated"] += message.data <= seen["last"]
+        seen["last"] = max(seen["last"], message.data)
+        seen["count"] += 1
+
+    rospy.Subscriber(topic, UInt64, got, queue_size=1000)
+    while not rospy.is_shutdown():
+        time.sleep(0.1)
+        log(**seen)
+
+
+def service(log: Log, name: str = "/trigger", answer: str = "") -> None:
+    rospy.Service(name, Trigger, lambda _: (True, answer or rospy.get_name()))
+    log(up=True)
+    rospy.spin()
+
+
+def caller(log: Log, name: str = "/trigger") -> None:
+    while not rospy.is_shutdown():
+        try:
+            log(ok=True, answer=rospy.ServiceProxy(name, Trigger)().message)
+        except (rospy.ServiceException, rospy.ROSException, OSError) as error:
+            log(ok=False, error=str(error))
+        time.sleep(0.05)
+
+
+def server(log: Log, action: str = "/work") -> None:
+    """Executes each goal for as many milliseconds as it says in its lowest five digits."""
+
+    def execute(goal: Any) -> None:
+        log(start=goal.goal)
+        end = time.monotonic() + goal.goal % 100000 / 1000
+        while time.monotonic() < end:
+            if rospy.is_shutdown() or acting.is_preempt_requested():
+                log(broken=goal.goal)
+                acting.set_preempted(TestResult(goal.goal))
+                return
+            time.sleep(0.002)
+        log(end=goal.goal)
+        acting.set_succeeded(TestResult(goal.goal))
+
+    acting = actionlib.SimpleActionServer(action, TestAction, execute, auto_start=False)
+    acting.start()
+    log(up=True)
+    rospy.spin()
+
+
+def pool(log: Log, action: str = "/work") -> None:
+    """As `server`, but it executes the goals of several clients at the same time."""
+
+    def execute(handle: Any) -> None:
+        goal = handle.get_goal().goal
+        log(start=goal)
+        end = time.monotonic() + goal % 100000 / 1000
+        while time.monotonic() < end:
+            if rospy.is_shutdown():
+                log(broken=goal)
+                return
+            time.sleep(0.002)
+        log(end=goal)
+        handle.set_succeeded(TestResult(goal))
+
+    def accept(handle: Any) -> None:
+        handle.set_accepted()
+        threading.Thread(target=execute, args=(handle,)).start()
+
+    actionlib.ActionServer(action, TestAction, accept, auto_start=False).start()
+    log(up=True)
+    rospy.spin()
+
+
+def client(log: Log, action: str = "/work", first: str = "1", count: str = "0", milliseconds: str = "20") -> None:
+    """Goals back to back, numbered, each waited for; `count` 0: until told to stop."""
+    acting = actionlib.SimpleActionClient(action, TestAction)
+    acting.wait_for_server()
+    log(up=True)
+    stop = threading.Event()
+    signal.signal(signal.SIGUSR1, lambda *_: stop.set())
+    number = int(first)
+    end = number + int(count) if int(count) else 1 << 62
+    while number < end and not stop.is_set() and not rospy.is_shutdown():
+        start = time.monotonic()
+        acting.send_goal(TestGoal(number * 100000 + int(milliseconds)))
+        done = acting.wait_for_result(rospy.Duration(60))
+        log(goal=number, done=done, state=acting.get_state(), seconds=time.monotonic() - start)
+        number += 1
+    log(ended=True)
+
+
+def canceller(log: Log, action: str = "/work") -> None:
+    """One goal, cancelled half a second later."""
+    acting = actionlib.SimpleActionClient(action, TestAction)
+    acting.wait_for_server()
+    log(up=True)
+    go = threading.Event()
+    signal.signal(signal.SIGUSR1, lambda *_: go.set())
+    while not go.wait(0.05):
+        pass
+    acting.send_goal(TestGoal(77700500))
+    time.sleep(0.5)
+    acting.cancel_goal()
+    done = acting.wait_for_result(rospy.Duration(60))
+    log(goal=777, done=done, state=acting.get_state())
+
+
+KINDS: dict[str, Callable[..., None]] = {
+    function.__name__: function for function in (talker, listener, service, caller, server, pool, client, canceller)
+}
+
+if __name__ == "__main__":
+    kind, name, path, *words = sys.argv[1:]
+    # no /rosout: the master under test has nobody who listens to it
+    rospy.init_node(name, disable_rosout=True, disable_signals=kind in ("client", "canceller"))
+    KINDS[kind](Log(path), *words)

@@ -1,0 +1,137 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A ROS master, nodes and the keeper as processes on loopback, ended together."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import time
+import xmlrpc.client
+from pathlib import Path
+from typing import Any, Callable
+
+from ansible_collections.rosops.fleet.plugins.module_utils._registrations import Entry
+from ansible_collections.rosops.fleet.plugins.module_utils._ros_writer import RosWriter
+from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import hook_files
+
+NODES = Path(__file__).with_name("nodes.py")
+PYTHON = "/usr/bin/python3"  # Debian's ROS packages are for this one
+SUCCEEDED, RECALLED, LOST = 3, 8, 9
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def until(what: str, true: Callable[[], Any], seconds: float = 30.0) -> Any:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            found = true()
+            if found:
+                return found
+        except (OSError, LookupError, xmlrpc.client.Error):  # not there yet
+            pass
+        time.sleep(0.02)
+    raise AssertionError(f"{what} did not happen within {seconds:g} s")
+
+
+class Scene:
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self.port, self.keeper_port = free_port(), free_port()
+        self.uri = f"http://127.0.0.1:{self.port}/"
+        self.ros = RosWriter(self.uri, 2.0, "/tester")
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.keeper_api = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{self.keeper_port}/")
+
+    # ---- processes
+
+    def _start(self, name: str, *command: str) -> subprocess.Popen[bytes]:
+        env = {
+            "PATH": os.environ["PATH"],
+            "ROS_MASTER_URI": self.uri,
+            "ROS_IP": "127.0.0.1",
+            "ROS_LOG_DIR": str(self.directory / "roslog"),
+            "HOME": str(self.directory),
+        }
+        with (self.directory / f"{name.strip('/')}.out").open("ab") as out:
+            process = subprocess.Popen(command, env=env, stdout=out, stderr=out, cwd="/")  # noqa: S603 - our own
+        self.processes[name] = process
+        return process
+
+    def start_master(self) -> None:
+        self._start("master", PYTHON, "/usr/bin/rosmaster", "--core", "-p", str(self.port), "-t", "2", "-w", "16")
+        until("the master", lambda: xmlrpc.client.ServerProxy(self.uri).getPid("/tester"))
+
+    def start_keeper(self) -> subprocess.Popen[bytes]:
+        code = self.directory / "hooks"
+        code.mkdir(exist_ok=True)
+        for name, text in hook_files().items():
+            (code / name).write_text(text)
+        process = self._start(
+            "keeper",
+            *(os.environ.get("KEEPER_PYTHON", PYTHON), "-I", "-S", str(code / "run.py"), "keeper"),
+            *("--record", str(self.directory / "record"), "--port", str(self.keeper_port)),
+        )
+        until("the keeper", lambda: self.keeper_api.state())
+        return process
+
+    def start(self, kind: str, name: str, *words: str, log: str = "") -> subprocess.Popen[bytes]:
+        path = self.directory / f"{log or name.strip('/')}.jsonl"
+        return self._start(name, PYTHON, str(NODES), kind, name.strip("/"), str(path), *words)
+
+    def kill(self, name: str, number: int = signal.SIGKILL) -> None:
+        self.processes[name].send_signal(number)
+        if number == signal.SIGKILL:
+            self.processes[name].wait()
+
+    def end(self) -> None:
+        for process in self.processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGCONT)
+                process.kill()
+                process.wait()
+
+    # ---- what is there
+
+    def log(self, name: str) -> list[dict[str, Any]]:
+        path = self.directory / f"{name.strip('/')}.jsonl"
+        if not path.exists():
+            return []
+        return [json.loads(line) for line in path.read_text().splitlines() if line.endswith("}")]
+
+    def said(self, name: str = "keeper") -> str:
+        return (self.directory / f"{name}.out").read_text()
+
+    def registered(self) -> dict[str, Entry]:
+        """Without the keeper's own."""
+        return {name: entry for name, entry in self.ros.snapshot().items() if name != "/ros_keeper"}
+
+    def recorded(self) -> dict[str, Any]:
+        try:
+            content: dict[str, Any] = json.loads((self.directory / "record" / "registrations.json").read_text())
+        except (OSError, ValueError):
+            return {"nodes": {}, "removed": {}}
+        return content
+
+    def until_recorded(self, *nodes: str) -> None:
+        """The keeper has all that the master has of these nodes, with their process ids."""
+
+        def true() -> bool:
+            there, on_record = self.registered(), self.recorded()["nodes"]
+            return all(
+                node in there
+                and node in on_record
+                and on_record[node]["pid"]
+                and {**there[node].as_dict(), "pid": 0} == {**on_record[node], "pid": 0}
+                for node in nodes
+            )
+
+        until(f"a record of {nodes}", true)

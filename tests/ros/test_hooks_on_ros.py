@@ -1,0 +1,234 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The probes and the stop hook as pods run them, against a real master and real nodes on loopback."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import time
+from pathlib import Path
+from typing import Any, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import hook_files
+from scene import PYTHON, SUCCEEDED, Scene, until
+
+SETTINGS = {
+    "expect_node": True, "pattern": "pubsub", "handoff": "overlap", "actions": [], "drain_deadline": 20,
+    "stop_deadline": 5, "command": None, "min_rates": {}, "keeper": None,
+}  # fmt: skip
+
+
+class Pod:
+    """What stands for one: a node's name, its settings, and the mounted code."""
+
+    def __init__(self, scene: Scene, name: str, **settings: Any) -> None:
+        self.scene = scene
+        # what calls keep lies in /tmp by the node's name: one of its own for each test
+        self.name = f"{name}_{scene.port}"
+        self.node = f"/{self.name}"
+        self.hooks = scene.directory / f"pod_{name}" / "hooks"
+        self.hooks.mkdir(parents=True)
+        for file, text in hook_files().items():
+            (self.hooks / file).write_text(text)
+        (self.hooks / "app-app.json").write_text(json.dumps({**SETTINGS, "node": f"/{name}", **settings}))
+
+    def owe(self, **contract: Any) -> None:
+        content = {
+            "revision": "", "until": time.time() + 600, "tolerance": 0.1, "node": self.node,
+            "topics": {}, "subscriptions": {}, "services": {}, "actions": [], **contract,
+        }  # fmt: skip
+        (self.hooks / "contract.json").write_text(json.dumps(content))
+
+    def environ(self) -> dict[str, str]:
+        return {
+            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_APP": "app",
+            "ROSOPS_NODE_NAME": self.name,
+        }  # fmt: skip
+
+    def call(self, word: str) -> tuple[int, str]:
+        python = os.environ.get("HOOK_PYTHON", PYTHON)
+        command = [python, "-I", "-S", str(self.hooks / "run.py"), word]
+        done = subprocess.run(command, env=self.environ(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
+        return done.returncode, done.stdout.strip() + done.stderr
+
+    def forget(self) -> None:
+        for left in Path(f"/tmp/rosops-fleet-{os.getuid()}").glob(f"{self.name}.json*"):  # noqa: S108
+            left.unlink()
+
+
+@pytest.fixture
+def pods(scene: Scene) -> Iterator[Any]:
+    made: list[Pod] = []
+
+    def pod(name: str, **settings: Any) -> Pod:
+        made.append(Pod(scene, name, **settings))
+        return made[-1]
+
+    yield pod
+    for item in made:
+        item.forget()
+
+
+def talking(scene: Scene, pod: Pod) -> None:
+    scene.start_master()
+    scene.start("listener", "/listener")
+    scene.start("talker", pod.node)
+
+
+def test_a_talker_starts_is_ready_and_leaves(scene: Scene, pods: Any) -> None:
+    pod = pods("talker", min_rates={"/numbers": 450})
+    talking(scene, pod)
+    assert pod.call("started") == (0, "")
+    # the listener had been connected by then: it has all that came since
+    assert pod.call("ready") == (0, "")
+    scene.kill("master")
+    assert pod.call("ready") == (0, "")  # a master that is away makes no app unready
+    scene.start_master()
+    began = time.monotonic()
+    assert pod.call("stop") == (0, "")
+    assert time.monotonic() - began < 3
+    scene.processes[pod.node].wait(5)
+    assert pod.call("ready")[0] == 1
+    assert pod.node not in scene.registered()
+
+
+def test_its_registrations_are_gone_when_it_is_stopped(scene: Scene, pods: Any) -> None:
+    pod = pods("talker")
+    talking(scene, pod)
+    assert pod.call("started") == (0, "")
+    assert pod.node in scene.registered()
+    assert pod.call("stop") == (0, "")
+    assert pod.node not in scene.registered()
+    assert "/listener" in scene.registered()
+
+
+def test_a_promised_rate_that_is_not_reached(scene: Scene, pods: Any) -> None:
+    pod = pods("talker", min_rates={"/numbers": 900})
+    talking(scene, pod)
+    status, line = pod.call("started")
+    assert status == 1
+    assert line.startswith("not ready: rate /numbers: ")
+    assert "of at least 900 Hz" in line
+
+
+def test_another_message_type_cannot_become_ready(scene: Scene, pods: Any) -> None:
+    pod = pods("talker")
+    pod.owe(topics={"/numbers": {"type": "std_msgs/String", "md5sum": None, "rate": None}})
+    talking(scene, pod)
+    began = time.monotonic()
+    status, line = pod.call("started")
+    assert (status, time.monotonic() - began < 9) == (1, True)
+    reason = "this version has the type std_msgs/UInt64, the one before had std_msgs/String"
+    assert line == f"cannot become ready: topic /numbers: {reason}"
+
+
+def test_another_definition_of_a_type_cannot_become_ready(scene: Scene, pods: Any) -> None:
+    pod = pods("talker")
+    pod.owe(topics={"/numbers": {"type": "std_msgs/UInt64", "md5sum": "0" * 32, "rate": None}})
+    talking(scene, pod)
+    status, line = pod.call("started")
+    assert status == 1
+    assert "cannot become ready: topic /numbers: this version's definition of std_msgs/UInt64 has the md5sum" in line
+
+
+def test_a_contract_is_kept(scene: Scene, pods: Any) -> None:
+    pod = pods("talker")
+    md5sum = "1b2a79973e8bf53d7b53acb71299cb57"  # of std_msgs/UInt64
+    pod.owe(topics={"/numbers": {"type": "std_msgs/UInt64", "md5sum": md5sum, "rate": 500.0}})
+    talking(scene, pod)
+    assert pod.call("started") == (0, "")
+
+
+def test_a_dead_subscriber_blocks_nobody_a_hung_one_does(scene: Scene, pods: Any) -> None:
+    pod = pods("talker")
+    scene.start_master()
+    for name in ("/dead", "/hung"):
+        scene.start("listener", name)
+        until("registered", lambda name=name: name in scene.registered())
+    scene.kill("/dead")
+    scene.kill("/hung", 19)  # SIGSTOP
+    scene.start("talker", pod.node)
+    status, line = pod.call("started")
+    assert status == 1
+    assert "/hung" in line
+    assert "/dead" not in line
+    scene.kill("/hung", 18)  # SIGCONT
+    assert pod.call("started") == (0, "")
+
+
+def test_a_service_is_served_under_its_own_name(scene: Scene, pods: Any) -> None:
+    pod, other = pods("adder"), pods("second")
+    scene.start_master()
+    scene.start("service", pod.node)
+    assert pod.call("started") == (0, "")
+    scene.start("caller", "/caller")
+    until("answers", lambda: len(scene.log("/caller")) > 5)
+    scene.start("service", other.node)
+    assert other.call("started") == (0, "")
+    assert pod.call("stop") == (0, "")
+    seen = len(scene.log("/caller"))
+    until("more answers", lambda: len(scene.log("/caller")) > seen + 10)
+    assert all(line["ok"] for line in scene.log("/caller"))
+    assert scene.log("/caller")[-1]["answer"] == other.node
+
+
+def test_a_busy_server_is_let_finish(scene: Scene, pods: Any) -> None:
+    pod = pods("worker", handoff="drain", stop_deadline=20)
+    scene.start_master()
+    scene.start("server", pod.node)
+    assert pod.call("started") == (0, "")
+    scene.start("client", "/boss", "/work", "1", "1", "3000")
+    until("a goal under way", lambda: any("start" in line for line in scene.log(pod.node)))
+    began = time.monotonic()
+    assert pod.call("stop") == (0, "rosops.fleet: goals of /work are not held: there is no keeper")
+    assert 1.5 < time.monotonic() - began < 9
+    until("the result", lambda: any("goal" in line for line in scene.log("/boss")))
+    assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED]
+    assert not any("broken" in line for line in scene.log(pod.node))
+    assert pod.node not in scene.registered()
+
+
+def test_a_server_that_does_not_finish_is_stopped_all_the_same(scene: Scene, pods: Any) -> None:
+    pod = pods("worker", handoff="drain", stop_deadline=6)
+    scene.start_master()
+    scene.start("server", pod.node)
+    assert pod.call("started") == (0, "")
+    scene.start("client", "/boss", "/work", "1", "1", "60000")
+    until("a goal under way", lambda: any("start" in line for line in scene.log(pod.node)))
+    began = time.monotonic()
+    status, line = pod.call("stop")
+    assert time.monotonic() - began < 8
+    assert status == 0
+    assert "stopped with open goals after 4 s: /work ACTIVE" in line
+
+
+def test_a_keeper_holds_goals_while_servers_change(scene: Scene, pods: Any) -> None:
+    """Goals back to back: the old server is never idle for long, and no goal may be lost, broken or done twice."""
+    old = pods("worker", handoff="drain", stop_deadline=20, keeper=f"http://127.0.0.1:{scene.keeper_port}")
+    scene.start_master()
+    scene.start_keeper()
+    scene.start("server", old.node)
+    assert old.call("started") == (0, "")
+    scene.start("client", "/boss", "/work", "1", "60", "100")
+    until("ten goals", lambda: sum("goal" in line for line in scene.log("/boss")) >= 10)
+    assert old.call("stop") == (0, "")
+    scene.processes[old.node].wait(10)
+    new = pods("next", handoff="drain", stop_deadline=20)
+    scene.start("server", new.node)
+    assert new.call("started") == (0, "")
+    until("all goals", lambda: sum("goal" in line for line in scene.log("/boss")) == 60, 60)
+    assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED] * 60
+    done = [line["end"] for node in (old.node, new.node) for line in scene.log(node) if "end" in line]
+    assert sorted(done) == [number * 100000 + 100 for number in range(1, 61)]
+
+
+def test_a_node_that_is_not_there_is_left_alone(scene: Scene, pods: Any) -> None:
+    pod = pods("nobody")
+    scene.start_master()
+    line = f"node {pod.node}: not registered with the master"
+    assert pod.call("ready") == (1, f"not ready: {line}")
+    assert pod.call("started") == (1, f"not ready: {line}")
+    assert pod.call("stop") == (0, f"rosops.fleet: left to SIGTERM: {line}")

@@ -1,0 +1,144 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper against a real master and real nodes: a restarted master, a killed node, one that only hangs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+from scene import SUCCEEDED, Scene, until
+
+NODES = ("/talker", "/listener", "/adder", "/worker", "/boss")
+
+
+def start_all(scene: Scene) -> None:
+    scene.start_master()
+    scene.start_keeper()
+    scene.start("talker", "/talker")
+    scene.start("listener", "/listener")
+    scene.start("service", "/adder")
+    scene.start("server", "/worker")
+    scene.start("client", "/boss", "/work", "1", "3", "6000")
+    scene.until_recorded(*NODES)
+    until("messages", lambda: scene.log("/listener")[-1]["count"] > 100)
+    until("a goal under way", lambda: any("start" in line for line in scene.log("/worker")))
+
+
+def test_a_restarted_master(scene: Scene) -> None:
+    start_all(scene)
+    scene.ros.master([("setParam", "/tester", "/robot/wheels", 4), ("setParam", "/tester", "/robot/name", "r1")])
+    until("recorded parameters", lambda: "wheels" in _parameters(scene), 40)
+    before = scene.registered()
+    received = scene.log("/listener")[-1]["count"]
+
+    scene.kill("master")
+    time.sleep(1.0)
+    scene.start_master()
+    began = time.monotonic()
+    scene.ros.master([("setParam", "/tester", "/robot/name", "set since")])
+    until("all registrations", lambda: scene.registered() == before, 15)
+    took = time.monotonic() - began
+
+    # whoever was connected did not notice
+    until("more messages", lambda: scene.log("/listener")[-1]["count"] > received + 1000)
+    seen = scene.log("/listener")[-1]
+    assert (seen["lost"], seen["repeated"]) == (0, 0)
+    # newcomers find everything
+    scene.start("listener", "/listener_2")
+    scene.start("caller", "/caller")
+    until("messages for the newcomer", lambda: scene.log("/listener_2")[-1]["count"] > 500)
+    until("an answer", lambda: any(line.get("ok") for line in scene.log("/caller")))
+    assert all(line["ok"] for line in scene.log("/caller"))
+    # the goal that was under way, and the next ones
+    until("three goals", lambda: sum("goal" in line for line in scene.log("/boss")) == 3, 30)
+    assert [line["state"] for line in scene.log("/boss") if "goal" in line] == [SUCCEEDED] * 3
+    scene.start("client", "/boss_2", "/work", "9", "1", "10")
+    until("the newcomer's goal", lambda: any("goal" in line for line in scene.log("/boss_2")), 20)
+    # parameters: those that were gone, not those that were set since
+    wheels, name = scene.ros.master([("getParam", "/tester", f"/robot/{key}") for key in ("wheels", "name")])
+    assert (wheels, name) == (4, "set since")
+    print(
+        f"\nmaster restarted: all registrations back {took:.2f} s after it answered; {seen['count']} messages, 0 lost"
+    )
+    print(*[line for line in scene.said().splitlines() if "restarted" in line], sep="\n")
+
+
+def _parameters(scene: Scene) -> str:
+    path = Path(scene.directory, "record", "parameters.json")
+    return str(json.loads(path.read_text())) if path.exists() else ""
+
+
+def test_a_master_that_was_restarted_while_the_keeper_was_away(scene: Scene) -> None:
+    scene.start_master()
+    scene.start_keeper()
+    scene.start("talker", "/talker")
+    scene.until_recorded("/talker")
+    before = scene.registered()
+    scene.kill("keeper")
+    scene.kill("master")
+    scene.start_master()
+    assert scene.registered() == {}
+    scene.start_keeper()
+    until("all registrations", lambda: scene.registered() == before, 10)
+
+
+def test_a_killed_node_is_removed_and_one_that_hangs_is_not(scene: Scene) -> None:
+    start_all(scene)
+    scene.start("listener", "/hanging")
+    scene.until_recorded("/hanging")
+    scene.kill("/hanging", signal.SIGSTOP)
+    began = time.monotonic()
+    scene.kill("/talker")
+    until("the dead node's registrations to go", lambda: "/talker" not in scene.registered(), 40)
+    took = time.monotonic() - began
+    assert 5 <= took <= 30
+    # time for six looks at the one that hangs, its queue of connections filling up meanwhile
+    time.sleep(max(0.0, 60 - took))
+    assert "/hanging" in scene.registered()
+    assert set(scene.registered()) == {*NODES, "/hanging"} - {"/talker", "/boss"}  # that one is done by now
+    scene.kill("/hanging", signal.SIGCONT)
+    scene.start("talker", "/talker_2")
+    until("messages for who hung", lambda: scene.log("/hanging")[-1]["count"] > 500, 40)
+    print(f"\nkilled node removed after {took:.1f} s; one that hung for 60 s kept")
+
+
+def test_a_service_whose_earlier_provider_lives(scene: Scene) -> None:
+    """The canary was taken away cleanly: the master then has no provider, though the earlier one still answers."""
+    scene.start_master()
+    scene.start_keeper()
+    scene.start("service", "/old")
+    scene.until_recorded("/old")
+    old = scene.registered()["/old"].services["/trigger"]
+    scene.start("service", "/canary")
+    until("the canary", lambda: scene.registered()["/canary"].services.get("/trigger"))
+    scene.until_recorded("/canary")
+    scene.kill("/canary", signal.SIGTERM)
+    until("the earlier provider's service", lambda: scene.registered()["/old"].services.get("/trigger") == old, 10)
+
+
+def test_what_it_costs_at_idle(scene: Scene) -> None:
+    scene.start_master()
+    keeper = scene.start_keeper()
+    for number in range(10):
+        scene.start("listener", f"/listener_{number}", f"/topic_{number}")
+        scene.start("service", f"/server_{number}", f"/service_{number}")
+    names = [f"/{kind}_{number}" for kind in ("listener", "server") for number in range(10)]
+    until("20 nodes", lambda: set(names) <= set(scene.registered()), 60)
+    scene.until_recorded(*names)
+    time.sleep(3)
+    began, used = time.monotonic(), cpu_seconds(keeper.pid)
+    time.sleep(40)
+    share = (cpu_seconds(keeper.pid) - used) / (time.monotonic() - began)
+    status = Path(f"/proc/{keeper.pid}/status").read_text()
+    rss = next(line.split()[1] for line in status.splitlines() if line.startswith("VmRSS"))
+    print(f"\nat idle with 20 nodes: {share:.2%} of a core, {int(rss) / 1024:.1f} MB")
+    assert share < 0.01
+
+
+def cpu_seconds(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,0 +1,118 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The module ros_registrations against a real master and real nodes."""
+
+from __future__ import annotations
+
+import json
+import signal
+from typing import Any
+
+import pytest
+from ansible.module_utils.testing import patch_module_args
+from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info, ros_registrations
+from scene import Scene, until
+
+
+class Run:
+    def __init__(self, scene: Scene, capsys: pytest.CaptureFixture[str]) -> None:
+        self.scene, self.capsys = scene, capsys
+
+    def __call__(self, module: Any, **params: Any) -> dict[str, Any]:
+        self.capsys.readouterr()
+        params = {"master_uri": self.scene.uri, **params}
+        with patch_module_args(params), pytest.raises(SystemExit):
+            module.main()
+        result: dict[str, Any] = json.loads(self.capsys.readouterr().out.splitlines()[-1])
+        assert not result.get("failed"), result
+        return result
+
+
+@pytest.fixture
+def run(scene: Scene, capsys: pytest.CaptureFixture[str]) -> Run:
+    return Run(scene, capsys)
+
+
+def test_present_after_a_restart_of_the_master(scene: Scene, run: Run) -> None:
+    scene.start_master()
+    for kind, name in (("talker", "/talker"), ("listener", "/listener"), ("service", "/adder")):
+        scene.start(kind, name)
+    until("messages", lambda: scene.log("/listener")[-1]["count"] > 100)
+    until("the service", lambda: scene.log("/adder"))
+    graph = run(ros_graph_info)["graph"]
+    before = scene.registered()
+    scene.kill("master")
+    scene.kill("/adder")
+    scene.start_master()
+
+    wanted = {"graph": graph}
+    predicted = run(ros_registrations, **wanted, _ansible_check_mode=True, _ansible_diff=True)
+    assert scene.registered() == {}  # check mode wrote nothing
+    done = run(ros_registrations, **wanted, _ansible_diff=True)
+    assert {key: done[key] for key in predicted} == predicted
+    del before["/adder"]
+    assert scene.registered() == before
+    assert [entry["node"] for entry in done["skipped"]] == ["/adder"]
+    assert set(done["diff"]["after"]) == {"/talker", "/listener"}
+    again = run(ros_registrations, **wanted)
+    assert (again["changed"], again["restored"]) == (False, [])
+    count = scene.log("/listener")[-1]["count"]
+    until("more messages", lambda: scene.log("/listener")[-1]["count"] > count + 500)
+    assert scene.log("/listener")[-1]["lost"] == 0
+
+
+def test_present_gives_a_service_back_to_the_provider_that_survived(scene: Scene, run: Run) -> None:
+    """The roll-back: the new version has taken the service over, and is about to go."""
+    scene.start_master()
+    scene.start("service", "/old")
+    until("the old one", lambda: scene.registered()["/old"].services.get("/trigger"))
+    graph = run(ros_graph_info)["graph"]
+    scene.start("service", "/new")
+    until("the new one", lambda: scene.registered()["/new"].services.get("/trigger"))
+    assert "/trigger" not in scene.registered()["/old"].services
+
+    wanted = {"graph": graph, "nodes": ["/old", "/never"]}
+    done = run(ros_registrations, **wanted)
+    assert done["restored"] == [{"node": "/old", "kind": "service", "name": "/trigger"}]
+    assert done["skipped"] == [{"node": "/never", "reason": "it is not in the graph"}]
+    assert run(ros_registrations, **wanted)["changed"] is False
+    scene.start("caller", "/caller")
+    until("answers", lambda: len(scene.log("/caller")) > 10)
+    scene.kill("/new", signal.SIGTERM)
+    count = len(scene.log("/caller"))
+    until("more answers", lambda: len(scene.log("/caller")) > count + 20)
+    assert {(line["ok"], line.get("answer")) for line in scene.log("/caller")} == {(True, "/old")}
+
+
+def test_present_leaves_a_name_to_its_newer_process(scene: Scene, run: Run) -> None:
+    scene.start_master()
+    scene.start("service", "/adder")
+    until("the service", lambda: scene.registered()["/adder"].services.get("/trigger"))
+    graph = run(ros_graph_info)["graph"]
+    scene.kill("/adder")
+    scene.start("service", "/adder")
+    uri = graph["nodes"]["/adder"]["uri"]
+    until("the newer one", lambda: scene.registered()["/adder"].uri != uri)
+    now = until("its service", lambda: len(scene.registered()["/adder"].services) == 3 and scene.registered())
+    done = run(ros_registrations, graph=graph)
+    assert (done["changed"], len(done["skipped"])) == (False, 1)
+    assert scene.registered() == now
+
+
+def test_absent_removes_the_dead_only(scene: Scene, run: Run) -> None:
+    scene.start_master()
+    for name in ("/alive", "/dead", "/hanging"):
+        scene.start("listener", name)
+    until("three nodes", lambda: len(scene.registered()) == 3)
+    until("their services", lambda: all(len(entry.services) == 2 for entry in scene.registered().values()))
+    scene.kill("/dead")
+    scene.kill("/hanging", signal.SIGSTOP)
+    predicted = run(ros_registrations, state="absent", _ansible_check_mode=True)
+    assert "/dead" in scene.registered()
+    done = run(ros_registrations, state="absent", nodes=["/dead", "/hanging", "/alive"])
+    assert done["removed"] == predicted["removed"]
+    assert {entry["node"] for entry in done["removed"]} == {"/dead"}
+    assert [entry["node"] for entry in done["skipped"]] == ["/alive", "/hanging"]
+    assert set(scene.registered()) == {"/alive", "/hanging"}
+    again = run(ros_registrations, state="absent")
+    assert (again["changed"], [entry["node"] for entry in again["skipped"]]) == (False, ["/hanging"])

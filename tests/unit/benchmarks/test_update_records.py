@@ -1,0 +1,186 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Records, groups, verdicts and tables of the experiment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from update.groups import groups
+from update.order import rounds
+from update.records import KEYS, record
+from update.requests import latency_ms, requests
+from update.step import fleet_step
+from update.tables import tables
+from update.verdicts import MISS, PASS, UNKNOWN, judge, verdicts
+from update.windows import Span
+
+NOTHING_LOST = {"sent": 100_000, "lost": 0, "duplicates": 3, "gap_ms": 5.0, "gap_control_ms": 4.0}
+
+
+def made(app: str, update: str, arm: str, trial: int = 1, **values: Any) -> dict[str, Any]:
+    known = {
+        "app": app,
+        "update": update,
+        "arm": arm,
+        "stress": False,
+        "trial": trial,
+        "step_s": 4.0,
+        "busy_wait_s": 0.0,
+    }
+    return record({**known, **values})
+
+
+def everything(**fleet: Any) -> list[dict[str, Any]]:
+    """Both arms as they should be; `fleet` changes the fleet arm's pub/sub."""
+    pubsub = [
+        made("pubsub", "minor", "plain", **{**NOTHING_LOST, "lost": 8}),
+        made("pubsub", "minor", "fleet", **{**NOTHING_LOST, "step_s": 7.9, **fleet}),
+    ]
+    answered = {"sent": 900, "failed": 0, "p95_before_ms": 10.0, "p95_during_ms": 10.9}
+    done = {
+        "sent": 90,
+        "aborted": 0,
+        "lost": 0,
+        "twice": 0,
+        "completion_before_ms": 200.0,
+        "completion_during_ms": 239.0,
+    }
+    return [
+        *pubsub,
+        *(made("service", "server", arm, **answered) for arm in ("plain", "fleet")),
+        *(made("action", "server", arm, **done) for arm in ("plain", "fleet")),
+    ]
+
+
+def test_a_record_has_exactly_the_issues_keys_and_null_for_what_is_not_known() -> None:
+    item = made("service", "server", "plain", failed=0)
+    assert tuple(item) == KEYS
+    assert item["failed"] == 0
+    assert item["lost"] is None
+
+
+@pytest.mark.parametrize("values", [{"app": "x"}, {"lots": 1}])
+def test_a_record_is_whole_or_none(values: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="a record"):
+        record(values)
+
+
+def test_all_bars_pass() -> None:
+    assert verdicts(judge(everything())) == {1: PASS, 2: PASS, 3: PASS, 4: PASS}
+
+
+@pytest.mark.parametrize(
+    ("fleet", "bar", "word"),
+    [
+        ({"lost": 1}, 1, MISS),
+        ({"lost": 1}, 4, MISS),
+        ({"lost": None}, 1, UNKNOWN),
+        ({"step_s": 8.1}, 4, MISS),
+        ({"step_s": 60.0, "busy_wait_s": 53.0}, 4, PASS),
+        ({"step_s": None}, 4, UNKNOWN),
+        ({"step_s": None}, 1, UNKNOWN),  # rolled back: that nothing was lost says nothing of the update
+        ({"step_s": None, "lost": 2}, 1, MISS),
+    ],
+)
+def test_bars_of_messages(fleet: dict[str, Any], bar: int, word: str) -> None:
+    assert verdicts(judge(everything(**fleet)))[bar] == word
+
+
+@pytest.mark.parametrize(
+    ("app", "values", "bar"),
+    [
+        ("service", {"failed": 1}, 2),
+        ("service", {"p95_during_ms": 11.1}, 2),
+        ("action", {"aborted": 1}, 3),
+        ("action", {"lost": 1}, 3),
+        ("action", {"twice": 1}, 3),
+        ("action", {"completion_during_ms": 241.0}, 3),
+    ],
+)
+def test_bars_of_requests_and_goals(app: str, values: dict[str, Any], bar: int) -> None:
+    items = [{**item, **values} if item["app"] == app and item["arm"] == "fleet" else item for item in everything()]
+    assert verdicts(judge(items))[bar] == MISS
+
+
+def test_one_bad_trial_of_many_misses() -> None:
+    trials = [made("pubsub", "minor", "fleet", trial=number, **NOTHING_LOST) for number in range(1, 10)]
+    assert verdicts(judge(trials))[1] == PASS
+    assert verdicts(judge([*trials, made("pubsub", "minor", "fleet", 10, **{**NOTHING_LOST, "lost": 1})]))[1] == MISS
+    assert verdicts(judge([*trials, made("pubsub", "minor", "fleet", 10, sent=None)]))[1] == UNKNOWN
+
+
+def test_what_was_not_measured_is_never_passed() -> None:
+    assert verdicts(judge([])) == dict.fromkeys((1, 2, 3, 4), UNKNOWN)
+
+
+def test_persistent_clients_and_the_queue_of_ten_are_told_apart() -> None:
+    apart = [
+        made("service-persistent", "server", "fleet", sent=9, failed=9),
+        made("pubsub-roscpp-queue10", "simultaneous", "fleet", **{**NOTHING_LOST, "lost": 30}),
+    ]
+    assert verdicts(judge([*everything(), *apart])) == {1: PASS, 2: PASS, 3: PASS, 4: PASS}
+
+
+def test_groups_keep_trials_together_and_arms_side_by_side() -> None:
+    items = [made("pubsub", "minor", arm, trial, **NOTHING_LOST) for trial in (1, 2) for arm in ("fleet", "plain")]
+    found = groups(items)
+    assert [(group.arm, len(group.records)) for group in found] == [("plain", 2), ("fleet", 2)]
+    assert found[0].step_seconds() == 4.0
+
+
+def test_tables_stand_beside_the_seeds_figures_and_have_no_invented_zero() -> None:
+    text = tables(everything(lost=None))
+    assert "| pubsub/minor" in text
+    assert "45 -> 83, 1.84 x" in text
+    assert "220 -> 388, 1.76 x" in text
+    row = next(row for row in text.splitlines() if "pubsub/minor" in row and "fleet" in row)
+    assert [cell.strip() for cell in row.split("|")][6] == "-"
+
+
+def test_the_order_of_the_arms_is_swapped_in_every_other_trial() -> None:
+    assert [(stress, trial, arm) for stress, trial, arm in rounds(2, ("plain", "fleet"), "both") if not stress] == [
+        (False, 1, "plain"), (False, 1, "fleet"), (False, 2, "fleet"), (False, 2, "plain"),
+    ]  # fmt: skip
+    assert len(list(rounds(2, ("plain",), "yes"))) == 2
+
+
+def test_requests_of_a_span() -> None:
+    asked = [
+        {"time": number / 10, "request": number, "ok": number != 15, "latency_ms": float(number),
+         **({"operation": "add" if number < 20 else "subtract"} if number != 15 else {})}
+        for number in range(40)
+    ]  # fmt: skip
+    account = requests(asked, Span(1.0, 3.0))
+    assert account is not None
+    assert (account.sent, account.failed, account.operations) == (20, 1, ("add", "subtract"))
+    assert latency_ms(asked, Span(1.0, 1.5))[50] == 12.0
+    assert latency_ms(asked, Span(1.5, 1.6)) == {50: None, 95: None, 99: None}  # its only request failed
+    assert requests(asked, Span(1.0, 9.0)) is None  # the client died: silence is not `0 failed`
+    assert requests([], Span(1.0, 3.0)) is None
+
+
+def report(*steps: dict[str, Any], outcome: str = "updated") -> dict[str, Any]:
+    return {"hosts": [{"host": "robot1", "outcome": outcome, "reason": "because", "steps": list(steps)}]}
+
+
+def test_a_step_of_the_playbooks_report() -> None:
+    run = Span(100.0, 130.0)
+    phases = {"record": 1.0, "rollout": 4.0}
+    step = fleet_step(report({"phases": phases, "busy_wait": 0.5, "started": 110.0}), "robot1", run)
+    assert (step.span, step.seconds, step.busy_wait, step.run_seconds) == (Span(110.0, 115.0), 5.0, 0.5, 30.0)
+    assert fleet_step(report({"phases": phases}), "robot1", run).span == Span(125.0, 130.0)
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        {"hosts": []},
+        report(),
+        report({"phases": {}}, {"phases": {}}),
+        report({"phases": {"rollout": 4.0}}, outcome="rolled-back"),
+    ],
+)
+def test_anything_but_one_whole_step_is_a_problem(found: dict[str, Any]) -> None:
+    assert fleet_step(found, "robot1", Span(0.0, 9.0)).problem

@@ -1,0 +1,107 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A small ROS graph for the tests of what runs in pods: a node of ours that publishes, subscribes and serves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.module_utils._graph import (
+    Graph,
+    MasterState,
+    NodeAnswer,
+    Questions,
+    Rate,
+    ServiceProbe,
+    build,
+)
+
+OWN, SUBSCRIBER, PUBLISHER = "/talker_0a1b2c3d", "/listener", "/source"
+URI = "http://127.0.0.1:40001/"
+
+
+def bus(*edges: tuple[str, str]) -> list[list[Any]]:
+    """getBusInfo's rows of connections to subscribers: (topic, subscriber)."""
+    return [[number, peer, "o", "TCPROS", topic, 1] for number, (topic, peer) in enumerate(edges)]
+
+
+class World:
+    """What the master and the nodes say; a test changes a part of it, and `ros` is asked as the real one is."""
+
+    uri = "http://ros-master:11311"
+
+    def __init__(self) -> None:
+        self.publishers = {"/out": [OWN], "/in": [PUBLISHER], "/rosout": [OWN, PUBLISHER]}
+        self.subscribers = {"/out": [SUBSCRIBER], "/in": [OWN], "/rosout": ["/rosout"]}
+        self.services = {"/add": [OWN]}
+        self.types = {"/out": "std_msgs/String", "/in": "std_msgs/Int32", "/rosout": "rosgraph_msgs/Log"}
+        self.answers = {
+            OWN: NodeAnswer(
+                URI, 71, bus=bus(("/out", SUBSCRIBER)), publications=[["/out", "std_msgs/String"]],
+                subscriptions=[["/in", "std_msgs/Int32"]],
+            ),
+            PUBLISHER: NodeAnswer("http://127.0.0.1:40002/", 72, bus=bus(("/in", OWN))),
+            SUBSCRIBER: NodeAnswer("http://127.0.0.1:40003/", 73, bus=[]),
+        }  # fmt: skip
+        self.probes = {"/add": ServiceProbe("rosrpc://127.0.0.1:40004", OWN, "rospy_tutorials/AddTwoInts", md5sum="aa")}
+        self.sums = {"/out": "bb"}
+        self.hz = {"/out": 100.0}
+        self.asked: list[Any] = []
+
+    def replies(self, node: str, **changes: Any) -> None:
+        """Another answer of a node; `error` makes it one that does not answer."""
+        known = self.answers[node]
+        fields = {"uri": known.uri, "pid": known.pid, "bus": known.bus, "publications": known.publications}
+        fields.update(subscriptions=known.subscriptions, **({"pid": None} if "error" in changes else {}))
+        self.answers[node] = NodeAnswer(**{**fields, **changes})
+
+    # ---- the ROS backend
+
+    def state(self, types: bool = False) -> MasterState:
+        self.asked.append("state")
+        registered = [
+            {name: tuple(nodes) for name, nodes in part.items() if nodes}
+            for part in (self.publishers, self.subscribers, self.services)
+        ]
+        return MasterState(*registered, self.types if types else {})
+
+    def ask(self, state: MasterState, wanted: Questions) -> Graph:
+        self.asked.append(dict(wanted.nodes))
+        answers = {
+            name: NodeAnswer(
+                answer.uri, answer.pid, answer.error, answer.bus if "bus" in calls else None,
+                answer.publications, answer.subscriptions, answer.refused,
+            )
+            for name, calls in wanted.nodes.items()
+            for answer in [self.answers[name]]
+        }  # fmt: skip
+        return build(state, answers, {name: self.probes[name] for name in wanted.services if name in self.probes})
+
+    def md5sums(self, graph: Graph, topics: Any) -> dict[str, str]:
+        assert all(graph.topics[name].publishers == (OWN,) for name in topics)  # its own word, nobody else's
+        self.asked.append("md5sums")
+        return {name: self.sums[name] for name in topics if name in self.sums}
+
+    def rates(self, graph: Graph, seconds: Any, only: Any = None) -> dict[str, Rate]:
+        assert only is None
+        assert all(graph.topics[name].publishers == (OWN,) for name in seconds)
+        self.asked.append("rates")
+        rates = {name: Rate(self.hz.get(name, 0.0), 50, seconds[name]) for name in seconds}
+        return {name: Rate(rate.hz, 50, rate.seconds, by={OWN: rate}) for name, rate in rates.items()}
+
+
+def contract(**changes: Any) -> dict[str, Any]:
+    """What the version before gave."""
+    return {
+        "revision": "0a1b2c3d",
+        "until": 2e9,
+        "tolerance": 0.1,
+        "node": OWN,
+        "nodes": [OWN],
+        "topics": {"/out": {"type": "std_msgs/String", "md5sum": "bb", "rate": 100.0, "publishers": {}}},
+        "subscriptions": {"/in": {"type": "std_msgs/Int32"}},
+        "services": {"/add": {"type": "rospy_tutorials/AddTwoInts", "md5sum": "aa"}},
+        "actions": [],
+        "edges": [],
+        **changes,
+    }

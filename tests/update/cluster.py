@@ -1,0 +1,149 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the cluster and the hosts show, read past the collection: its own client, its own ssh."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Mapping
+
+import evidence
+from kubernetes import client, config
+from runs import CHECKOUT, wait_until
+
+LAB = CHECKOUT / "tests" / "lab" / "lab"
+APP, UPDATING = "rosops.fleet/app", "rosops.fleet/updating"
+MASTER = "ros-master"
+# Claims on the robot and at the edge (molecule/update/inventory), in local-path's directory names.
+STORAGE = "/var/lib/rancher/k3s/storage"
+SENSOR, EDGE = "sensor-volume-pvc", "edge-volume-pvc"
+TAIL = 3_000_000  # bytes of a log that are read: some ten minutes of the fastest one
+
+
+@dataclass(frozen=True)
+class Pod:
+    """An app's pod. `restarts` counts its container's."""
+
+    uid: str
+    name: str
+    image: str
+    revision: str
+    ready: bool
+    going: bool
+    restarts: int
+
+
+class Cluster:
+    """The shared cluster of the scenario's lab."""
+
+    def __init__(self, kubeconfig: Path) -> None:
+        config.load_kube_config(str(kubeconfig))
+        self._core, self._apps = client.CoreV1Api(), client.AppsV1Api()
+
+    def pods(self, robot: str) -> dict[str, list[Pod]]:
+        """App -> its pods, the master's among them."""
+        found: dict[str, list[Pod]] = {}
+        for item in self._core.list_namespaced_pod(f"robot-{robot}", _request_timeout=20).items:
+            labels = item.metadata.labels or {}
+            status = (item.status.container_statuses or [None])[0]
+            conditions = {one.type: one.status for one in item.status.conditions or []}
+            pod = Pod(
+                uid=item.metadata.uid,
+                name=item.metadata.name,
+                image=item.spec.containers[0].image,
+                revision=labels.get("rosops.fleet/revision", ""),
+                ready=conditions.get("Ready") == "True",
+                going=item.metadata.deletion_timestamp is not None,
+                restarts=status.restart_count if status else 0,
+            )
+            found.setdefault(labels.get(APP, item.metadata.name), []).append(pod)
+        return found
+
+    def unsettled(self, robot: str) -> list[str]:
+        """Why the robot is not at rest; empty when each Deployment is rolled out, proven, and has one pod, ready."""
+        deployments = self._apps.list_namespaced_deployment(f"robot-{robot}", _request_timeout=20).items
+        pods = self.pods(robot)
+        problems = []
+        for item in deployments:
+            name, status = item.metadata.name, item.status
+            if UPDATING in (item.metadata.annotations or {}):
+                problems.append(f"{robot}: {name} is marked as unproven")
+            if (status.observed_generation, status.updated_replicas) != (item.metadata.generation, 1):
+                problems.append(f"{robot}: {name} is not rolled out")
+        for app, there in pods.items():
+            if [pod.ready and not pod.going for pod in there] != [True]:
+                problems.append(f"{robot}: pods of {app}: {there}")
+        return problems if deployments else [f"{robot} has no Deployment"]
+
+    def delete_pod(self, robot: str, app: str) -> None:
+        """As `kubectl delete pod` does."""
+        for pod in self.pods(robot)[app]:
+            self._core.delete_namespaced_pod(pod.name, f"robot-{robot}")
+
+
+def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, int]]]:
+    """App -> (UID, restarts) of its pods: equal before and after where nothing was touched."""
+    return {app: sorted((pod.uid, pod.restarts) for pod in there) for app, there in pods.items()}
+
+
+class Hosts:
+    """The lab's hosts: on and off, and the files that the apps write."""
+
+    def __init__(self, lab: str, robots: list[str]) -> None:
+        self._lab = lab
+        self._robots = robots
+        listing = subprocess.run([str(LAB), "inventory", "--lab", lab], capture_output=True, text=True, check=True)  # noqa: S603
+        found = json.loads(listing.stdout)
+        self.variables: dict[str, Any] = found["all"]["vars"]
+        self._hosts: dict[str, Any] = found["_meta"]["hostvars"]
+        self._edge: str = found["edge"]["hosts"][0]
+
+    def power(self, host: str, word: str) -> None:
+        """`down`, `up`, `reboot`, `cut`, `join`."""
+        command = [str(LAB), "host", "--lab", self._lab, host, word]
+        subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)  # noqa: S603
+
+    def ssh(self, host: str, command: str) -> str:
+        """What a command prints on a host."""
+        known = self._hosts[host]
+        words = ["ssh", "-i", known["ansible_ssh_private_key_file"], *shlex.split(known["ansible_ssh_common_args"])]
+        words += ["-o", "ConnectTimeout=10", f"{known['ansible_user']}@{known['ansible_host']}", command]
+        done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)  # noqa: S603
+        return done.stdout
+
+    def logs(self, robot: str) -> dict[str, list[dict[str, Any]]]:
+        """The accounts of a robot's apps, by the file's name: what lies on the robot and what lies at the edge."""
+        found: dict[str, list[dict[str, Any]]] = {}
+        for host, claim in ((robot, SENSOR), (self._edge, EDGE)):
+            files = f"{STORAGE}/*_robot-{robot}_{claim}/*.jsonl"
+            text = self.ssh(host, f'for f in {files}; do echo "==> $f"; tail -c {TAIL} "$f"; echo; done')
+            for part in text.split("==> ")[1:]:
+                path, _, lines = part.partition("\n")
+                found.setdefault(path.rsplit("/", 1)[-1], []).extend(evidence.parse(lines))
+        return found
+
+    def losses(self, robot: str, since: float, until: float, goals: bool = True) -> evidence.Losses:
+        """What the robot's apps noticed between two times, once every account has come past the second one.
+
+        With `goals` the client has sent a goal after it and has had its answer, so that none before can be lost unseen.
+        """
+        wanted = {evidence.STATS: "time", evidence.REQUESTS: "time", **({evidence.GOALS: "sent"} if goals else {})}
+
+        def behind(logs: Mapping[str, list[dict[str, Any]]]) -> dict[str, float]:
+            """How many seconds each account is behind."""
+            late = {name: until + 0.5 - evidence.newest(logs.get(name, []), key) for name, key in wanted.items()}
+            return {name: round(seconds, 1) for name, seconds in late.items() if seconds > 0}
+
+        seen: dict[str, Any] = {}
+
+        def look() -> dict[str, float]:
+            seen.update(self.logs(robot))
+            return behind(seen)
+
+        wait_until(look, lambda late: not late, 60, f"accounts of {robot} past the update (seconds behind)", pause=1)
+        return evidence.losses(seen, since, evidence.newest(seen[evidence.STATS]))

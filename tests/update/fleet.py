@@ -1,0 +1,140 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scenario's fleet: what its inventory says, how it is changed, and what its apps notice of that."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import time
+from pathlib import Path
+from typing import Any, Mapping
+
+from cluster import Cluster, Hosts, Pod, running
+from evidence import Losses
+from runs import Playbooks, Run, Running, wait_until
+
+ROBOTS = ["robot1", "robot2"]
+ALL_AT_ONCE: dict[str, Any] = {"update_waves": ["100%"]}
+
+Variables = dict[str, Any]
+
+
+class Fleet:
+    """The robots, and the variables that stand for the operator's inventory."""
+
+    def __init__(self, lab: str, inventory: Path, output: Path) -> None:
+        self.hosts = Hosts(lab, ROBOTS)
+        self.cluster = Cluster(Path(self.hosts.variables["lab_dir"]) / "kube" / "edge.yaml")
+        self.playbooks = Playbooks(inventory, output)
+        self.variables: Variables = {"scenario_changes": {}}  # what converge brought
+        self.figures: list[str] = []
+        self._proven: dict[str, Any] = {}
+        self._versions = itertools.count(int(time.time()) % 100_000)
+
+    # --- what the operator does -------------------------------------------------------------------------------------
+
+    def changed(self, host: str, app: str, on: Variables | None = None, **keys: Any) -> Variables:
+        """The inventory (or `on`) with keys of an app changed for a robot (or for `robots`)."""
+        return with_changes(self.variables if on is None else on, {host: {app: keys}})
+
+    def new_version(self, host: str, app: str, on: Variables | None = None, **env: Any) -> Variables:
+        """The same with a version of the app that was never there. `env` says what is wrong with it."""
+        return self.changed(host, app, on, env={"ROSOPS_APPS_VERSION": f"v{next(self._versions)}", **env})
+
+    def update(self, variables: Mapping[str, Any], *arguments: str, **settings: Any) -> Run:
+        """`update.yml` with this inventory. When all went well it is the fleet's inventory from then on."""
+        run = self.playbooks.run("update", {**variables, **settings}, *arguments)
+        if run.status == 0 and "--check" not in arguments:
+            self.accept(variables)
+        return run
+
+    def start_update(self, variables: Mapping[str, Any], *arguments: str, **settings: Any) -> Running:
+        """The same in the background."""
+        return self.playbooks.start("update", {**variables, **settings}, *arguments)
+
+    def accept(self, variables: Mapping[str, Any]) -> None:
+        """The fleet runs what this inventory says."""
+        self.variables = copy.deepcopy(dict(variables))
+        self._proven = self.revisions()
+
+    # --- what is there ----------------------------------------------------------------------------------------------
+
+    def pods(self) -> dict[str, dict[str, list[Pod]]]:
+        return {robot: self.cluster.pods(robot) for robot in ROBOTS}
+
+    def running(self) -> dict[str, dict[str, list[tuple[str, int]]]]:
+        """Robot -> app -> (UID, restarts) of its pods."""
+        return {robot: running(pods) for robot, pods in self.pods().items()}
+
+    def revisions(self) -> dict[str, dict[str, list[tuple[str, str]]]]:
+        """Robot -> app -> (image, revision) of its pods."""
+        return {
+            robot: {app: [(pod.image, pod.revision) for pod in there] for app, there in pods.items()}
+            for robot, pods in self.pods().items()
+        }
+
+    def unsettled(self) -> list[str]:
+        """Why the fleet is not at rest; empty if it is."""
+        return [problem for robot in ROBOTS for problem in self.cluster.unsettled(robot)]
+
+    def wait_settled(self, seconds: float = 120) -> None:
+        """Until every app of every robot is rolled out and ready."""
+        wait_until(self.unsettled, lambda problems: not problems, seconds, "a fleet at rest")
+
+    def settle(self) -> None:
+        """Have the fleet run what its inventory says, whatever the test before left behind."""
+        if self._proven and not self.unsettled() and self.revisions() == self._proven:
+            return
+        run = self.update(self.variables, **ALL_AT_ONCE)
+        if run.status != 0:
+            self.playbooks.run("site", self.variables)
+            run = self.update(self.variables, **ALL_AT_ONCE)
+        assert run.status == 0, f"the fleet could not be brought to a known state: {run}"
+        self.wait_settled()
+        self.accept(self.variables)
+
+    def watch(self) -> Watch:
+        """Keep account of what the apps lose from now on."""
+        return Watch(self)
+
+
+class Watch:
+    """What the apps lost since it was made."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self._since = time.time()
+
+    def losses(self, *robots: str, goals: bool = True) -> dict[str, Losses]:
+        """Robot by robot, up to now; the figures are shown at the end of the tests."""
+        until = time.time()
+        found = {}
+        for robot in robots or ROBOTS:
+            found[robot] = self._fleet.hosts.losses(robot, self._since, until, goals)
+            self._fleet.figures.append(f"{robot}: {until - self._since:.0f} s: {found[robot]}")
+        return found
+
+    def assert_nothing_lost(self, *robots: str, goals: bool = True) -> None:
+        """There was something to lose, and no message, request or goal was lost, and no goal executed twice."""
+        for robot, losses in self.losses(*robots, goals=goals).items():
+            assert losses.nothing, f"{robot}: {losses}"
+            assert losses.messages > 0, f"{robot}: {losses}"
+            assert losses.requests > 0, f"{robot}: {losses}"
+            assert losses.goals > 0 or not goals, f"{robot}: {losses}"
+
+
+def with_changes(variables: Mapping[str, Any], changes: Mapping[str, Any]) -> Variables:
+    """The variables with more of `scenario_changes`, merged as the inventory merges them."""
+    found = copy.deepcopy(dict(variables))
+    found["scenario_changes"] = _merged(found["scenario_changes"], changes)
+    return found
+
+
+def _merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    both = dict(one)
+    for key, value in other.items():
+        old = both.get(key)
+        both[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return both

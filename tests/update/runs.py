@@ -1,0 +1,178 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs the playbooks as an operator does, and kills a control node as a power cut does."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Callable, Mapping, TypeVar
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+MARK = "ROSOPS_TEST_RUN"
+LONGEST = 900.0  # of one playbook, on a busy machine
+
+T = TypeVar("T")
+
+
+def wait_until(look: Callable[[], T], good: Callable[[T], bool], seconds: float, what: str, pause: float = 0.5) -> T:
+    """Look again and again until it is good; the last observation is in the message when it never is."""
+    deadline = time.monotonic() + seconds
+    while True:
+        seen = look()
+        if good(seen):
+            return seen
+        if time.monotonic() >= deadline:
+            raise AssertionError(f"{what} not seen within {seconds:g} s; last: {seen}")
+        time.sleep(pause)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A playbook that has ended."""
+
+    name: str
+    status: int
+    output: str
+    report: Mapping[str, Any]
+    began: float
+    ended: float
+
+    def host(self, name: str) -> Mapping[str, Any]:
+        """What the report says of a host."""
+        return next((host for host in self.report["hosts"] if host["host"] == name), {})
+
+    @property
+    def outcomes(self) -> dict[str, str]:
+        """Outcome of each robot."""
+        return {host["host"]: host["outcome"] for host in self.report["hosts"] if "robots" in host["groups"]}
+
+    @property
+    def changed(self) -> int:
+        """How many tasks changed something, over all hosts."""
+        return sum(host["counts"].get("changed", 0) for host in self.report["hosts"])
+
+    def steps(self, robot: str) -> list[Mapping[str, Any]]:
+        """The robot's steps."""
+        return list(self.host(robot).get("steps") or [])
+
+    def __str__(self) -> str:
+        """What an operator would read first; for messages of failed assertions."""
+        hosts = [f"{host['host']}: {host['outcome']}: {host['reason']}" for host in self.report.get("hosts", [])]
+        return f"{self.name}: exit status {self.status} after {self.ended - self.began:.0f} s\n" + "\n".join(
+            hosts or [self.output[-3000:]]
+        )
+
+
+class Running:
+    """A playbook that runs in the background."""
+
+    def __init__(self, command: list[str], environment: dict[str, str], log: Path, report: Path) -> None:
+        self.mark = uuid.uuid4().hex
+        self.began = time.time()
+        self._log, self._report = log, report
+        self._name = f"{log.stem}"
+        with log.open("wb") as output:
+            self._process = subprocess.Popen(  # noqa: S603
+                command,
+                cwd=CHECKOUT,
+                env={**environment, MARK: self.mark},
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    @property
+    def output(self) -> str:
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+    def wait_for(self, pattern: str, seconds: float = LONGEST) -> None:
+        """Until its output has the pattern."""
+        searched = re.compile(pattern, re.MULTILINE)
+
+        def look() -> str:
+            ended = self._process.poll()
+            text = self.output
+            assert ended is None or searched.search(text), f"ended ({ended}) without {pattern!r}:\n{text[-3000:]}"
+            return text
+
+        wait_until(look, lambda text: bool(searched.search(text)), seconds, f"{pattern!r} in {self._log}", pause=0.02)
+
+    def kill(self) -> None:
+        """As if the control node had lost its power: SIGKILL to all that runs there on behalf of the playbook.
+
+        Ansible's workers are sessions of their own, so the process group alone is not all of it.
+        """
+        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first: nothing acts on the end of something else
+            for process in self._processes():
+                try:
+                    os.kill(process, number)
+                except ProcessLookupError:
+                    continue
+        self._process.wait(timeout=30)
+        wait_until(self._processes, lambda left: not left, 30, "the end of the control node's processes", pause=0.05)
+
+    def _processes(self) -> list[int]:
+        """Everything that was started by it."""
+        wanted = f"{MARK}={self.mark}".encode()
+        found = []
+        for path in Path("/proc").glob("[0-9]*/environ"):
+            try:
+                if wanted in path.read_bytes().split(b"\0"):
+                    found.append(int(path.parent.name))
+            except OSError:  # it has ended, or is another user's
+                continue
+        return found
+
+    def finish(self, seconds: float = LONGEST) -> Run:
+        """Wait for its end."""
+        try:
+            status = self._process.wait(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f"{self._name} ran for more than {seconds:g} s:\n{self.output[-3000:]}") from None
+        report = json.loads(self._report.read_text(encoding="utf-8")) if self._report.exists() else {"hosts": []}
+        return Run(self._name, status, self.output, report, self.began, time.time())
+
+
+class Playbooks:
+    """The collection's playbooks against one inventory."""
+
+    def __init__(self, inventory: Path, directory: Path) -> None:
+        self.inventory = inventory
+        self.directory = directory
+        directory.mkdir(parents=True, exist_ok=True)
+        self._numbers = itertools.count(1)
+
+    def start(self, playbook: str, variables: Mapping[str, Any], *arguments: str) -> Running:
+        """Start `playbooks/<playbook>.yml`; variables go in as a file of JSON, so that types stay types."""
+        stem = self.directory / f"{next(self._numbers):02}-{playbook}"
+        given, log, report = stem.with_suffix(".vars.json"), stem.with_suffix(".log"), stem.with_suffix(".json")
+        given.write_text(json.dumps(variables, indent=2), encoding="utf-8")
+        report.unlink(missing_ok=True)
+        environment = {
+            **os.environ,
+            "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
+            "ANSIBLE_NOCOLOR": "1",
+            "ANSIBLE_FORCE_COLOR": "0",
+            "ROSOPS_FLEET_REPORT": str(report),
+        }
+        program = str(Path(sys.executable).parent / "ansible-playbook")
+        path = CHECKOUT / "playbooks" / f"{playbook}.yml"
+        command = [program, "-i", str(self.inventory), str(path), "-e", f"@{given}", *arguments]
+        return Running(command, environment, log, report)
+
+    def run(self, playbook: str, variables: Mapping[str, Any], *arguments: str) -> Run:
+        """Run it to its end."""
+        return self.start(playbook, variables, *arguments).finish()

@@ -1,0 +1,76 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The account itself: a loss that it did not see would make every other case worthless. Needs no lab."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import evidence
+from evidence import losses
+
+
+def stats(at: float, *ranges: list[int], node: str = "/a") -> dict[str, Any]:
+    return {"time": at, "node": node, "ranges": list(ranges), "duplicates": 0, "longest_gap_ms": 2.0}
+
+
+def published(at: float, skipped: int, *ranges: list[int]) -> dict[str, Any]:
+    return {"time": at, "node": "/p", "ranges": list(ranges), "skipped": skipped}
+
+
+def goal(at: float, outcome: str, wrong: int = 0) -> dict[str, Any]:
+    return {"time": at, "goal": f"g{at}", "outcome": outcome, "wrong": wrong}
+
+
+def started(at: float, name: str) -> dict[str, Any]:
+    return {"time": at, "event": "goal started", "goal": name}
+
+
+def test_what_two_subscribers_received_together_is_whole() -> None:
+    logs = {evidence.STATS: [stats(1, [1, 10]), stats(2, [8, 30], node="/b"), stats(2.5, [11, 12])]}
+    found = losses(logs, 0, 9)
+    assert (found.messages, found.lost, found.nothing) == (30, 0, True)
+
+
+def test_a_hole_is_lost() -> None:
+    found = losses({evidence.STATS: [stats(1, [1, 10]), stats(2, [14, 20])]}, 0, 9)
+    assert (found.lost, found.nothing) == (3, False)
+
+
+def test_what_the_sensor_itself_gave_up_is_told_apart() -> None:
+    sensor = [published(1, 0, [1, 10]), published(2, 2, [13, 20])]
+    found = losses({evidence.STATS: [stats(1, [1, 10]), stats(2, [14, 20])], evidence.PUBLISHED: sensor}, 0, 9)
+    assert (found.lost, found.given_up) == (1, 2)
+
+
+def test_what_two_sensors_left_out_between_them_is_lost() -> None:
+    sensor = [published(1, 0, [1, 10]), {**published(2, 0, [13, 20]), "node": "/q"}]
+    found = losses({evidence.STATS: [stats(1, [1, 10]), stats(2, [13, 20])], evidence.PUBLISHED: sensor}, 0, 9)
+    assert (found.lost, found.given_up) == (2, 0)
+
+
+def test_failed_requests_and_goals() -> None:
+    logs: evidence.Logs = {
+        evidence.REQUESTS: [{"time": 1, "ok": True}, {"time": 2, "ok": False, "error": "gone"}],
+        evidence.GOALS: [goal(1, "succeeded"), goal(2, "lost"), goal(3, "abandoned"), goal(4, "succeeded", wrong=1)],
+    }
+    found = losses(logs, 0, 9)
+    assert (found.requests, found.failed) == (2, ["gone"])
+    assert (found.goals, len(found.unsuccessful), found.abandoned) == (4, 2, 1)
+    assert not found.nothing
+
+
+def test_a_goal_that_was_started_before_and_again_now_is_executed_twice() -> None:
+    logs = {evidence.SERVER + "old.jsonl": [started(1, "g")], evidence.SERVER + "new.jsonl": [started(5, "g")]}
+    assert losses(logs, 4, 9).twice == ["goal g executed twice"]
+    assert losses(logs, 6, 9).twice == []
+
+
+def test_what_is_outside_of_the_time_does_not_count() -> None:
+    logs = {evidence.STATS: [stats(1, [1, 10]), stats(2, [14, 20]), stats(3, [21, 30])]}
+    assert losses(logs, 1.5, 9).lost == 0
+
+
+def test_torn_lines_are_passed_over() -> None:
+    assert evidence.parse('me":1}\n{"time": 2}\n\n{"ti') == [{"time": 2}]

@@ -1,0 +1,106 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Updates that go well: the whole fleet, groups, dry runs, the way back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fleet import ALL_AT_ONCE, ROBOTS, Fleet
+
+NEXT: dict[str, Any] = {"scenario_image": "lab/apps:1.1", "lab_apps_version": "1.1"}
+APPS = {
+    "temperature",
+    "temperature-stats",
+    "add-two-ints",
+    "add-two-ints-client",
+    "prime-factors",
+    "prime-factors-client",
+}
+
+
+def test_what_site_brought_is_unchanged(fleet: Fleet) -> None:
+    before = fleet.running()
+    run = fleet.update(fleet.variables)
+    assert (run.status, run.changed) == (0, 0), run
+    assert run.outcomes == dict.fromkeys(ROBOTS, "unchanged"), run
+    assert fleet.running() == before
+
+
+def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> None:
+    before = fleet.running()
+    run = fleet.update(fleet.variables, "--check", "--diff", **NEXT, **ALL_AT_ONCE)
+    assert run.status == 0, run
+    assert run.report["check_mode"], run
+    assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
+    for robot in ROBOTS:
+        assert {app for step in run.steps(robot) for app in step["apps"]} == APPS, run
+    assert "lab/apps:1.1" in run.output, "--diff does not show the new image"
+    # each robot's actions are idle or busy just now, and which of it is said
+    assert run.output.count("idle now") + run.output.count("busy now") >= len(ROBOTS), run.output[-4000:]
+    assert fleet.running() == before
+
+
+def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
+    watch = fleet.watch()
+    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"])
+    assert run.status == 0, run
+    assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
+    for robot, pods in fleet.pods().items():
+        steps = [step["name"] for step in run.steps(robot)]
+        assert set(steps) == APPS, run
+        # providers first, though the inventory names the client before its server
+        assert steps.index("add-two-ints") < steps.index("add-two-ints-client"), steps
+        assert all(step["from"] != step["to"] for step in run.steps(robot)), run
+        images = {app: [(pod.image, pod.restarts) for pod in pods[app]] for app in APPS}
+        assert images == {app: [("lab/apps:1.1", 0)] for app in APPS}
+    watch.assert_nothing_lost()
+
+    before = fleet.running()
+    again = fleet.update(fleet.variables)
+    assert (again.status, again.changed) == (0, 0), again
+    assert again.outcomes == dict.fromkeys(ROBOTS, "unchanged"), again
+    assert fleet.running() == before
+
+
+def test_group_is_one_step(fleet: Fleet) -> None:
+    """Publisher and subscriber together: the seed's simultaneous update."""
+    changes = fleet.changed("robot1", "temperature", update={"group": "sensing"})
+    changes = fleet.changed("robot1", "temperature-stats", on=changes, update={"group": "sensing"})
+    for app in ("temperature", "temperature-stats"):
+        changes = fleet.new_version("robot1", app, on=changes)
+    watch = fleet.watch()
+    run = fleet.update(changes, "--limit", "robot1,edge1")
+    assert run.status == 0, run
+    assert [(step["name"], sorted(step["apps"])) for step in run.steps("robot1")] == [
+        ("sensing", ["temperature", "temperature-stats"])
+    ], run
+    watch.assert_nothing_lost()
+
+
+def test_rollback_to_the_previous_and_to_a_named_revision(fleet: Fleet) -> None:
+    one = {**fleet.variables, "update_apps": ["temperature"]}
+    limit = ("--limit", "robot1")
+    newer = fleet.pods()["robot1"]["temperature"][0]
+    others = {app: there for app, there in fleet.running()["robot1"].items() if app != "temperature"}
+    watch = fleet.watch()
+
+    back = fleet.playbooks.run("rollback", one, *limit)
+    assert back.status == 0, back
+    assert back.outcomes == {"robot1": "updated"}, back
+    assert fleet.pods()["robot1"]["temperature"][0].revision != newer.revision
+
+    nowhere = fleet.playbooks.run("rollback", {**one, "update_to": "00000000"}, *limit)
+    assert nowhere.status == 2, nowhere
+    assert nowhere.outcomes == {"robot1": "failed"}, nowhere
+    assert newer.revision in nowhere.host("robot1")["reason"], f"what there is, is not named: {nowhere}"
+
+    named = fleet.playbooks.run("rollback", {**one, "update_to": newer.revision}, *limit)
+    assert named.status == 0, named
+    assert fleet.pods()["robot1"]["temperature"][0].revision == newer.revision
+
+    inventory = fleet.update(fleet.variables, *limit)
+    assert (inventory.status, inventory.changed) == (0, 0), inventory
+    assert {app: there for app, there in fleet.running()["robot1"].items() if app != "temperature"} == others
+    watch.assert_nothing_lost("robot1")

@@ -1,0 +1,108 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bad versions: refused before anything is touched, or taken back while the old one works on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from fleet import ALL_AT_ONCE, Fleet
+
+# A version that never gets ready is given up after this time.
+PATIENCE: dict[str, Any] = {"update_ready_timeout": 45}
+LIMIT = ("--limit", "robot1,edge1")
+
+
+def assert_taken_back(fleet: Fleet, before: dict[str, Any], app: str) -> None:
+    """The old pod is the one that was there before, never started again, and alone."""
+    fleet.wait_settled()
+    assert fleet.running()["robot1"] == before["robot1"], f"{app} of robot1 is not as it was"
+
+
+def test_image_that_is_nowhere_is_refused(fleet: Fleet) -> None:
+    """One robot lacks it on itself, the other one at the edge."""
+    before = fleet.running()
+    watch = fleet.watch()
+    bad = fleet.changed("robot1", "temperature", image="lab/apps:nowhere")
+    bad = fleet.changed("robot2", "temperature-stats", on=bad, image="lab/apps:nowhere")
+    run = fleet.update(bad, **ALL_AT_ONCE)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "failed", "robot2": "failed"}, run
+    for robot in ("robot1", "robot2"):
+        assert "nothing was touched" in run.host(robot)["reason"], run
+        assert "lab/apps:nowhere" in run.host(robot)["reason"], run
+    assert fleet.running() == before
+    watch.assert_nothing_lost(goals=False)
+
+
+def test_image_whose_programs_cannot_start(fleet: Fleet) -> None:
+    before = fleet.running()
+    watch = fleet.watch()
+    bad = {**fleet.changed("robot1", "temperature", image="lab/apps:broken"), "lab_apps_version": "broken"}
+    run = fleet.update(bad, *LIMIT, **PATIENCE)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back"}, run
+    assert_taken_back(fleet, before, "temperature")
+    watch.assert_nothing_lost("robot1", goals=False)
+
+
+def test_crashing_version_ends_the_waves(fleet: Fleet) -> None:
+    """The second robot's update is a good one, but the budget allows no failure."""
+    before = fleet.running()
+    watch = fleet.watch()
+    both = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
+    both = fleet.new_version("robot2", "temperature", on=both)
+    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0, **PATIENCE)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back", "robot2": "unchanged"}, run
+    assert "not begun: robot1 failed" in run.host("robot2")["reason"], run
+    assert_taken_back(fleet, before, "temperature")
+    assert fleet.running() == before
+    watch.assert_nothing_lost(goals=False)
+
+
+def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
+    """The budget allows one failure, so the other robot is updated."""
+    before = fleet.running()
+    watch = fleet.watch()
+    good = fleet.new_version("robot2", "temperature")
+    both = fleet.new_version("robot1", "temperature", on=good, NEVER_CONNECT="true")
+    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=1, **PATIENCE)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back", "robot2": "updated"}, run
+    assert_taken_back(fleet, before, "temperature")
+    assert fleet.running()["robot2"]["temperature"] != before["robot2"]["temperature"]
+    watch.assert_nothing_lost(goals=False)
+    fleet.accept(good)
+
+
+def test_version_at_half_the_rate(fleet: Fleet) -> None:
+    before = fleet.running()
+    watch = fleet.watch()
+    run = fleet.update(fleet.new_version("robot1", "temperature", RATE_HZ=250), *LIMIT, **PATIENCE)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back"}, run
+    assert "rate" in run.host("robot1")["reason"], run
+    assert_taken_back(fleet, before, "temperature")
+    watch.assert_nothing_lost("robot1", goals=False)
+
+
+@pytest.mark.parametrize("after", [0.7, 8], ids=["while-both-run", "when-the-old-one-is-gone"])
+def test_service_that_crashes_after_it_registered(fleet: Fleet, after: float) -> None:
+    """The last registration wins in ROS 1, so a request may meet the new server just as it dies. That is not hidden."""
+    before, revisions = fleet.running(), fleet.revisions()["robot1"]
+    watch = fleet.watch()
+    bad = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=after)
+    run = fleet.update(bad, *LIMIT, **PATIENCE, update_verify_seconds=10)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back"}, run
+    fleet.wait_settled()
+    assert fleet.revisions()["robot1"] == revisions
+    [losses] = watch.losses("robot1", goals=False).values()
+    assert losses.lost == 0, losses
+    fleet.watch().assert_nothing_lost("robot1", goals=False)  # the old version answers again
+    if fleet.running()["robot1"]["add-two-ints"] == before["robot1"]["add-two-ints"]:
+        # until the old one is registered again, requests go to the dead one
+        assert len(losses.failed) <= 600, losses

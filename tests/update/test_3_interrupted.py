@@ -1,0 +1,192 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What comes in between: a busy robot, one that is off, a ROS master that restarts, a control node that dies."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Mapping
+
+import evidence
+import pytest
+from cluster import MASTER
+from fleet import ALL_AT_ONCE, Fleet
+from runs import Run, wait_until
+
+LIMIT = ("--limit", "robot1,edge1")
+
+
+# --- a busy robot ---------------------------------------------------------------------------------------------------
+
+
+def step_end(run: Run, robot: str) -> float:
+    """When the robot's last step ended."""
+    last = run.steps(robot)[-1]
+    return float(last["started"] + sum(last["phases"].values()))
+
+
+def wait_for_new_goal(fleet: Fleet, robot: str) -> None:
+    """Until the robot has begun to work on a goal that it had not when this was asked."""
+    asked = time.time()
+
+    def newest() -> float:
+        logs = fleet.hosts.logs(robot)
+        return max(
+            (line["time"] for name, lines in logs.items() if name.startswith(evidence.SERVER)
+             for line in lines if line["event"] == "goal started"), default=0.0)  # fmt: skip
+
+    wait_until(newest, lambda started: started > asked, 120, f"a goal that {robot} begins")
+
+
+def test_busy_robot_is_deferred_then_updated(fleet: Fleet) -> None:
+    """Its goals take about a minute. The other robot is updated in the same run and not held up."""
+    action = "prime-factors"
+    normal = fleet.variables
+    run = fleet.update(fleet.changed("robot1", action, env={"FACTOR_PAUSE": 1.7}), *LIMIT)
+    assert run.status == 0, run
+    before = fleet.running()
+    watch = fleet.watch()
+
+    # what would be changed is the robot's server of the action; for the other robot something that is never busy
+    wanted = fleet.new_version("robot2", "temperature", on=fleet.new_version("robot1", action, on=normal))
+    wait_for_new_goal(fleet, "robot1")
+    run = fleet.update(wanted, **ALL_AT_ONCE, update_on_busy="defer")
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "deferred-busy", "robot2": "updated"}, run
+    assert action in run.host("robot1")["reason"], run
+    assert fleet.running()["robot1"] == before["robot1"]
+
+    wanted = fleet.new_version("robot2", "temperature", on=wanted)
+    wait_for_new_goal(fleet, "robot1")
+    run = fleet.update(wanted, **ALL_AT_ONCE, update_on_busy="wait")
+    assert run.status == 0, run
+    assert run.outcomes == {"robot1": "updated", "robot2": "updated"}, run
+    assert run.steps("robot1")[-1]["busy_wait"] > 0, run
+    assert step_end(run, "robot2") < step_end(run, "robot1"), f"robot2 was held up by robot1: {run}"
+    watch.assert_nothing_lost()
+
+
+# --- a robot that is off --------------------------------------------------------------------------------------------
+
+
+def test_robot_that_is_off_is_picked_up_by_the_next_run(fleet: Fleet) -> None:
+    wanted = fleet.new_version("robot2", "temperature", on=fleet.new_version("robot1", "temperature"))
+    watch = fleet.watch()
+    fleet.hosts.power("robot2", "down")
+    try:
+        run = fleet.update(wanted, **ALL_AT_ONCE)
+        assert run.status == 4, run
+        assert run.outcomes == {"robot1": "updated", "robot2": "deferred-offline"}, run
+        watch.assert_nothing_lost("robot1", goals=False)
+    finally:
+        fleet.hosts.power("robot2", "up")
+    fleet.wait_settled(240)
+    # the apps at the edge ran on meanwhile: their registrations with the robot's new master are back
+    site = fleet.playbooks.run("site", fleet.variables, "--tags", "ready", "--limit", "robot2,edge1")
+    assert site.status == 0, site
+    before = fleet.running()
+    run = fleet.update(wanted, **ALL_AT_ONCE)
+    assert run.status == 0, run
+    assert run.outcomes == {"robot1": "unchanged", "robot2": "updated"}, run
+    assert [step["name"] for step in run.steps("robot2")] == ["temperature"], run
+    assert fleet.running()["robot1"] == before["robot1"]
+    fleet.watch().assert_nothing_lost()
+
+
+# --- a ROS master that restarts -------------------------------------------------------------------------------------
+
+
+def apps_only(pods: Mapping[str, Any]) -> dict[str, Any]:
+    return {app: there for app, there in pods.items() if app != MASTER}
+
+
+def test_apps_outlive_their_master(fleet: Fleet) -> None:
+    before = fleet.running()["robot1"]
+    watch = fleet.watch()
+    fleet.cluster.delete_pod("robot1", MASTER)
+    wait_until(
+        lambda: fleet.running()["robot1"].get(MASTER),
+        lambda pods: pods is not None and len(pods) == 1 and pods != before[MASTER],
+        60,
+        "a new pod of the master",
+    )
+    fleet.wait_settled()
+    watch.assert_nothing_lost("robot1")
+    assert apps_only(fleet.running()["robot1"]) == apps_only(before)
+
+    run = fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT)
+    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    watch.assert_nothing_lost("robot1")
+
+
+def test_update_of_the_master_itself(fleet: Fleet) -> None:
+    before = fleet.running()["robot1"]
+    watch = fleet.watch()
+    container = {"name": "ros-master-container", "env": [{"name": "EXAMPLE", "value": str(int(time.time()))}]}
+    overrides = {"spec": {"template": {"spec": {"containers": [container]}}}}
+    run = fleet.update({**fleet.variables, "ros_master_overrides": overrides}, *LIMIT)
+    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    assert [step["name"] for step in run.steps("robot1")] == [MASTER], run
+    after = fleet.running()["robot1"]
+    assert after[MASTER] != before[MASTER]
+    assert apps_only(after) == apps_only(before)
+    watch.assert_nothing_lost("robot1")
+
+
+# --- a control node that dies ---------------------------------------------------------------------------------------
+
+UPDATE, APPLY = r"^TASK \[rosops\.fleet\.update : ", r"^TASK \[rosops\.fleet\.cluster_api : Apply temperature\]"
+# What is changed, and what the playbook has printed when its machine dies.
+PHASES = {
+    "record": ("temperature", UPDATE + "Read the robot's graph and its rates"),
+    "gate": ("prime-factors", UPDATE + "Wait until the actions are idle"),
+    "apply-begun": ("temperature", f"{APPLY}(?s:.*){APPLY}"),  # the first one includes the second one
+    "apply-ended": ("temperature", UPDATE + "Begin the hand-over"),
+    "action-apply-ended": ("prime-factors", UPDATE + "Begin the hand-over"),
+    "rollout": ("temperature", UPDATE + "Wait until the new versions are up"),
+    "verify": ("temperature", UPDATE + "Hold the graph against"),
+}
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_control_node_killed(fleet: Fleet, phase: str) -> None:
+    app, seen = PHASES[phase]
+    wanted = fleet.new_version("robot1", app)
+    watch = fleet.watch()
+    update = fleet.start_update(wanted, *LIMIT)
+    update.wait_for(seen)
+    update.kill()
+    watch.assert_nothing_lost("robot1")  # the robot works on by itself
+
+    run = fleet.update(wanted, *LIMIT)
+    assert run.status == 0, run
+    assert run.outcomes == {"robot1": "updated"}, run
+    fleet.wait_settled()
+    watch.assert_nothing_lost("robot1")
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        UPDATE + "Wait until the new versions are up",
+        UPDATE + "Begin the way back",
+        UPDATE + "Wait until the old versions are up",
+    ],
+    ids=["rollout", "rollback", "rollback-applied"],
+)
+def test_control_node_killed_with_a_bad_version(fleet: Fleet, seen: str) -> None:
+    before = fleet.running()["robot1"]
+    bad = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
+    watch = fleet.watch()
+    update = fleet.start_update(bad, *LIMIT, update_ready_timeout=45)
+    update.wait_for(seen)
+    update.kill()
+    watch.assert_nothing_lost("robot1", goals=False)
+
+    run = fleet.update(bad, *LIMIT, update_ready_timeout=45)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back"}, run
+    fleet.wait_settled()
+    assert fleet.running()["robot1"] == before, "robot1 is not as it was"
+    watch.assert_nothing_lost("robot1", goals=False)
