@@ -58,7 +58,7 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 .PHONY: test
 test: ## Every test; what CI runs
 	@"$$(tests/lab/find_python)" tests/run_stages.py setup artifacts \
-	    lint test-unit test-bad-input test-go sanity units molecule-default molecule-fleet
+	    lint test-unit test-bad-input test-go test-ros sanity units molecule-default molecule-fleet molecule-update
 
 .PHONY: lint
 lint: ## ruff, mypy, ansible-lint
@@ -81,6 +81,10 @@ test-go: ## Unit tests of labk3s's own packages
 	@$(LAB) go vet ./...
 	@$(LAB) go test ./...
 
+.PHONY: test-ros
+test-ros: ## Probes, stop hook, keeper and gates on real ROS nodes (skipped, with the reason, where Debian's rospy is missing)
+	python -m pytest -n 0 -rs tests/ros
+
 .PHONY: sanity
 sanity: ## ansible-test sanity
 	@tests/ansible_test.sh sanity
@@ -96,6 +100,18 @@ molecule-default: ## Molecule: one host, from bare to ready
 .PHONY: molecule-fleet
 molecule-fleet: ## Molecule: three hosts
 	molecule test --scenario-name fleet
+
+.PHONY: molecule-update
+molecule-update: ## Molecule: updates, bad versions, busy and absent robots, killed control nodes
+	molecule test --scenario-name update
+
+.PHONY: bench
+bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hours; BENCH="--trials 1 --messages 10000" for minutes)
+	python benchmarks/bench_update.py $(BENCH)
+
+.PHONY: bench-probe
+bench-probe: ## What the probes cost
+	python benchmarks/bench_probe.py
 
 .PHONY: bench-ready
 bench-ready: ## How fast ros_ready answers

@@ -8,15 +8,17 @@ import argparse
 import signal
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 from . import report
 from .errors import BenchError
 from .experiment import Experiment, Options
+from .measure import ACTION_SECONDS
 from .order import STRESS
 from .plain_manifests import NAMES
 from .results import Results, load
-from .scenario import CASES, RATE, chosen
+from .scenario import CASES, RATE, Case, chosen
 
 ARMS = ("plain", "fleet")
 
@@ -64,13 +66,14 @@ def _arms(text: str) -> list[str]:
     return [arm for arm in ARMS if arm in arms]
 
 
-def quiet_seconds(messages: int) -> float:
-    """A round's quiet beginning: a fifth of it, and not less than 12 s or more than 40 s.
+def quiet_seconds(messages: int, cases: Iterable[Case]) -> float:
+    """A round's quiet beginning: a fifth of it, from 12 to 40 s; with an action as long as its completion is looked at.
 
-    >>> quiet_seconds(100_000), quiet_seconds(10_000)
-    (40.0, 12.0)
+    >>> quiet_seconds(100_000, CASES), quiet_seconds(10_000, CASES), quiet_seconds(10_000, [])
+    (40.0, 30.0, 12.0)
     """
-    return min(40.0, max(12.0, messages / RATE / 5))
+    least = ACTION_SECONDS if any(case.app == "action" for case in cases) else 12.0
+    return min(40.0, max(least, messages / RATE / 5))
 
 
 def main() -> int:
@@ -85,14 +88,17 @@ def main() -> int:
         return 2
     options = Options(
         arguments.trials, arguments.messages, arguments.stress, arguments.arms, cases, arguments.lab, arguments.keep,
-        arguments.plain_names, arguments.playbook, arguments.quiet or quiet_seconds(arguments.messages),
+        arguments.plain_names, arguments.playbook, arguments.quiet or quiet_seconds(arguments.messages, cases),
     )  # fmt: skip
     signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(143))  # so that the lab goes then, too
     results = Results()
     experiment = Experiment(options, results, _say)
+    settings = {"trials": options.trials, "messages": options.messages, "plain_names": options.plain_names,
+                "playbook": options.changer, "quiet_s": options.quiet}  # fmt: skip
     try:
         try:
-            experiment.run()
+            # --report makes tables and plots of a run that was broken off: after each round it can
+            experiment.run(lambda: report.save(results, experiment.about, settings, experiment.problems))
         finally:
             experiment.tear_down()
     except BenchError as error:
@@ -100,8 +106,6 @@ def main() -> int:
         experiment.problems.append(str(error))
     if not results.records:
         return 2
-    settings = {"trials": options.trials, "messages": options.messages, "plain_names": options.plain_names,
-                "playbook": options.changer, "quiet_s": options.quiet}  # fmt: skip
     report.write(results, experiment.about, settings, experiment.problems)
     return 1 if experiment.problems else 0
 

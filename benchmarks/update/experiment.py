@@ -54,7 +54,7 @@ class Experiment:
         self.about: dict[str, Any] = {}
         self.problems: list[str] = []
 
-    def run(self) -> None:
+    def run(self, after_round: Callable[[], object]) -> None:
         """Every round; what goes wrong in one is noted, and the next one begins anew."""
         self._set_up()
         options = self._options
@@ -69,6 +69,7 @@ class Experiment:
                 with (self._results.directory / "errors.log").open("a", encoding="utf-8") as file:
                     file.write(traceback.format_exc())
                 self._note(f"trial {trial}, {name}, stress {stress}: {error!r}")
+            after_round()
             self._say(f"  {time.monotonic() - began:.0f} s")
         for arm in arms.values():
             clear(self._cluster, arm.namespace)

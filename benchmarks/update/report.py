@@ -22,9 +22,8 @@ MEANS = KEYS[5:]
 
 def write(results: Results, about: Mapping[str, Any], settings: Mapping[str, Any], problems: list[str]) -> None:
     """All of it, and the report on screen."""
-    summary = summarise(results, about, settings, problems)
+    summary = save(results, about, settings, problems)
     text = as_text(results, summary)
-    results.write(SUMMARY, json.dumps(summary, indent=2) + "\n")
     path = results.write(TEXT, text)
     from .plots import draw  # noqa: PLC0415 - matplotlib takes a second, and only this needs it
 
@@ -32,8 +31,19 @@ def write(results: Results, about: Mapping[str, Any], settings: Mapping[str, Any
     print(f"\n{text}\nresults: {path.parent}", flush=True)
 
 
+def save(
+    results: Results, about: Mapping[str, Any], settings: Mapping[str, Any], problems: list[str]
+) -> dict[str, Any]:
+    """The summary so far."""
+    summary = summarise(results, about, settings, problems)
+    results.write(SUMMARY, json.dumps(summary, indent=2) + "\n")
+    return summary
+
+
 def kept(directory: Path) -> dict[str, Any]:
-    """The summary of an earlier run."""
+    """The summary of an earlier run; one that broke off in its first round has none."""
+    if not (directory / SUMMARY).exists():
+        return {"about": {}, "settings": {}, "problems": ["the run was broken off before its first round was over"]}
     found: dict[str, Any] = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
     return found
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 name: update_budget
 short_description: How many more robots may fail
-version_added: 0.2.0
+version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - A robot that failed or was rolled back costs one; robots that are off or busy cost nothing.

@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 name: update_conditions
 short_description: What the ROS graph must show after a step
-version_added: 0.2.0
+version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Options of M(rosops.fleet.ros_ready): the contracts are restored and the new revisions' own readiness holds.

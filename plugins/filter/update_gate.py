@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 name: update_gate
 short_description: What is known before a step of an update
-version_added: 0.2.0
+version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Records the step's contract: the part of the ROS graph that its apps are, under the names of the new revision.

@@ -8,12 +8,12 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 name: update_objects
 short_description: What a step of an update applies
-version_added: 0.2.0
+version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
-  - The ConfigMaps with contract and history, the parts that run in the pods, and the Deployments.
+  - The ConfigMaps with contract and history, and the Deployments.
   - The Deployments carry the mark of an unproven version.
-positional: contracts, hooks, tolerance, now, seconds, run
+positional: contracts, tolerance, now, seconds, run
 options:
   _input:
     description:
@@ -24,12 +24,6 @@ options:
     description:
       - By app, as P(rosops.fleet.update_gate#filter) returns them.
     type: dict
-    required: true
-  hooks:
-    description:
-      - ConfigMaps of the parts that run in the pods.
-    type: list
-    elements: dict
     required: true
   tolerance:
     description:
@@ -56,7 +50,7 @@ options:
 EXAMPLES = r"""
 - name: Show what would be applied
   ansible.builtin.debug:
-    msg: "{{ step | rosops.fleet.update_objects(gate.contracts, [], 0.1, now().timestamp(), 120, 'by hand') }}"
+    msg: "{{ step | rosops.fleet.update_objects(gate.contracts, 0.1, now().timestamp(), 120, 'by hand') }}"
 """
 
 RETURN = r"""

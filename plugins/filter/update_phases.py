@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 name: update_phases
 short_description: Seconds of every phase of a step
-version_added: 0.2.0
+version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Every mark is made when a phase begins; the last one ends the step.

@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 name: update_plan
 short_description: The steps of a robot's update
-version_added: 0.2.0
+version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Compares what the inventory wants of a robot with what its cluster has, by the hash that every Deployment carries.

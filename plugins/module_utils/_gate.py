@@ -132,16 +132,23 @@ def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[
 
 
 def look(ros: Ros, conditions: Conditions) -> Look:
-    """Ask once and judge. Rates are measured only when all else passes: that takes a window, the rest does not."""
+    """Ask and judge. Rates are measured only when all else passes: that takes a window, the rest does not.
+
+    After the window all else is asked again, so that what the look says was true at its beginning and at its end.
+    """
+    answers = Check("master", ros.uri, PASS, "answers")
+    seconds, only = rate_plan(conditions)
     try:
-        state = ros.state(types=any(topic.type for topic in conditions.topics))
-        graph = ros.ask(state, questions(state, conditions))
+        graph = _ask(ros, conditions)
+        checks = [answers, *evaluate(graph, conditions)]
+        if seconds and all(check.verdict == PASS for check in checks if check.kind != "rate"):
+            rates = ros.rates(graph, seconds, only)
+            checks = [answers, *evaluate(_ask(ros, conditions), conditions, rates)]
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)
-        return Look(overall([check.verdict for check in checks]), checks)
-    checks = [Check("master", ros.uri, PASS, "answers"), *evaluate(graph, conditions)]
-    seconds, only = rate_plan(conditions)
-    if seconds and all(check.verdict == PASS for check in checks if check.kind != "rate"):
-        rates = ros.rates(graph, seconds, only)
-        checks = [checks[0], *evaluate(graph, conditions, rates)]
     return Look(overall([check.verdict for check in checks]), checks)
+
+
+def _ask(ros: Ros, conditions: Conditions) -> Graph:
+    state = ros.state(types=any(topic.type for topic in conditions.topics))
+    return ros.ask(state, questions(state, conditions))

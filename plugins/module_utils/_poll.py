@@ -65,8 +65,8 @@ def poll(  # noqa: PLR0913 - the clock and the sleep are the price of tests that
 ) -> Polled:
     """Call `probe` until it passed `consecutive` times in a row, failed once, or `timeout` seconds are over.
 
-    With `stable` it also has to pass in every look for that many seconds, counted from the end of the first look that
-    passed; one that does not starts the count over. The time-out includes them.
+    With `stable` it also has to pass in every look for that many seconds, counted from the start of the first look that
+    passed to the end of the last one; one that does not starts the count over. The time-out includes them.
 
     Looks start `interval` seconds apart, counted from start to start, and at once if a look took longer than that.
     So what becomes true is reported at most `interval` plus the length of one look later (with `consecutive` = 1).
@@ -83,8 +83,8 @@ def poll(  # noqa: PLR0913 - the clock and the sleep are the price of tests that
         looks += 1
         passes = passes + 1 if seen.verdict == PASS else 0
         ended = now()
-        since = ended if passes <= 1 else since
-        held = ended - since
+        since = began if passes <= 1 else since
+        held = ended - since if passes else 0.0
         if seen.verdict == FAIL or (passes >= consecutive and held >= stable):
             return Polled(seen.verdict, seen.observed, ended - start, looks, passes, held)
         if began >= deadline:

@@ -91,6 +91,13 @@ def step_conditions(
     return _united(parts, absent=gone if step["handoff"] == "overlap" else ())
 
 
+def renamed_graph(graph: Object, steps: Iterable[Object]) -> dict[str, Any]:
+    """What was recorded before the first step, under the names that the finished steps have given."""
+    renames = {old: new for step in steps for old, new in step["renames"].items()}
+    found: dict[str, Any] = _all_renamed(dict(graph), renames) if renames else dict(graph)
+    return found
+
+
 def _all_renamed(value: Any, renames: Mapping[str, str]) -> Any:
     """Every graph name in a contract after the nodes' renaming."""
     if isinstance(value, str):
@@ -114,13 +121,12 @@ def _united(parts: Sequence[Mapping[str, Any]], absent: Sequence[str] = ()) -> d
 def update_objects(  # noqa: PLR0913 - the settings of one run, each with its own meaning
     step: Object,
     contracts: Mapping[str, Object],
-    hooks: Sequence[Object],
     tolerance: float,
     now: float,
     seconds: float,
     run: str,
 ) -> list[dict[str, Any]]:
-    """What to apply: the contracts and the way back first, then what pods run beside the app, then the new versions.
+    """What to apply: the contracts and the way back first, then the new versions.
 
     `now` is the time in seconds since 1970; the pods hold to the contract for `seconds` from then. `run` marks the
     Deployments until the version is proven.
@@ -129,7 +135,7 @@ def update_objects(  # noqa: PLR0913 - the settings of one run, each with its ow
         _update_map(app, step, contracts.get(app) or {}, {"tolerance": tolerance, "until": int(now + seconds)}, now)
         for app in step["apps"]
     ]
-    return [*objects, *(dict(item) for item in hooks), *marked(step["objects"], run)]
+    return [*objects, *marked(step["objects"], run)]
 
 
 def _update_map(

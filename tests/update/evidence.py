@@ -24,7 +24,7 @@ Records = Sequence[Dict[str, Any]]
 Logs = Mapping[str, Records]  # by the file's name; of several files of one name all lines
 
 
-@dataclass
+@dataclass(repr=False)
 class Losses:
     """One robot's account of a stretch of time."""
 
@@ -45,7 +45,7 @@ class Losses:
         """No message lost, no request failed, no goal lost, aborted or executed twice."""
         return not (self.lost or self.failed or self.unsuccessful or self.twice)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         said = (
             f"{self.messages} messages, {self.lost} lost, {self.duplicates} duplicates, "
             f"longest gap {self.gap_ms:.0f} ms; {self.requests} requests, {len(self.failed)} failed; "

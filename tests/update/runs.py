@@ -37,7 +37,7 @@ def wait_until(look: Callable[[], T], good: Callable[[T], bool], seconds: float,
         time.sleep(pause)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """A playbook that has ended."""
 
@@ -66,7 +66,7 @@ class Run:
         """The robot's steps."""
         return list(self.host(robot).get("steps") or [])
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """What an operator would read first; for messages of failed assertions."""
         hosts = [f"{host['host']}: {host['outcome']}: {host['reason']}" for host in self.report.get("hosts", [])]
         return f"{self.name}: exit status {self.status} after {self.ended - self.began:.0f} s\n" + "\n".join(

@@ -623,6 +623,18 @@ def test_rates_are_measured_once_all_else_passes() -> None:
     assert ros.sampled == {"/chatter": 1.0, "/work/status": 2.0}
 
 
+def test_what_is_lost_while_rates_are_measured_is_seen() -> None:
+    class Losing(FakeRos):
+        def rates(self, *args: Any, **kwargs: Any) -> dict[str, Rate]:
+            self.error = "nothing listens"
+            return super().rates(*args, **kwargs)
+
+    wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0),))
+    seen = look(Losing(healthy(), Rate(100.0, 100, 1.0)), wanted)
+    assert seen.verdict == WAIT
+    assert "nothing listens" in str(seen.unmet[0])
+
+
 def test_rates_are_not_measured_before() -> None:
     ros = FakeRos(graph())
     seen = look(ros, Conditions(nodes=(DEAD,), topics=(TopicCondition("/chatter", min_rate=90.0),)))

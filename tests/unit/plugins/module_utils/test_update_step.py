@@ -11,6 +11,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils import _names as name
 from ansible_collections.rosops.fleet.plugins.module_utils._update_plan import update_plan
 from ansible_collections.rosops.fleet.plugins.module_utils._update_step import (
     HISTORY_KEPT,
+    renamed_graph,
     step_conditions,
     step_gate,
     update_objects,
@@ -140,16 +141,15 @@ def test_an_image_that_an_edge_host_lacks_forbids_the_step() -> None:
     assert step_gate(local, graph_of(local), [], listings)["problems"] == []
 
 
-def applied_by(step: Any, graph: dict[str, Any], hooks: list[dict[str, Any]] | None = None) -> list[dict[str, Any]]:
+def applied_by(step: Any, graph: dict[str, Any]) -> list[dict[str, Any]]:
     contracts = step_gate(step, graph)["contracts"]
-    return update_objects(step, contracts, hooks or [], 0.1, 1000.0, 180.0, "77")
+    return update_objects(step, contracts, 0.1, 1000.0, 180.0, "77")
 
 
 def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     step = sensor_step()
-    hooks = [{"kind": "ConfigMap", "metadata": {"name": "rosops-hooks", "namespace": "robot-robot1"}}]
-    objects = applied_by(step, graph_of(step), hooks)
-    assert [item["metadata"]["name"] for item in objects] == ["sensor-update", "rosops-hooks", "sensor"]
+    objects = applied_by(step, graph_of(step))
+    assert [item["metadata"]["name"] for item in objects] == ["sensor-update", "sensor"]
     contract = json.loads(objects[0]["data"]["contract.json"])
     assert contract["revision"] == step["to"]["sensor"]["revision"]
     assert contract["until"] == 1180
@@ -189,6 +189,21 @@ def test_a_step_taken_up_again_holds_to_the_contract_of_its_beginning() -> None:
     gate = step_gate(step, empty, updates)
     assert gate["contracts"]["sensor"]["topics"]["/temperature"]["rate"] == 500.0
     assert step_conditions(step, gate["contracts"], 0.1)["edges"] != []
+
+
+def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> None:
+    def fleet(image: str) -> dict[str, Any]:
+        return ctx(app("sensor", image), app("stats", image))
+
+    first, second = update_plan(fleet("x.org/a:2"), applied(fleet("x.org/a:1")))["steps"]
+    (publisher,), (subscriber,) = first["old_nodes"].values(), second["old_nodes"].values()
+    graph = graph_of(first)
+    graph["nodes"][subscriber] = node()
+    graph["topics"]["/temperature"]["subscribers"] = [subscriber]
+    graph["topics"]["/temperature"]["connections"] = [{"publisher": publisher, "subscriber": subscriber}]
+    contract = step_gate(second, renamed_graph(graph, [first]))["contracts"]["stats"]
+    assert contract["edges"] == [[*first["new_nodes"].values(), "/temperature", *second["new_nodes"].values()]]
+    assert renamed_graph(graph, []) == graph
 
 
 def test_the_masters_contract_is_everything_that_is_registered() -> None:
