@@ -91,7 +91,8 @@ def as_text(results: Results, summary: Mapping[str, Any]) -> str:
 {about}
 
 Means over the trials, in brackets the worst trial. The seed's rows are its own figures, on its own machine.
-Completion: mean over the goals sent within {ACTION_SECONDS:g} s from the update's start, against as long before it.
+Completion: mean over the goals sent within {ACTION_SECONDS:g} s from the update's start, or until 5 s after its end if
+that is later, against as long at the end of the round's quiet beginning.
 p95 and gap: from a second before the update to a second after it, against as long without an update in the same round.
 
 {tables(results.records)}

@@ -24,7 +24,7 @@ def hook_files() -> dict[str, str]:
 @functools.cache
 def _read() -> dict[str, str]:
     files = {"__init__.py": "", ENTRY: _text("_hook_run")}
-    todo = [module for module in _hook_run.COMMANDS.values() if (MODULE_UTILS / f"{module}.py").exists()]
+    todo = list(_hook_run.COMMANDS.values())
     while todo:
         module = todo.pop()
         if f"{module}.py" not in files:

@@ -5,7 +5,8 @@
 #
 # Usage: build.sh [DESTINATION]   (default /opt/rosops-apps; what was there is replaced)
 # Needs python3-genpy, ros-std-msgs and ros-actionlib-msgs. ROSOPS_APPS_VERSION (1.0) becomes the version the applications report,
-# ROSOPS_APPS_PYTHON (Debian's) the interpreter that they are started with.
+# ROSOPS_APPS_BROKEN=true makes programs that cannot start. The C++ programs are taken from compiled/, where cpp/build.sh or
+# the lab has put them; without it they are left out.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
@@ -38,7 +39,7 @@ generate srv "$here"/msgs/srv/*.srv
 
 for app in $apps; do
     cat >"$destination/bin/$app" <<EOF
-#!${ROSOPS_APPS_PYTHON:-$python}
+#!$python
 import sys
 from pathlib import Path
 
@@ -49,6 +50,14 @@ main()
 EOF
     chmod 0755 "$destination/bin/$app"
 done
+if [ -d "$here/compiled" ]; then
+    install -m 0755 "$here"/compiled/* "$destination/bin/"
+fi
+if [ "${ROSOPS_APPS_BROKEN:-}" = true ]; then
+    for program in "$destination"/bin/*; do
+        echo '#!/opt/ros/melodic/bin/python' >"$program" # as if it were made for another distribution
+    done
+fi
 cp "$here/readiness_probe.sh" "$destination/bin/"
 chmod 0755 "$destination/bin/readiness_probe.sh"
 printf '%s\n' "${ROSOPS_APPS_VERSION:-1.0}" >"$destination/VERSION"

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import rospy  # type: ignore[import-not-found]
+from rospy.exceptions import TransportException  # type: ignore[import-not-found]
 
 from . import node, settings
 from .arithmetic import operands, operation_of
@@ -21,6 +22,8 @@ from .jsonl import JsonLinesLog, last_record
 
 LOG_NAME = "add-two-ints.jsonl"
 SERVICE = "add_two_ints"
+# The last one is how rospy says that a persistent proxy's connection has been closed.
+FAILURES = (rospy.ServiceException, TransportException, AttributeError)
 
 
 def ask(proxy: Any, request: int) -> dict[str, Any]:
@@ -30,7 +33,7 @@ def ask(proxy: Any, request: int) -> dict[str, Any]:
     started = time.monotonic()
     try:
         result = proxy(a, b).sum
-    except rospy.ServiceException as error:
+    except FAILURES as error:
         outcome = {"ok": False, "error": str(error)}
     else:
         operation = operation_of(a, b, result)

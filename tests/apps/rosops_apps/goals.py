@@ -10,6 +10,14 @@ from typing import Any, Iterable
 
 STARTED = "goal started"
 ENDED = "goal ended"
+ABANDONED = "abandoned"  # a goal's outcome where the client itself was asked to stop
+
+
+def next_batch(previous: dict[str, Any] | None) -> int:
+    """The one after the log's last; that one again if the client itself gave it up."""
+    if previous is None:
+        return 0
+    return int(previous["batch"]) + (previous.get("outcome") != ABANDONED)
 
 
 def executed_twice(servers: Iterable[dict[str, Any]]) -> list[str]:

@@ -15,13 +15,12 @@ import actionlib  # type: ignore[import-not-found]
 import rospy  # type: ignore[import-not-found]
 from actionlib_msgs.msg import GoalStatus  # type: ignore[import-not-found]
 
-from . import node, settings
+from . import goals, node, settings
 from .factors import batch_numbers, count_right
 from .jsonl import JsonLinesLog, last_record
 
 LOG_NAME = "prime-factors.jsonl"
 ACTION = "prime_factors"
-ABANDONED = "abandoned"  # by this client itself, when it is asked to stop
 LOOK_SECONDS = 0.1
 
 
@@ -64,7 +63,7 @@ class Goal:
         while not self._ended.wait(LOOK_SECONDS):
             if node.stopping():
                 self._client.cancel_goal()
-                return ABANDONED
+                return goals.ABANDONED
             if time.monotonic() >= deadline:
                 self._client.stop_tracking_goal()
                 return "lost"
@@ -101,18 +100,11 @@ def read_settings() -> Settings:
     )
 
 
-def next_batch(previous: dict[str, Any] | None) -> int:
-    """The one after the log's last; that one again if this client itself gave it up."""
-    if previous is None:
-        return 0
-    return int(previous["batch"]) + (previous.get("outcome") != ABANDONED)
-
-
 def send_batches(values: Settings) -> None:
     """Send until asked to stop."""
     from .msg import PrimeFactorsAction, PrimeFactorsGoal  # type: ignore[import-not-found] # noqa: PLC0415
 
-    batch = next_batch(last_record(values.directory / LOG_NAME, key="batch"))
+    batch = goals.next_batch(last_record(values.directory / LOG_NAME, key="batch"))
     log = JsonLinesLog(values.directory / LOG_NAME)
     client = actionlib.SimpleActionClient(ACTION, PrimeFactorsAction)
     # Once, as most clients do: a goal that is sent while no server is there is not repeated.

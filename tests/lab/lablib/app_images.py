@@ -11,18 +11,23 @@ from pathlib import Path
 from typing import Any
 
 from .artifacts import Cache, Recipe
-from .debian import grown_recipe, make_layer
+from .debian import ensure_imported, grow_tree, grown_recipe, make_layer
 from .errors import LabError
 from .images import inside, ros_image, ros_recipe, ros_tree, runnable_ros
 from .oci import Image, Layer, write_archive, write_update
 from .paths import APPS, IMAGES, pins
 from .run import Job, build
 
-_CODE = ("app_images.py", "debian.py", "images.py", "oci.py")
+_LAYER_CODE = ("debian.py", "oci.py")
+_CODE = ("app_images.py", "images.py", *_LAYER_CODE)
 _NOT_SOURCES = {"__pycache__", ".mypy_cache", ".ruff_cache"}
 _BUILD = (
     "mkdir /src && tar -x -C /src && /src/build.sh /opt/rosops-apps >&2 && "
     "tar -c -C / --sort=name --mtime=@0 --owner=0 --group=0 --numeric-owner opt/rosops-apps"
+)
+_COMPILE = (
+    "mkdir /src /out && tar -x -C /src && /src/cpp/build.sh /out >&2 && "
+    "cd /out && tar -c --mtime=@0 --owner=0 --group=0 --numeric-owner *"
 )
 
 
@@ -69,7 +74,7 @@ def _make(cache: Cache, directory: Path, log: Path) -> None:
     ros = ros_image(tree)
     runnable = runnable_ros(cache, tree, log)
     sources = directory / "sources.tar"
-    _pack(sources)
+    _pack(sources, _compiled(cache, tree))
     for number, version in enumerate(versions()):
         top = directory / f"layer-{version.name}.tar"
         _build(runnable, version, sources, top, log)
@@ -100,9 +105,26 @@ def _added(cache: Cache, version: Version, tree: Path) -> list[Layer]:
     """The layer of the version's own packages, if it has any."""
     if not version.packages:
         return []
-    recipe = grown_recipe("packages", f"the packages of the apps {version.name}", version.packages, ros_recipe())
+    title, code = f"the packages of the apps {version.name}", (Path(__file__).with_name(name) for name in _LAYER_CODE)
+    recipe = grown_recipe("packages", title, version.packages, ros_recipe(), *code)
     directory = cache.ensure(recipe, lambda directory, log: make_layer(recipe, tree, directory, log))
     return [Layer.of(directory / "layer.tar")]
+
+
+def _compiled(cache: Cache, tree: Path) -> Path:
+    """A tar of the programs in C++. The ROS image has the libraries they run with: rospy's own tools need them, too."""
+    compiler = grown_recipe("compiler", "the compiler for the apps in C++", pins()["apps"]["compiler"], ros_recipe())
+    recipe = Recipe("cpp", "the apps in C++", {"compiler": compiler.key()}, (APPS / "cpp", APPS / "msgs"))
+    return cache.ensure(recipe, lambda directory, log: _compile(cache, compiler, tree, directory, log)) / "programs.tar"
+
+
+def _compile(cache: Cache, compiler: Recipe, tree: Path, directory: Path, log: Path) -> None:
+    grown = cache.ensure(compiler, lambda directory, log: grow_tree(compiler, tree, directory, log))
+    image = ensure_imported(cache, compiler, grown)
+    sources = directory / "sources.tar"
+    _pack(sources)
+    build(Job(inside(image, _COMPILE, {}), "the apps in C++", log, stdin=sources, stdout=directory / "programs.tar"))
+    sources.unlink()
 
 
 def _build(image: str, version: Version, sources: Path, layer: Path, log: Path) -> None:
@@ -111,6 +133,16 @@ def _build(image: str, version: Version, sources: Path, layer: Path, log: Path) 
     build(Job(inside(image, _BUILD, environment), f"the apps {version.name}", log, stdin=sources, stdout=layer))
 
 
-def _pack(target: Path) -> None:
+def _pack(target: Path, compiled: Path | None = None) -> None:
+    """The apps' sources, and what is compiled already in `compiled/`."""
+
+    def source(entry: tarfile.TarInfo) -> tarfile.TarInfo | None:
+        return None if _NOT_SOURCES.intersection(Path(entry.name).parts) else entry
+
     with tarfile.open(target, "w") as tar:
-        tar.add(APPS, arcname=".", filter=lambda entry: None if _NOT_SOURCES & {*Path(entry.name).parts} else entry)
+        tar.add(APPS, arcname=".", filter=source)
+        if compiled:
+            with tarfile.open(compiled) as programs:
+                for entry in programs:
+                    entry.name = f"compiled/{entry.name}"
+                    tar.addfile(entry, programs.extractfile(entry))

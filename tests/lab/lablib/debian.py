@@ -35,8 +35,8 @@ def tree_recipe(kind: str, title: str, packages: Sequence[str]) -> Recipe:
     )
 
 
-def grown_recipe(kind: str, title: str, packages: Sequence[str], below: Recipe) -> Recipe:
-    """Packages on top of the tree of another recipe."""
+def grown_recipe(kind: str, title: str, packages: Sequence[str], below: Recipe, *files: Path) -> Recipe:
+    """Packages on top of the tree of another recipe; `files` are what is done with them."""
     return Recipe(
         kind=kind,
         title=title,
@@ -45,6 +45,7 @@ def grown_recipe(kind: str, title: str, packages: Sequence[str], below: Recipe) 
             "suite": pins()["debian"]["suite"],
             "below": below.key(),
         },
+        files=files,
     )
 
 
@@ -71,18 +72,15 @@ def make_layer(recipe: Recipe, below: Path, directory: Path, log: Path) -> None:
     grown.unlink()
 
 
-def make_within(recipe: Recipe, below: Path, directory: Path, log: Path, script: Path) -> None:
-    """Runs a script in the tree below with the recipe's packages on top; the tree is thrown away.
-
-    The script's arguments are the tree and the artifact's directory.
-    """
-    hook = f'--customize-hook=sh {shlex.quote(str(script))} "$1" {shlex.quote(str(directory))}'
-    _mmdebstrap(recipe, directory / "none", log, *_on_top_of(below), hook, "--format=null")
+def grow_tree(recipe: Recipe, below: Path, directory: Path, log: Path) -> None:
+    """`rootfs.tar` in the artifact's directory: the tree below with the recipe's packages on top."""
+    _mmdebstrap(recipe, directory / "rootfs.tar", log, *_on_top_of(below))
 
 
 def _on_top_of(below: Path) -> tuple[str, ...]:
     unpack = f'tar --extract --preserve-permissions --directory "$1" --file {shlex.quote(str(below / "rootfs.tar"))}'
-    return "--skip=check/empty", f"--setup-hook={unpack}"
+    # unsafe: a build that the machine's crash interrupts is thrown away, so nothing has to be on the disk in between
+    return "--skip=check/empty", "--dpkgopt=force-unsafe-io", f"--setup-hook={unpack}"
 
 
 def _mmdebstrap(recipe: Recipe, target: Path, log: Path, *options: str) -> None:

@@ -31,6 +31,7 @@ PACKAGES = {
     "podman": "podman",
     "python3-venv": "",
     "runc": "runc",
+    "stress-ng": "stress-ng",  # make bench
 }
 VENV = CHECKOUT / ".venv"
 STAMP = VENV / ".requirements"

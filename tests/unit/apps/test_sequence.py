@@ -7,7 +7,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from rosops_apps.sequence import SequenceTracker, holes, join_ranges
+from rosops_apps.sequence import SequenceTracker, StreamGaps, holes, join_ranges
 
 
 def feed(numbers: list[int], after: int | None = None) -> tuple[SequenceTracker, list[int]]:
@@ -84,3 +84,13 @@ def test_join_and_holes() -> None:
     assert join_ranges([[7, 9], [1, 3], [4, 5], [2, 3]]) == [[1, 5], [7, 9]]
     assert holes([[7, 9], [1, 3], [20, 20]]) == [[4, 6], [10, 19]]
     assert holes([]) == []
+
+
+def test_what_a_connection_leaves_out() -> None:
+    gaps, first, second = StreamGaps(), {"callerid": "/a"}, {"callerid": "/a"}
+    for count in (7, 8, 11):
+        gaps.add("/a", first, count)
+    assert gaps.dropped == 2
+    gaps.add("/b", {}, 50)  # another publisher counts for itself
+    gaps.add("/a", second, 99)  # an equal header, but of a new connection, which starts anew
+    assert gaps.dropped == 2

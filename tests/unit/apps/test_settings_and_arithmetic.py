@@ -22,6 +22,48 @@ def test_not_positive(text: str) -> None:
         settings.positive("RATE_HZ", 500.0, {"RATE_HZ": text})
 
 
+def test_zero_is_allowed_where_it_makes_sense() -> None:
+    assert settings.not_negative("BATCH_PAUSE", 1.0, {}) == 1.0
+    assert settings.not_negative("BATCH_PAUSE", 1.0, {"BATCH_PAUSE": "0"}) == 0.0
+    with pytest.raises(settings.SettingError):
+        settings.not_negative("BATCH_PAUSE", 1.0, {"BATCH_PAUSE": "-1"})
+
+
+def test_queue_size() -> None:
+    assert settings.queue_size({}) == 1000
+    assert settings.queue_size({"QUEUE_SIZE": "10"}) == 10
+    with pytest.raises(settings.SettingError, match=r"QUEUE_SIZE must be a whole number, not 2\.5"):
+        settings.queue_size({"QUEUE_SIZE": "2.5"})
+
+
+@pytest.mark.parametrize(
+    ("environ", "expected"),
+    [
+        ({}, (500.0, 1)),
+        ({"RATE_HZ": "500"}, (500.0, 1)),
+        ({"RATE_HZ": "250"}, (250.0, 2)),  # every other sample of the same sensor
+        ({"RATE_HZ": "0.1"}, (0.1, 5000)),
+        ({"SENSOR_HZ": "30"}, (30.0, 1)),
+        ({"SENSOR_HZ": "30", "RATE_HZ": "10"}, (10.0, 3)),
+    ],
+)
+def test_rates(environ: dict[str, str], expected: tuple[float, int]) -> None:
+    assert settings.rates(environ) == expected
+
+
+@pytest.mark.parametrize("rate", ["300", "1000"])
+def test_a_rate_that_the_sensor_cannot_give(rate: str) -> None:
+    with pytest.raises(settings.SettingError, match=f"RATE_HZ {rate} must be SENSOR_HZ 500 divided by a whole number"):
+        settings.rates({"RATE_HZ": rate})
+
+
+def test_faults() -> None:
+    assert settings.faults({}) == (None, False)
+    assert settings.faults({"CRASH_AFTER": "2.5", "NEVER_CONNECT": "True"}) == (2.5, True)
+    with pytest.raises(settings.SettingError, match="NEVER_CONNECT must be true or false, not 'maybe'"):
+        settings.faults({"NEVER_CONNECT": "maybe"})
+
+
 def test_choice() -> None:
     assert settings.choice("OPERATION", ("add", "subtract"), {}) == "add"
     assert settings.choice("OPERATION", ("add", "subtract"), {"OPERATION": "subtract"}) == "subtract"

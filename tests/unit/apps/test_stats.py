@@ -57,3 +57,23 @@ def test_a_report_that_does_not_fit(report: dict[str, object]) -> None:
 def test_window() -> None:
     with pytest.raises(ValueError, match="window"):
         RunningStats(0)
+
+
+def test_numpy_says_the_same() -> None:
+    pytest.importorskip("numpy")
+    from rosops_apps.stats_numpy import BatchStats  # noqa: PLC0415
+
+    source = random.Random(2)  # noqa: S311 - no secret
+    plain, batches = RunningStats(50), BatchStats(50)
+    assert batches.report() == {"count": 0}
+    for size in (1, 200, 0, 3, 700):
+        for _number in range(size):
+            value = source.gauss(21, 2)
+            plain.add(value)
+            batches.add(value)
+        assert batches.report() == pytest.approx(plain.report(), rel=1e-9)
+    resumed = BatchStats.resume(plain.report(), 50)
+    plain.add(4.0)
+    resumed.add(4.0)
+    keys = ("count", "minimum", "maximum", "average", "standard_deviation")
+    assert {key: resumed.report()[key] for key in keys} == pytest.approx({key: plain.report()[key] for key in keys})

@@ -1,0 +1,25 @@
+#!/bin/sh
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# Usage: build.sh DESTINATION   (a directory; the programs are put into it)
+# Tests what the programs share with the Python ones, and compiles them. Needs g++, libroscpp-dev, libstd-msgs-dev,
+# python3-gencpp and ros-std-msgs; the programs run with libroscpp4d alone.
+set -eu
+
+here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
+destination=$1
+package=rosops_apps
+include=$(mktemp -d)
+trap 'rm -rf "$include"' EXIT
+
+/usr/bin/python3 /usr/lib/gencpp/gen_cpp.py "$here/../msgs/msg/Temperature.msg" -p "$package" -o "$include/$package" \
+    -e /usr/share/gencpp "-I$package:$here/../msgs/msg" -Istd_msgs:/usr/share/std_msgs/msg
+g++ -std=c++17 -O1 -Wall -Wextra "$here/selftest.cpp" -o "$include/selftest"
+"$include/selftest" >&2
+for app in temperature_publisher temperature_subscriber; do
+    g++ -std=c++17 -O2 -s -Wall -Wextra "-I$include" -DBOOST_BIND_GLOBAL_PLACEHOLDERS \
+        "$here/$app.cpp" -o "$destination/${app}_cpp" \
+        -Wl,--as-needed -lroscpp -lroscpp_serialization -lrosconsole -lrostime -lcpp_common -lxmlrpcpp -lboost_thread
+done
