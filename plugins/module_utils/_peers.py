@@ -49,6 +49,7 @@ class TimedSocket(socket.socket):
     """A socket whose every step ends at one deadline, so that a peer that drips bytes cannot hold us."""
 
     deadline: Deadline
+    opened: float  # when a stream of messages began to come, by time.monotonic
 
     def recv(self, *args: Any) -> bytes:
         self.settimeout(self.deadline.left())

@@ -156,7 +156,9 @@ class RosMaster:
         sock = connect(host, port, deadline)
         try:
             fields = {"callerid": self.caller, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
-            return sock, handshake(sock, fields)
+            header = handshake(sock, fields)
+            sock.opened = time.monotonic()
+            return sock, header
         except BaseException:
             sock.close()
             raise
@@ -255,7 +257,11 @@ def _optional(api: Api, method: str) -> Any:
 
 
 def _count(sockets: Mapping[Any, TimedSocket], seconds: Mapping[str, float]) -> dict[Any, Rate]:
-    """Read all streams until each topic's time is over. One thread; messages are skipped, not copied."""
+    """Read all streams until each topic's time is over. One thread; messages are skipped, not copied.
+
+    A stream's time begins when it was opened: what it sent while others were still being opened (one dead peer takes
+    its whole time-out) waits here and belongs to that time.
+    """
     start = time.monotonic()
     counters = {key: _tcpros.FrameCounter() for key in sockets}
     ends = {key: start + seconds[key[0]] for key in sockets}
@@ -269,7 +275,8 @@ def _count(sockets: Mapping[Any, TimedSocket], seconds: Mapping[str, float]) -> 
         while True:
             at = time.monotonic()
             for key in [key for key in sockets if key not in rates and ends[key] <= at]:
-                rates[key] = Rate(counters[key].rate(start, at), counters[key].count, at - start)
+                began = sockets[key].opened
+                rates[key] = Rate(counters[key].rate(began, at), counters[key].count, at - began)
                 _leave(selector, sockets[key])
             if len(rates) == len(sockets):
                 return rates

@@ -43,8 +43,8 @@ options:
   node_timeout:
     description:
       - Seconds that the master, and each node, has to answer. All nodes are asked at the same time.
-      - With O(state=absent) nodes have at least five seconds, so that an address that is no more can be told from a late
-        node.
+      - With O(state=absent) nodes have at least five seconds, so that an address that is no more can be told from a
+        late node.
     type: float
     default: 2.0
 attributes:

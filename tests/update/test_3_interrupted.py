@@ -152,7 +152,7 @@ def test_update_of_the_master_itself(fleet: Fleet) -> None:
 UPDATE, APPLY = r"^TASK \[rosops\.fleet\.update : ", r"^TASK \[rosops\.fleet\.cluster_api : Apply temperature\]"
 # What is changed, and what the playbook has printed when its machine dies.
 PHASES = {
-    "record": ("temperature", UPDATE + "Read the robot's graph and its rates"),
+    "record": ("temperature", UPDATE + "Record the robot's graph and its rates"),
     "gate": ("prime-factors", UPDATE + "Wait until the actions are idle"),
     "apply-begun": ("temperature", f"{APPLY}(?s:.*){APPLY}"),  # the first one includes the second one
     "apply-ended": ("temperature", UPDATE + "Begin the hand-over"),

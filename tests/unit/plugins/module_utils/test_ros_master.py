@@ -14,8 +14,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._conditions import co
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._gate import look
 from ansible_collections.rosops.fleet.plugins.module_utils._graph import Questions, Rate, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._peers import TimedSocket
 from ansible_collections.rosops.fleet.plugins.module_utils._poll import PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import RosMaster
+from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import RosMaster, _count
 from ansible_collections.rosops.fleet.plugins.module_utils._tcpros import encode_header
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, Peers, frames, recorded
 
@@ -459,3 +460,16 @@ def test_everything(ros: Replay) -> None:
     }
     assert graph["actions"]["/work"]["up"] is True
     assert {"publisher": "/relay", "subscriber": "/listener_relay"} in graph["topics"]["/chatter_relay"]["connections"]
+
+
+def test_what_waited_while_other_streams_were_opened_makes_no_topic_faster() -> None:
+    """A dead peer takes its time-out of 2 s; meanwhile a 500 Hz stream, opened before, piles up."""
+    ours, theirs = socket.socketpair()
+    stream = TimedSocket(fileno=ours.detach())
+    stream.opened = time.monotonic() - 2.0
+    theirs.sendall((struct.pack("<I", 8) + bytes(8)) * 1000)
+    with theirs:
+        rate = _count({("/scan", "/lidar"): stream}, {"/scan": 0.1})["/scan", "/lidar"]
+    assert rate.messages == 1000
+    assert rate.hz <= 501
+    assert rate.seconds == pytest.approx(2.1, abs=0.1)
