@@ -136,8 +136,8 @@ def test_update_of_the_master_itself(fleet: Fleet) -> None:
     before = fleet.running()["robot1"]
     watch = fleet.watch()
     container = {"name": "ros-master-container", "env": [{"name": "EXAMPLE", "value": str(int(time.time()))}]}
-    overrides = {"spec": {"template": {"spec": {"containers": [container]}}}}
-    run = fleet.update({**fleet.variables, "ros_master_overrides": overrides}, *LIMIT)
+    overrides = {"template": {"spec": {"containers": [container]}}}
+    run = fleet.update(fleet.changed("robot1", MASTER, spec=overrides), *LIMIT)
     assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
     assert [step["name"] for step in run.steps("robot1")] == [MASTER], run
     after = fleet.running()["robot1"]
