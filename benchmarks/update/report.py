@@ -70,12 +70,12 @@ def summarise(
             for group in groups(results.records)
         ],
         "bars": {
-            str(bar): {
-                "what": TITLES[bar],
+            str(limit): {
+                "what": TITLES[limit],
                 "verdict": verdict,
-                "findings": [[item.verdict, item.text] for item in findings if item.bar == bar],
+                "findings": [[item.verdict, item.text] for item in findings if item.limit == limit],
             }
-            for bar, verdict in verdicts(findings).items()
+            for limit, verdict in verdicts(findings).items()
         },
         "problems": problems,
     }
@@ -84,7 +84,7 @@ def summarise(
 def as_text(results: Results, summary: Mapping[str, Any]) -> str:
     """The report."""
     about = "\n".join(f"- {key}: {value}" for key, value in {**summary["about"], **summary["settings"]}.items())
-    bars = "\n".join(_bar(number, bar) for number, bar in summary["bars"].items())
+    bars = "\n".join(_bar(number, limit) for number, limit in summary["bars"].items())
     problems = "\n".join(f"- {problem}" for problem in summary["problems"]) or "none"
     return f"""# Updates by plain Kubernetes and by update.yml
 
@@ -119,6 +119,6 @@ p95 and gap: from a second before the update to a second after it, against as lo
 """
 
 
-def _bar(number: str, bar: Mapping[str, Any]) -> str:
-    lines = [f"{number}. **{bar['verdict']}** {bar['what']}"]
-    return "\n".join([*lines, *(f"   - {verdict}: {text}" for verdict, text in bar["findings"])])
+def _bar(number: str, limit: Mapping[str, Any]) -> str:
+    lines = [f"{number}. **{limit['verdict']}** {limit['what']}"]
+    return "\n".join([*lines, *(f"   - {verdict}: {text}" for verdict, text in limit["findings"])])

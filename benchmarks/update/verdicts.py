@@ -19,9 +19,9 @@ APART = ("service-persistent", "pubsub-roscpp-queue10")
 
 @dataclass(frozen=True)
 class Finding:
-    """One bar, held against one group of trials."""
+    """One limit, held against one group of trials."""
 
-    bar: int
+    limit: int
     verdict: str
     text: str
 
@@ -35,7 +35,7 @@ TITLES = {
 
 
 def judge(records: Iterable[Record]) -> list[Finding]:
-    """All four bars. A bar with no record at all is not measured, never passed."""
+    """All four bars. A limit with no record at all is not measured, never passed."""
     every = groups(records)
     fleet = [group for group in every if group.arm == "fleet" and group.app not in APART]
     findings = [
@@ -54,15 +54,15 @@ def judge(records: Iterable[Record]) -> list[Finding]:
         ),
         *_side_by_side(every),
     ]
-    without = [bar for bar in TITLES if bar not in {finding.bar for finding in findings}]
-    return sorted([*findings, *(Finding(bar, UNKNOWN, "no trial") for bar in without)], key=lambda item: item.bar)
+    without = [limit for limit in TITLES if limit not in {finding.limit for finding in findings}]
+    return sorted([*findings, *(Finding(limit, UNKNOWN, "no trial") for limit in without)], key=lambda item: item.limit)
 
 
 def verdicts(findings: Iterable[Finding]) -> Mapping[int, str]:
     """Bar -> the worst that was found."""
     found: dict[int, str] = {}
     for finding in findings:
-        found[finding.bar] = min(found.get(finding.bar, PASS), finding.verdict, key=(MISS, UNKNOWN, PASS).index)
+        found[finding.limit] = min(found.get(finding.limit, PASS), finding.verdict, key=(MISS, UNKNOWN, PASS).index)
     return found
 
 
@@ -80,12 +80,12 @@ def _word(holds: bool | None) -> str:
     return UNKNOWN if holds is None else PASS if holds else MISS
 
 
-def _nothing(bar: int, group: Group) -> Finding:
+def _nothing(limit: int, group: Group) -> Finding:
     keys = LOSSES[kind(group)]
     total = group.total(*keys)
     said = ", ".join(f"{key} {_plain(group.total(key))} (worst {_plain(group.worst(key))})" for key in keys)
     text = f"{condition(group)}: {said} of {_plain(group.total('sent'))} in {len(group.records)} trials"
-    return Finding(bar, _word(_held(total, group)), text)
+    return Finding(limit, _word(_held(total, group)), text)
 
 
 def _held(total: float | None, group: Group) -> bool | None:
@@ -95,10 +95,10 @@ def _held(total: float | None, group: Group) -> bool | None:
     return True if len(group.values("step_s")) == len(group.records) else None
 
 
-def _factor(bar: int, group: Group, later: str, earlier: str, most: float) -> Finding:
+def _factor(limit: int, group: Group, later: str, earlier: str, most: float) -> Finding:
     ratio = group.ratio(later, earlier)
     text = f"{condition(group)}: {_plain(group.mean(earlier))} -> {_plain(group.mean(later))} ms, {_plain(ratio)} x"
-    return Finding(bar, _word(None if ratio is None else ratio <= most), text)
+    return Finding(limit, _word(None if ratio is None else ratio <= most), text)
 
 
 def _side_by_side(every: Iterable[Group]) -> Iterable[Finding]:

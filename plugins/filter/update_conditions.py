@@ -11,7 +11,7 @@ short_description: What the ROS graph must show after a step
 version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
-  - Options of M(rosops.fleet.ros_ready): the contracts are restored and the new revisions' own readiness holds.
+  - Gives options of M(rosops.fleet.ros_ready). The contracts are restored and the new revisions' own readiness holds.
 positional: contracts, tolerance
 options:
   _input:

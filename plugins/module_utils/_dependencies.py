@@ -42,7 +42,7 @@ def _circles(apps: list[tuple[str, Any]]) -> Iterator[Problem]:
     for needs in (inside, between):
         circle = _circle(needs)
         if circle:
-            member = next(name for name in by_name if circle[0] in (name, unit[name]))
+            (member, *_others) = [name for name in by_name if circle[0] in (name, unit[name])]
             found = f"makes a circle: {' needs '.join([*circle, circle[0]])}"
             yield Problem(f"{by_name[member][0]}.depends_on", found, "an order in which the apps can be updated")
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import re
 import socket
+import sys
 import time
 
 from ._hook_command import run_command
@@ -34,7 +35,7 @@ _NUMBER = re.compile(rb"<(?:int|i4)>\s*(-?[0-9]+)\s*</")
 def main(_words: list[str]) -> int:
     reason = unready(load_settings(os.environ), process_at, run_command, _find_again)
     if reason:
-        print(f"not ready: {reason}")
+        sys.stdout.write(f"not ready: {reason}\n")
     return 1 if reason else 0
 
 
@@ -66,7 +67,7 @@ def _find_again(settings: dict[str, Any]) -> str:
 
 def process_at(uri: str, timeout: float = TIMEOUT) -> int:
     """The process id that the node at this address gives; OSError or ValueError where none does."""
-    host, _, port = uri.partition("://")[2].partition("/")[0].rpartition(":")
+    host, _colon, port = uri.partition("://")[2].partition("/")[0].rpartition(":")
     end = time.monotonic() + timeout
     with socket.create_connection((host.strip("[]"), int(port)), timeout) as sock:
         head = (

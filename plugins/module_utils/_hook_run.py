@@ -20,7 +20,7 @@ COMMANDS = {"started": "_hook_started", "ready": "_hook_ready", "stop": "_hook_s
 def main(words: list[str]) -> int:
     """Import the command's module out of the directory that this file appears in, and run it."""
     if len(words) < 2 or words[1] not in COMMANDS:
-        print(f"usage: run.py {'|'.join(COMMANDS)}")
+        sys.stdout.write(f"usage: run.py {'|'.join(COMMANDS)}\n")
         return 2
     # not the real path: a ConfigMap's files are links, and the package is where they appear
     package = os.path.dirname(os.path.abspath(words[0]))
@@ -34,4 +34,4 @@ def main(words: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv))
+    raise SystemExit(main(sys.argv))

@@ -10,6 +10,7 @@ the standard library, in pods.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from dataclasses import replace
 from typing import Any, Callable, Mapping, Protocol
@@ -51,7 +52,7 @@ def main(_words: list[str]) -> int:
     reason = started(settings, before, ros_of(os.environ), run_command)
     if reason:
         save_state(settings["node"], {"failed": reason})
-        print(reason)
+        sys.stdout.write(f"{reason}\n")
     return 1 if reason else 0
 
 

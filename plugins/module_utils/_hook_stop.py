@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import time
 from functools import partial
 from typing import Any, Callable, Mapping, Protocol
@@ -152,7 +153,7 @@ def _quiet(node: Stopped) -> Seen:
 
 def tell(line: str) -> None:
     """On our output, which Kubernetes shows for a failing hook only, and in the container's log."""
-    print(line)
+    sys.stdout.write(f"{line}\n")
     if "ROSOPS_REVISION" not in os.environ:
         return  # no pod of ours, and its process 1 is somebody else's
     try:

@@ -137,7 +137,8 @@ class Stream(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        assert self.sock is not None
+        if self.sock is None:  # only for the type checker: start() comes after the connection
+            return
         try:
             while self.open:
                 self.sock.deadline = Deadline(SILENCE)

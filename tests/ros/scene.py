@@ -80,7 +80,7 @@ class Scene:
             *(os.environ.get("KEEPER_PYTHON", PYTHON), "-I", "-S", str(code / "run.py"), "keeper"),
             *("--record", str(self.directory / "record"), "--port", str(self.keeper_port)),
         )
-        until("the keeper", lambda: self.keeper_api.state())
+        until("the keeper", self.keeper_api.state)
         return process
 
     def start(self, kind: str, name: str, *words: str, log: str = "") -> subprocess.Popen[bytes]:

@@ -123,7 +123,7 @@ class Hosts:
             files = f"{STORAGE}/*_robot-{robot}_{claim}/*.jsonl"
             text = self.ssh(host, f'for f in {files}; do echo "==> $f"; tail -c {TAIL} "$f"; echo; done')
             for part in text.split("==> ")[1:]:
-                path, _, lines = part.partition("\n")
+                path, _newline, lines = part.partition("\n")
                 found.setdefault(path.rsplit("/", 1)[-1], []).extend(evidence.parse(lines))
         return found
 

@@ -72,7 +72,7 @@ def test_all_bars_pass() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fleet", "bar", "word"),
+    ("fleet", "limit", "word"),
     [
         ({"lost": 1}, 1, MISS),
         ({"lost": 1}, 4, MISS),
@@ -84,12 +84,12 @@ def test_all_bars_pass() -> None:
         ({"step_s": None, "lost": 2}, 1, MISS),
     ],
 )
-def test_bars_of_messages(fleet: dict[str, Any], bar: int, word: str) -> None:
-    assert verdicts(judge(everything(**fleet)))[bar] == word
+def test_bars_of_messages(fleet: dict[str, Any], limit: int, word: str) -> None:
+    assert verdicts(judge(everything(**fleet)))[limit] == word
 
 
 @pytest.mark.parametrize(
-    ("app", "values", "bar"),
+    ("app", "values", "limit"),
     [
         ("service", {"failed": 1}, 2),
         ("service", {"p95_during_ms": 11.1}, 2),
@@ -99,9 +99,9 @@ def test_bars_of_messages(fleet: dict[str, Any], bar: int, word: str) -> None:
         ("action", {"completion_during_ms": 241.0}, 3),
     ],
 )
-def test_bars_of_requests_and_goals(app: str, values: dict[str, Any], bar: int) -> None:
+def test_bars_of_requests_and_goals(app: str, values: dict[str, Any], limit: int) -> None:
     items = [{**item, **values} if item["app"] == app and item["arm"] == "fleet" else item for item in everything()]
-    assert verdicts(judge(items))[bar] == MISS
+    assert verdicts(judge(items))[limit] == MISS
 
 
 def test_one_bad_trial_of_many_misses() -> None:

@@ -69,7 +69,7 @@ def test_peers_that_are_dead_hung_or_endless(peers: Peers) -> None:
     began = time.monotonic()
     with pytest.raises(OSError):
         hook.process_at(f"http://127.0.0.1:{peers.hung()}/", 0.2)
-    drip = peers.tcp(lambda sock: [sock.sendall(b"x") or time.sleep(0.02) for _ in range(500)])
+    drip = peers.tcp(lambda sock: [sock.sendall(b"x") or time.sleep(0.02) for _byte in range(500)])
     with pytest.raises(OSError):
         hook.process_at(f"http://127.0.0.1:{drip}/", 0.2)
     assert time.monotonic() - began < 2

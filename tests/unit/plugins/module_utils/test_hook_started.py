@@ -85,7 +85,11 @@ def test_the_command_is_asked_before_the_graph() -> None:
     """Else what the app registers in between, and then agrees, would not be looked at."""
     world = World()
     order: list[str] = []
-    run = lambda *_: order.append(f"command after {len(world.asked)}") or ""  # noqa: E731
+
+    def run(*_words: Any) -> str:
+        order.append(f"command after {len(world.asked)}")
+        return ""
+
     assert started(world, command=["x"], run=run) == ""
     assert order == ["command after 0"]
 
@@ -93,7 +97,10 @@ def test_the_command_is_asked_before_the_graph() -> None:
 def test_the_commands_word_counts_and_rates_wait_for_it() -> None:
     world, clock, words = World(), Clock(), ["readiness.command exited with 1"]
     clock.when = [(3.0, words.clear)]
-    run = lambda *_: words[0] if words else ""  # noqa: E731
+
+    def run(*_words: Any) -> str:
+        return words[0] if words else ""
+
     assert started(world, clock, command=["x"], run=run, min_rates={"/out": 50}) == ""
     assert 3.0 <= clock.at < 3.2
     assert world.asked.count("rates") == 1

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import subprocess
@@ -133,7 +134,7 @@ def test_a_table_that_cannot_be_read_is_tried_at_the_namespaces_next_process(pro
 def test_the_kernels_own_tables() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        with socket.create_connection(("127.0.0.1", port)) as client, server.accept()[0]:
+        with socket.create_connection(("127.0.0.1", port)) as client, contextlib.closing(server.accept()[0]):
             own = next(iter(namespaces(Path("/proc")).values()))
             assert "127.0.0.1" in own.addresses
             assert own.listens(port)
