@@ -11,7 +11,7 @@ short_description: What is known before a step of an update
 version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
-  - Records the step's contract: the part of the ROS graph that its apps are, under the names of the new revision.
+  - Records the step's contract, which is the part of the ROS graph that its apps are, under the new revision's names.
   - Finds what forbids the step, what an operator should be warned of, and which actions have to be idle first.
 positional: graph, updates, images
 options:
