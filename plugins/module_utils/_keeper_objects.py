@@ -94,7 +94,7 @@ def _container(ctx: Mapping[str, Any]) -> dict[str, Any]:
         "name": CONTAINER,
         "image": ctx["master"]["image"],
         "imagePullPolicy": "IfNotPresent",
-        "command": [*hook_command("keeper"), "--record", f"{RECORD_DIR}/keeper.json"],
+        "command": [*hook_command("keeper"), "--record", RECORD_DIR],
         "env": [
             {"name": "ROS_MASTER_URI", "value": context.master_uri(ctx)},
             {"name": "ROS_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.podIP"}}},

@@ -24,6 +24,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._merge import deep_me
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
 ROSCORE = ["roscore", "-p", str(names.MASTER_PORT), "-t", "2", "-w", "16"]
 
+ENDPOINT_SECONDS = 2  # kube-proxy gathers changes for a second
+
 # Ready means that the master answers its own API, not that its port is open. Standard library only, so that any ROS
 # image will do. getSystemState takes the lock that registrations take: a master that is stuck does not pass.
 PROBE = (
@@ -103,6 +105,9 @@ def _pod_spec(ctx: Mapping[str, Any]) -> dict[str, Any]:
                 # no ROS_MASTER_URI: roscore's own rosout would wait for a Service that waits for this pod to be ready
                 "env": [{"name": "ROS_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.podIP"}}}],
                 "ports": [{"name": "xmlrpc", "containerPort": names.MASTER_PORT, "protocol": "TCP"}],
+                # Stay until kube-proxy on every host has taken the pod out of the Service. A connection opened to an
+                # address that has just gone hangs for two minutes: its retries go to the same dead pod.
+                "lifecycle": {"preStop": {"sleep": {"seconds": ENDPOINT_SECONDS}}},
                 # No liveness probe: a restart loses every registration, which is worse than a slow answer.
                 "readinessProbe": exec_probe(["python3", "-c", PROBE]),
             }
