@@ -80,6 +80,16 @@ class Cluster:
                 problems.append(f"{robot}: pods of {app}: {there}")
         return problems if deployments else [f"{robot} has no Deployment"]
 
+    def history(self, robot: str, app: str) -> str:
+        """The version of what an update keeps of an app's earlier versions; empty before its first update."""
+        try:
+            found = self._core.read_namespaced_config_map(f"{app}-update", f"robot-{robot}", _request_timeout=20)
+        except client.ApiException as error:
+            if error.status == 404:
+                return ""
+            raise
+        return str(found.metadata.resource_version)
+
     def delete_pod(self, robot: str, app: str) -> None:
         """As `kubectl delete pod` does."""
         for pod in self.pods(robot)[app]:
