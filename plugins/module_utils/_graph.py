@@ -10,7 +10,7 @@ Runs on Python 3.8 with the standard library, on hosts and in pods.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Iterable, Mapping
 
 from ._errors import RosError
@@ -91,13 +91,23 @@ class StatusReading:
 
 @dataclass(frozen=True)
 class Rate:
-    """Messages per second, summed over a topic's publishers; `by` has the same of each publisher that was counted."""
+    """Messages per second, summed over a topic's publishers; `by` has the same of each publisher that was counted.
+
+    `steady` is what a publisher sends without bursts after a stall, where that can be told: what may be expected of
+    it, and of its next version.
+    """
 
     hz: float = 0.0
     messages: int = 0
     seconds: float = 0.0
     error: str = ""
     by: Mapping[str, Rate] = field(default_factory=dict, compare=False)
+    steady: float | None = None
+
+    @property
+    def expected(self) -> Rate:
+        """The same at the lower of both rates."""
+        return self if self.steady is None else replace(self, hz=min(self.hz, self.steady))
 
 
 @dataclass(frozen=True)
@@ -232,7 +242,7 @@ def _topic_dict(topic: Topic, rate: Rate | None, md5sum: str | None) -> dict[str
         "subscribers": list(topic.subscribers),
         "connections": [{"publisher": publisher, "subscriber": peer} for publisher, peer in topic.connections],
         "rate": _hertz(rate),
-        "rates": {name: _hertz(part) for name, part in sorted(rate.by.items())} if rate else {},
+        "rates": {name: _hertz(part.expected) for name, part in sorted(rate.by.items())} if rate else {},
         "rate_error": rate.error if rate else "",
     }
 

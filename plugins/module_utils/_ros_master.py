@@ -276,7 +276,9 @@ def _count(sockets: Mapping[Any, TimedSocket], seconds: Mapping[str, float]) -> 
             at = time.monotonic()
             for key in [key for key in sockets if key not in rates and ends[key] <= at]:
                 began = sockets[key].opened
-                rates[key] = Rate(counters[key].rate(began, at), counters[key].count, at - began)
+                counter = counters[key]
+                steady = counter.steady(began, at)
+                rates[key] = Rate(counter.rate(began, at), counter.count, at - began, steady=steady)
                 _leave(selector, sockets[key])
             if len(rates) == len(sockets):
                 return rates

@@ -85,6 +85,9 @@ def decode_status(body: bytes) -> tuple[int, ...]:
     return tuple(states)
 
 
+STEADY_MESSAGES, STEADY_TENTHS = 50, 8  # for tenths of a second to tell a rate
+
+
 class FrameCounter:
     """Counts messages in a stream without keeping them: reads each length, skips what it says."""
 
@@ -92,6 +95,7 @@ class FrameCounter:
         self.count = 0
         self.second = 0.0  # when the second message was there, and
         self.last = 0.0  # the last one
+        self._tenths: dict[int, int] = {}  # messages by tenth of a second
         self._skip = 0
         self._prefix = b""
 
@@ -119,6 +123,21 @@ class FrameCounter:
         if self.count == 2:
             self.second = at
         self.last = at
+        tenth = int(at * 10)
+        self._tenths[tenth] = self._tenths.get(tenth, 0) + 1
+
+    def steady(self, start: float, end: float) -> float | None:
+        """Messages per second without what is sent all at once, after the publisher was held up; None where too few.
+
+        The mean of the middle half of the tenths of a second: a burst, and the stall before it, are in the others.
+        """
+        tenths = range(int(start * 10) + 1, int(end * 10))
+        if self.count < STEADY_MESSAGES or len(tenths) < STEADY_TENTHS:
+            return None
+        counts = sorted(self._tenths.get(tenth, 0) for tenth in tenths)
+        cut = len(counts) // 4
+        middle = counts[cut : len(counts) - cut]
+        return 10 * sum(middle) / len(middle)
 
     def rate(self, start: float, end: float) -> float:
         """Messages per second between `start` and `end`.

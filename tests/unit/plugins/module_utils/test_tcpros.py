@@ -145,3 +145,21 @@ def test_the_rate_of_a_steady_stream_read_in_batches() -> None:
     """500 Hz, seen every 7 ms: within half a per cent, though no arrival time is exact."""
     times = [0.007 * (int(0.002 * i / 0.007) + 1) for i in range(500)]
     assert arrivals(*[t for t in times if t <= 1.0]).rate(0.0, 1.0) == pytest.approx(500, rel=0.006)
+
+
+def test_the_steady_rate_leaves_out_what_is_sent_all_at_once() -> None:
+    """500 Hz; 125 messages that a stall had kept back come in one burst within the window."""
+    burst = [1.35] * 125
+    counter = arrivals(*sorted([1.0 + 0.002 * i for i in range(1, 500)] + burst))
+    assert counter.rate(1.0, 2.0) > 600
+    assert counter.steady(1.0, 2.0) == pytest.approx(500, rel=0.01)
+
+
+def test_the_steady_rate_of_a_steady_stream_is_its_rate() -> None:
+    counter = arrivals(*[0.005 * (int(0.002 * i / 0.005) + 1) for i in range(1, 500)])  # read in batches
+    assert counter.steady(0.0, 1.0) == pytest.approx(500, rel=0.02)
+
+
+def test_too_few_messages_tell_no_steady_rate() -> None:
+    assert arrivals(*[0.05 * i for i in range(1, 20)]).steady(0.0, 1.0) is None
+    assert arrivals(*[0.002 * i for i in range(1, 200)]).steady(0.0, 0.4) is None
