@@ -80,12 +80,15 @@ def step_conditions(
 ) -> dict[str, Any]:
     """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds.
 
-    With `back` the contracts hold under the old names again, whatever the new revision promised.
+    With `back` the contracts hold under the old names again, whatever the new revision promised. Rates are left out
+    there: there is no third version to go to from an old one that is slower than it was.
     """
     old = {new: before for before, new in step["renames"].items()}
     recorded = [contract for contract in contracts.values() if contract]
     if back:
-        return _united([_contract.conditions(_all_renamed(contract, old), tolerance) for contract in recorded])
+        found = _united([_contract.conditions(_all_renamed(contract, old), tolerance) for contract in recorded])
+        found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
+        return found
     gone = sorted(set(step["old_nodes"].values()) - set(step["new_nodes"].values()) - {""})
     parts = [step["conditions"], *(_contract.conditions(contract, tolerance) for contract in recorded)]
     return _united(parts, absent=gone if step["handoff"] == "overlap" else ())

@@ -87,6 +87,7 @@ def test_the_way_back_asks_for_the_same_under_the_old_names() -> None:
     conditions = step_conditions(step, gate["contracts"], 0.1, back=True)
     assert conditions["nodes"] == [old]
     assert [edge["publisher"] for edge in conditions["edges"]] == [old]
+    assert [(topic["publisher"], topic.get("min_rate")) for topic in conditions["topics"]] == [(old, None)]
     assert conditions["absent"] == []
 
 
