@@ -88,8 +88,8 @@ graph:
       description:
         - By name, who publishes and who subscribes, by the master's word.
         - C(connections) are those that the publishers report.
-        - C(rate), and each publisher's in C(rates), is null where it was not or could not be measured. C(rates) leaves out
-          what a publisher sends all at once after it was held up, so that it is what may be expected of it.
+        - C(rate), and each publisher's in C(rates), is null where it was not or could not be measured.
+        - C(rates) leaves out what a publisher sends all at once after it was held up, so it is what may be expected.
         - C(md5sum) is null where it was not asked for, or no publisher answers.
       type: dict
       sample:
