@@ -58,7 +58,7 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 .PHONY: test
 test: ## Every test; what CI runs
 	@"$$(tests/lab/find_python)" tests/run_stages.py setup artifacts \
-	    lint test-unit test-bad-input test-go test-ros sanity units molecule-default molecule-fleet molecule-update
+	    lint test-unit test-bad-input test-go test-ros sanity units molecule-default molecule-fleet
 
 .PHONY: lint
 lint: ## ruff, mypy, ansible-lint
