@@ -137,7 +137,9 @@ class Hosts:
                 found.setdefault(path.rsplit("/", 1)[-1], []).extend(evidence.parse(lines))
         return found
 
-    def losses(self, robot: str, since: float, until: float, goals: bool = True) -> evidence.Losses:
+    def losses(
+        self, robot: str, since: float, until: float, goals: bool = True, patience: float = 60
+    ) -> evidence.Losses:
         """What the robot's apps noticed between two times, once every account has come past the second one.
 
         With `goals` the client has sent a goal after it and has had its answer, so that none before can be lost unseen.
@@ -155,5 +157,7 @@ class Hosts:
             seen.update(self.logs(robot))
             return behind(seen)
 
-        wait_until(look, lambda late: not late, 60, f"accounts of {robot} past the update (seconds behind)", pause=1)
+        wait_until(
+            look, lambda late: not late, patience, f"accounts of {robot} past the update (seconds behind)", pause=1
+        )
         return evidence.losses(seen, since, evidence.newest(seen[evidence.STATS]))

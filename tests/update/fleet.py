@@ -107,12 +107,12 @@ class Watch:
         self._fleet = fleet
         self._since = time.time()
 
-    def losses(self, *robots: str, goals: bool = True) -> dict[str, Losses]:
+    def losses(self, *robots: str, goals: bool = True, patience: float = 60) -> dict[str, Losses]:
         """Robot by robot, up to now; the figures are shown at the end of the tests."""
         until = time.time()
         found = {}
         for robot in robots or ROBOTS:
-            found[robot] = self._fleet.hosts.losses(robot, self._since, until, goals)
+            found[robot] = self._fleet.hosts.losses(robot, self._since, until, goals, patience)
             self._fleet.figures.append(f"{robot}: {until - self._since:.0f} s: {found[robot]}")
         return found
 
