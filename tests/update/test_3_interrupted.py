@@ -183,13 +183,18 @@ TAKES_LONG = {"proven"}
 
 def wait_for_sign(fleet: Fleet, update: Running, app: str, sign: str, history: str) -> None:
     """Until the playbook has come so far."""
+
+    def kept() -> str:
+        return fleet.cluster.history("robot1", app)
+
+    def pods() -> list[Any]:
+        return list(fleet.cluster.pods("robot1")[app])
+
     if sign not in IN_THE_CLUSTER:
         update.wait_for(sign)
     elif sign == "history":  # the first of the objects that are applied in one call
-        looks = lambda: fleet.cluster.history("robot1", app)  # noqa: E731
-        wait_until(looks, lambda seen: seen != history, 300, f"a new history of {app}", pause=0.01)
+        wait_until(kept, lambda seen: seen != history, 300, f"a new history of {app}", pause=0.01)
     else:
-        pods = lambda: fleet.cluster.pods("robot1")[app]  # noqa: E731
         wait_until(pods, lambda seen: len(seen) == 2, 300, f"two pods of {app}", pause=0.01)
 
 
