@@ -47,7 +47,7 @@ EXAMPLES = r"""
 RETURN = r"""
 _value:
   description:
-    - C(contracts) (by app), C(problems), C(warnings), C(actions) (conditions of M(rosops.fleet.ros_ready)).
+    - C(contracts) (by app), C(problems), C(warnings), C(actions) (options of M(rosops.fleet.ros_action_hold)).
   type: dict
 """
 

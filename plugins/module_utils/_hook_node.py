@@ -149,20 +149,3 @@ class OwnNode:
         with contextlib.suppress(OSError), Api(self.uri, CALLER, Deadline(TIMEOUT)) as api:
             api.http.request("POST", api.path, body, {"Content-Type": "text/xml"})
             select.select([api.http.sock], [], [], REPLY)
-
-
-class Keeper:
-    """The keeper of the ROS master, which holds goals while no server is there."""
-
-    def __init__(self, uri: str) -> None:
-        self.uri = uri
-
-    def hold(self, action: str, server: str, seconds: float) -> str:
-        """Why it does not hold the action's goals, or nothing if it does."""
-        try:
-            with Api(self.uri, CALLER, Deadline(TIMEOUT * 2)) as api:
-                reply = api.raw("hold", action, server, seconds)
-        except Exception as error:  # a keeper is a help, never a condition
-            return reason(error, self.uri, TIMEOUT * 2)
-        good = isinstance(reply, list) and len(reply) == 3 and reply[0] == 1
-        return "" if good else f"the keeper refused: {reply!r:.200}"

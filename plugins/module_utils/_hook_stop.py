@@ -18,8 +18,9 @@ from functools import partial
 from typing import Any, Callable, Mapping, Protocol
 
 from ._graph import BUSY_STATES, GOAL_STATES, StatusReading
-from ._hook_node import Keeper, OwnNode, find_node, ros_of
+from ._hook_node import CALLER, OwnNode, find_node, ros_of
 from ._hook_state import load_settings
+from ._keeper_calls import KeeperCalls
 from ._poll import PASS, WAIT, Seen, poll
 
 LEAVING = 3.0  # of the stop's time for the node to end by itself, or a third of it where there is less
@@ -62,7 +63,7 @@ def _main() -> list[str]:
     node, reason = find_node(settings)
     if node is None:
         return [f"left to SIGTERM: {reason}"]
-    keeper = Keeper(settings["keeper"]).hold if settings["keeper"] else None
+    keeper = KeeperCalls(settings["keeper"], CALLER).hold if settings["keeper"] else None
     return stop(_Stopped(node, settings["actions"]), settings, keeper)
 
 

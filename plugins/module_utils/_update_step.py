@@ -67,12 +67,17 @@ def step_warnings(step: Object, graph: Object) -> list[str]:
 
 
 def actions_to_rest(step: Object, graph: Object) -> list[dict[str, str]]:
-    """Conditions of ros_ready: what has to be idle before the step. An action that nobody serves cannot be busy."""
-    return [
-        {"name": name, "state": "idle"}
-        for name in dict.fromkeys([*step["actions"], *step["idle"]])
-        if (graph["actions"].get(name) or {}).get("up")
-    ]
+    """Options of ros_action_hold: what has to be idle before the step. An action that nobody serves cannot be busy.
+
+    `server` stands where the step replaces it: goals that come meanwhile are for the next one.
+    """
+    old, found = set(step["old_nodes"].values()), []
+    for name in dict.fromkeys([*step["actions"], *step["idle"]]):
+        action = graph["actions"].get(name) or {}
+        replaced = [server for server in action.get("servers") or [] if server in old and name in step["actions"]]
+        if action.get("up"):
+            found.append({"name": name, **({"server": replaced[0]} if replaced else {})})
+    return found
 
 
 def step_conditions(

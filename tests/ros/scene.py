@@ -49,7 +49,8 @@ class Scene:
         self.uri = f"http://127.0.0.1:{self.port}/"
         self.ros = RosWriter(self.uri, 2.0, "/tester")
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        self.keeper_api = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{self.keeper_port}/")
+        self.keeper_uri = f"http://127.0.0.1:{self.keeper_port}/"
+        self.keeper_api = xmlrpc.client.ServerProxy(self.keeper_uri)
 
     # ---- processes
 

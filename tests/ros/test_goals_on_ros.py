@@ -14,10 +14,13 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._graph import BUSY_STATES
 from ansible_collections.rosops.fleet.plugins.module_utils._peers import Api, Deadline
 from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import RosMaster
+from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
+from run_module import Run
 from scene import LOST, RECALLED, SUCCEEDED, Scene, until
 
 HANDOVERS = int(os.environ.get("ROSOPS_HANDOVERS", "20"))
 ACTION, SERVER = "/work", "/worker"
+STEP = [{"name": ACTION, "server": SERVER}]  # what an update's step asks of ros_action_hold
 
 
 class Server:
@@ -77,14 +80,14 @@ def let_go(scene: Scene) -> None:
     until("the keeper to let go", lambda: not held(scene), 30)
 
 
-def begin(scene: Scene, kind: str = "server", **clients: tuple[str, str]) -> Server:
-    """Master, keeper, server, and clients: name -> (first goal's number, milliseconds of each)."""
+def begin(scene: Scene, kind: str = "server", **clients: tuple[str, ...]) -> Server:
+    """Master, keeper, server, and clients: name -> (first goal's number, milliseconds of each, and between two)."""
     scene.start_master()
     scene.start_keeper()
     server = Server(scene, kind)
     until("the server", lambda: SERVER in scene.registered())
-    for name, (first, milliseconds) in clients.items():
-        scene.start("client", f"/{name}", ACTION, first, "0", milliseconds)
+    for name, (first, *milliseconds) in clients.items():
+        scene.start("client", f"/{name}", ACTION, first, "0", *milliseconds)
         until(f"goals of {name}", lambda name=name: len(goals(scene, name)) > 2)  # type: ignore[misc]
     return server
 
@@ -204,6 +207,51 @@ def test_the_server_stays(scene: Scene) -> None:
     done = len(goals(scene, "boss"))
     until("more goals", lambda: len(goals(scene, "boss")) > done + 10)
     judge(server, end_clients(scene, "boss"))
+
+
+def test_a_step_holds_goals_from_idle_to_the_next_server(scene: Scene, run: Run) -> None:
+    """However long it takes from the step's look to the old server's end, no goal comes between them."""
+    server = begin(scene, boss=("1000", "300", "900"))
+    result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
+    assert (result["verdict"], result["held"]) == ("pass", [ACTION])
+    begun = len(server.executed())
+    until("the goal to be held", lambda: held(scene)[ACTION]["held"])
+    time.sleep(2.0)  # the API server is slow
+    assert len(server.executed()) == begun, "the old server got a goal"
+    server.hold()  # its stop hook
+    server.stop()
+    server.start()
+    let_go(scene)
+    judge(server, end_clients(scene, "boss"))
+
+
+def test_a_step_that_dies_after_its_hold(scene: Scene, run: Run) -> None:
+    """Nobody replaces the server: the keeper lets go by itself, to the old one."""
+    server = begin(scene, boss=("1000", "100", "900"))
+    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, seconds=3, timeout=20)["held"] == [ACTION]
+    until("the goal to be held", lambda: held(scene)[ACTION]["held"])
+    let_go(scene)
+    done = len(goals(scene, "boss"))
+    until("more goals", lambda: len(goals(scene, "boss")) > done + 5)
+    judge(server, end_clients(scene, "boss"))
+
+
+def test_a_step_lets_go_when_it_is_called_off(scene: Scene, run: Run) -> None:
+    server = begin(scene, boss=("1000", "100", "900"))
+    run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
+    assert run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
+    let_go(scene)
+    assert not run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, state="released")["changed"]
+    judge(server, end_clients(scene, "boss"))
+
+
+def test_a_busy_server_is_not_held(scene: Scene, run: Run) -> None:
+    server = begin(scene)
+    scene.start("client", "/slow", ACTION, "9000", "0", "8000")
+    until("a long goal", server.executed)
+    until("its start", lambda: "start" in server.executed()[-1])
+    result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=0)
+    assert (result["verdict"], result["held"], held(scene)) == ("wait", [], {})
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])

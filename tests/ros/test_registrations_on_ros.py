@@ -4,33 +4,11 @@
 
 from __future__ import annotations
 
-import json
 import signal
-from typing import Any
 
-import pytest
-from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info, ros_registrations
+from run_module import Run
 from scene import Scene, until
-
-
-class Run:
-    def __init__(self, scene: Scene, capsys: pytest.CaptureFixture[str]) -> None:
-        self.scene, self.capsys = scene, capsys
-
-    def __call__(self, module: Any, **params: Any) -> dict[str, Any]:
-        self.capsys.readouterr()
-        params = {"master_uri": self.scene.uri, **params}
-        with patch_module_args(params), pytest.raises(SystemExit):
-            module.main()
-        result: dict[str, Any] = json.loads(self.capsys.readouterr().out.splitlines()[-1])
-        assert not result.get("failed"), result
-        return result
-
-
-@pytest.fixture
-def run(scene: Scene, capsys: pytest.CaptureFixture[str]) -> Run:
-    return Run(scene, capsys)
 
 
 def test_present_after_a_restart_of_the_master(scene: Scene, run: Run) -> None:

@@ -126,8 +126,8 @@ def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
     actions = {"/plan": served, "/move_base": {**served, "servers": ["/base"]}, "/gone": {**served, "up": False}}
     graph = graph_of(step, actions=actions)
     assert step_gate(step, graph)["actions"] == [
-        {"name": "/plan", "state": "idle"},
-        {"name": "/move_base", "state": "idle"},
+        {"name": "/plan", "server": "/planner"},
+        {"name": "/move_base"},
     ]
 
 

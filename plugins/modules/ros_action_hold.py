@@ -1,0 +1,232 @@
+#!/usr/bin/python
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: ros_action_hold
+short_description: Hold back new goals of idle ROS 1 actions, and let them go
+version_added: 0.1.0
+description:
+  - Waits until actions (actionlib) are idle, has the robot's keeper hold back the goals that come from then on, and
+    looks once more. A goal that came in between is left to finish, and what was held goes to the server; then it waits
+    again.
+  - So an action server can be replaced after it without a goal being aborted.
+  - The keeper lets go by itself, to a new server when one is up, or to the old one after O(seconds). Nothing more has
+    to be done for that, so a control node that dies after this leaves nothing behind.
+extends_documentation_fragment:
+  - rosops.fleet._ros
+options:
+  state:
+    description:
+      - With V(held), goals are held once all of O(actions) are idle.
+      - With V(released), goals that are held go to whatever server there is.
+    type: str
+    choices: [held, released]
+    default: held
+  actions:
+    description: Actions that must be idle, with their full names.
+    type: list
+    elements: dict
+    required: true
+    suboptions:
+      name:
+        description: Name of the action, the part before C(/goal) and C(/status).
+        type: str
+        required: true
+      server:
+        description: Node that serves the action now. Goals are held only where it is given.
+        type: str
+  keeper_uri:
+    description:
+      - URI of the keeper, C(http://<address of the Service ros-keeper>:11411). Without one nothing is held, and the
+        module only waits until the actions are idle.
+    type: str
+  seconds:
+    description: Seconds after which the keeper lets go, to the old server, if no new one came.
+    type: float
+    default: 60.0
+  timeout:
+    description: Seconds until the actions have to be idle. With V(0) it is looked twice.
+    type: float
+    default: 60.0
+  interval:
+    description: Seconds from the start of a look to the start of the next.
+    type: float
+    default: 0.2
+attributes:
+  check_mode:
+    description: Looks once whether the actions are idle; holds and releases nothing.
+    support: full
+  diff_mode:
+    description: What is held is no state that a file or an object shows.
+    support: none
+  idempotent:
+    description: Goals that are held already are held on; what is not held needs no release.
+    support: full
+seealso:
+  - module: rosops.fleet.ros_ready
+author:
+  - rosops.fleet contributors (@rosops)
+"""
+
+EXAMPLES = r"""
+- name: The arm has finished, and whoever wants something of it waits
+  rosops.fleet.ros_action_hold:
+    master_uri: http://10.43.0.17:11311
+    keeper_uri: http://10.43.0.18:11411
+    actions:
+      - name: /arm/move
+        server: /arm_1f0c2a9b
+    timeout: 300
+
+- name: The arm stays as it is after all
+  rosops.fleet.ros_action_hold:
+    master_uri: http://10.43.0.17:11311
+    keeper_uri: http://10.43.0.18:11411
+    state: released
+    actions:
+      - name: /arm/move
+"""
+
+RETURN = r"""
+verdict:
+  description: V(pass); V(wait) where an action was still busy when the time was over; V(fail).
+  returned: always
+  type: str
+  sample: pass
+reason:
+  description: What the last look saw of the actions that are not idle, or what keeps it from being seen.
+  returned: always
+  type: str
+  sample: "action /arm/move: 1 goal active"
+held:
+  description: Actions whose goals are held now.
+  returned: always
+  type: list
+  elements: str
+  sample: [/arm/move]
+called_off:
+  description: How often goals were held and let go again, because one had come before.
+  returned: with O(state=held)
+  type: int
+  sample: 0
+elapsed:
+  description: Seconds that it took.
+  returned: always
+  type: float
+  sample: 0.731
+"""
+
+import contextlib
+from typing import Any
+
+from ansible.module_utils.basic import AnsibleModule
+
+from ..module_utils._action_hold import Held, hold_when_idle
+from ..module_utils._conditions import Conditions, conditions_from
+from ..module_utils._errors import FleetError, RosError
+from ..module_utils._gate import Look, look
+from ..module_utils._keeper_calls import KeeperCalls
+from ..module_utils._peers import Api, Deadline
+from ..module_utils._poll import FAIL, PASS, Seen
+from ..module_utils._ros_master import ROS_ARGS, RosMaster
+from ..module_utils._ros_writer import MASTER, RosWriter
+
+CALLER = "/rosops_fleet_step"
+HOLD_ARGS: dict[str, dict[str, Any]] = {
+    "state": {"type": "str", "choices": ["held", "released"], "default": "held"},
+    "actions": {
+        "type": "list",
+        "elements": "dict",
+        "required": True,
+        "options": {"name": {"type": "str", "required": True}, "server": {"type": "str"}},
+    },
+    "keeper_uri": {"type": "str"},
+    "seconds": {"type": "float", "default": 60.0},
+    "timeout": {"type": "float", "default": 60.0},
+    "interval": {"type": "float", "default": 0.2},
+}
+
+
+class Robot:
+    """The world of _action_hold on the network."""
+
+    def __init__(self, params: dict[str, Any], conditions: Conditions) -> None:
+        self.ros = RosMaster(params["master_uri"], params["node_timeout"], CALLER)
+        self.writer = RosWriter(params["master_uri"], params["node_timeout"], CALLER)
+        self.keeper = KeeperCalls(params["keeper_uri"] or "", CALLER)
+        self.seconds, self.conditions = params["seconds"], conditions
+
+    def look(self) -> Seen:
+        seen = look(self.ros, self.conditions)
+        return Seen(seen.verdict, seen)
+
+    def hold(self, action: str, server: str) -> str:
+        return self.keeper.hold(action, server, self.seconds)
+
+    def release(self, action: str) -> str:
+        return self.keeper.release(action)
+
+    def isolate(self, action: str, server: str) -> None:
+        """roscpp's servers hang up; rospy's have lost their clients to the keeper already."""
+        with contextlib.suppress(OSError, RosError):  # whatever comes through after all shows in the next look
+            [uri] = self.writer.master([("lookupNode", CALLER, server)])
+            if isinstance(uri, str):
+                with Api(uri, MASTER, Deadline(self.writer.timeout)) as api:
+                    api.call("publisherUpdate", f"{action}/goal", [])
+
+
+def release(keeper: KeeperCalls, actions: list[str], check_mode: bool) -> dict[str, Any]:
+    """Let go what is held of the actions."""
+    there = [action for action in actions if action in keeper.held()]
+    problems = [] if check_mode else [why for why in (keeper.release(action) for action in there) if why]
+    if problems:
+        raise RosError("; ".join(problems), held=there)
+    return {"changed": bool(there), "verdict": PASS, "reason": "", "held": [], "elapsed": 0.0}
+
+
+def result_of(ended: Held) -> dict[str, Any]:
+    """What the module returns of a hold: every check of the last look that is not met, in words."""
+    last: Look = ended.last
+    return {
+        "changed": bool(ended.held),
+        "verdict": ended.verdict,
+        "reason": "; ".join(check.reason for check in last.unmet),
+        "held": list(ended.held),
+        "called_off": ended.called_off,
+        "elapsed": round(ended.elapsed, 3),
+    }
+
+
+def main() -> None:
+    module = AnsibleModule(
+        argument_spec={**ROS_ARGS, **HOLD_ARGS},
+        required_if=[("state", "released", ["keeper_uri"])],
+        supports_check_mode=True,
+    )
+    params = module.params
+    names = [action["name"] for action in params["actions"]]
+    servers = {action["name"]: action["server"] for action in params["actions"] if action["server"]}
+    try:
+        if params["state"] == "released":
+            result = release(KeeperCalls(params["keeper_uri"], CALLER), names, module.check_mode)
+        else:
+            wanted = {**params, "actions": [{"name": name, "state": "idle"} for name in names]}
+            robot = Robot(params, conditions_from(wanted))
+            only_look = module.check_mode or not params["keeper_uri"]
+            ended = hold_when_idle(robot, {} if only_look else servers, params["timeout"], params["interval"])
+            for problem in ended.problems:
+                module.warn(problem)
+            result = result_of(ended)
+    except (FleetError, OSError) as error:
+        details = error.details if isinstance(error, FleetError) else {}
+        module.fail_json(**{"msg": str(error), "verdict": FAIL, "reason": str(error), "held": [], **details})
+    if result["verdict"] == FAIL:
+        module.fail_json(msg=f"The actions cannot be looked at: {result['reason']}", **result)
+    module.exit_json(**result)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+import yaml
+from ansible.module_utils.testing import patch_module_args
+from ansible_collections.rosops.fleet.plugins.module_utils._checks import Check
+from ansible_collections.rosops.fleet.plugins.module_utils._gate import Look
+from ansible_collections.rosops.fleet.plugins.module_utils._poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
+
+KEEPER = "http://10.43.0.18:11411"
+ACTIONS = [{"name": "/work", "server": "/worker"}, {"name": "/drive"}]
+
+
+class FakeKeeper:
+    calls: list[tuple[Any, ...]] = []  # noqa: RUF012 - one per test
+    there: dict[str, Any] = {}  # noqa: RUF012
+    says = ""
+
+    def __init__(self, uri: str, caller: str) -> None:
+        assert uri in (KEEPER, "")
+        assert caller
+
+    def hold(self, *params: Any) -> str:
+        self.calls.append(("hold", *params))
+        return self.says
+
+    def release(self, action: str) -> str:
+        self.calls.append(("release", action))
+        return self.says
+
+    def held(self) -> dict[str, Any]:
+        return self.there
+
+
+class Run:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self.monkeypatch, self.capsys = monkeypatch, capsys
+        self.looked: list[Any] = []
+        self.verdict = PASS
+        monkeypatch.setattr(FakeKeeper, "calls", [])
+        monkeypatch.setattr(ros_action_hold, "KeeperCalls", FakeKeeper)
+        monkeypatch.setattr(ros_action_hold, "look", self.look)
+        monkeypatch.setattr(ros_action_hold.Robot, "isolate", lambda *_: None)
+
+    def look(self, _ros: Any, conditions: Any) -> Look:
+        self.looked.append([(action.name, action.state) for action in conditions.actions])
+        return Look(self.verdict, [Check("action", "/work", self.verdict, "1 goal active")])
+
+    def __call__(self, **params: Any) -> dict[str, Any]:
+        with patch_module_args({"actions": ACTIONS, "interval": 0.05, **params}), pytest.raises(SystemExit):
+            ros_action_hold.main()
+        found: dict[str, Any] = json.loads(self.capsys.readouterr().out)
+        return found
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    return Run(monkeypatch, capsys)
+
+
+def test_all_have_to_be_idle_and_those_with_a_server_are_held(run: Run) -> None:
+    result = run(keeper_uri=KEEPER, seconds=7)
+    assert (result["changed"], result["verdict"], result["held"]) == (True, PASS, ["/work"])
+    assert FakeKeeper.calls == [("hold", "/work", "/worker", 7.0)]
+    assert run.looked[0] == [("/work", "idle"), ("/drive", "idle")]
+
+
+def test_busy_is_an_answer_and_no_failure(run: Run) -> None:
+    run.verdict = WAIT
+    result = run(keeper_uri=KEEPER, timeout=0)
+    assert (result.get("failed"), result["changed"], result["verdict"]) == (None, False, WAIT)
+    assert result["reason"] == "1 goal active"
+    assert FakeKeeper.calls == []
+
+
+def test_what_cannot_be_seen_is_a_failure(run: Run) -> None:
+    run.verdict = FAIL
+    result = run(keeper_uri=KEEPER)
+    assert result["failed"]
+    assert "1 goal active" in result["msg"]
+
+
+@pytest.mark.parametrize("params", [{}, {"keeper_uri": KEEPER, "_ansible_check_mode": True}])
+def test_check_mode_and_a_robot_without_keeper_only_look(run: Run, params: dict[str, Any]) -> None:
+    result = run(**params)
+    assert (result["changed"], result["verdict"], result["held"]) == (False, PASS, [])
+    assert FakeKeeper.calls == []
+
+
+def test_a_keeper_that_cannot_is_a_warning(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FakeKeeper, "says", "nothing listens there")
+    result = run(keeper_uri=KEEPER)
+    assert (result["changed"], result["verdict"]) == (False, PASS)
+    assert "goals of /work are not held: nothing listens there" in str(result["warnings"])
+
+
+def test_release_lets_go_what_is_held_and_nothing_else(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FakeKeeper, "there", {"/work": {}, "/other": {}})
+    assert run(keeper_uri=KEEPER, state="released")["changed"]
+    assert FakeKeeper.calls == [("release", "/work")]
+    monkeypatch.setattr(FakeKeeper, "there", {})
+    assert not run(keeper_uri=KEEPER, state="released")["changed"]
+
+
+def test_release_in_check_mode_and_without_success(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FakeKeeper, "there", {"/work": {}})
+    assert run(keeper_uri=KEEPER, state="released", _ansible_check_mode=True)["changed"]
+    assert FakeKeeper.calls == []
+    monkeypatch.setattr(FakeKeeper, "says", "it hung up")
+    result = run(keeper_uri=KEEPER, state="released")
+    assert (result["failed"], result["held"], result["msg"]) == (True, ["/work"], "it hung up")
+
+
+def test_release_needs_a_keeper(run: Run) -> None:
+    assert "keeper_uri" in run(state="released")["msg"]
+
+
+def test_options_are_those_that_the_documentation_describes() -> None:
+    documented = set(yaml.safe_load(ros_action_hold.DOCUMENTATION)["options"])
+    assert documented == set(ros_action_hold.HOLD_ARGS)
