@@ -13,7 +13,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils import _context as co
 from ansible_collections.rosops.fleet.plugins.module_utils import _names as names
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.module_utils._pod_hooks import app_probes, hook_mount, hook_volume
+from ansible_collections.rosops.fleet.plugins.module_utils._pod_hooks import (
+    app_probes,
+    hook_command,
+    hook_mount,
+    hook_volume,
+)
 
 REVISION_LENGTH = 8
 PROGRESS_DEADLINE = 300
@@ -112,6 +117,8 @@ def _container(app: Mapping[str, Any], ctx: Mapping[str, Any]) -> dict[str, Any]
         container["securityContext"] = {"privileged": True}
     if app["hooks"]:
         container.update(app_probes())
+        if app["command"]:  # without one only the image knows what it starts
+            container["command"] = [*hook_command("exec"), *app["command"]]
     elif app["readiness"]["command"]:
         container["readinessProbe"] = exec_probe(probe_command(app["readiness"]["command"]))
     return container

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The entry of what runs in pods, there as `run.py`: `python3 run.py started|ready|stop|keeper`.
+"""The entry of what runs in pods, there as `run.py`: `python3 run.py exec|started|ready|stop|keeper`.
 
 Nothing more than the way to the command's own module, because a script, unlike a module, is compiled at every start.
 """
@@ -14,7 +14,13 @@ import importlib
 import os
 import sys
 
-COMMANDS = {"started": "_hook_started", "ready": "_hook_ready", "stop": "_hook_stop", "keeper": "_keeper_run"}
+COMMANDS = {
+    "exec": "_hook_exec",
+    "started": "_hook_started",
+    "ready": "_hook_ready",
+    "stop": "_hook_stop",
+    "keeper": "_keeper_run",
+}
 
 
 def main(words: list[str]) -> int:

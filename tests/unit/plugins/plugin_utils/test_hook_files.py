@@ -81,7 +81,7 @@ def test_it_runs_from_a_mount_and_writes_nothing_there(mounted: Path, word: str,
 
 @pytest.mark.parametrize("word", ["", "jump"])
 def test_another_word_is_explained(mounted: Path, word: str) -> None:
-    assert run(mounted, word) == (2, "usage: run.py started|ready|stop|keeper\n")
+    assert run(mounted, word) == (2, "usage: run.py exec|started|ready|stop|keeper\n")
 
 
 def test_the_readiness_probe_imports_nothing_dear(mounted: Path) -> None:

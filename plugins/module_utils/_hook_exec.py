@@ -1,0 +1,75 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The app's own command, begun once its master can be reached: `run.py exec COMMAND...`.
+
+A pod may be faster than its host with the Service of a new master. The kernel then tracks the first connection without
+the Service's translation, and all that it repeats of it, too: a node whose first look-up meets that moment hangs for
+127 s (tcp_syn_retries of tcp(7)). So it is looked with connections that are each a new one, and only then the process
+becomes the app's. A master that is away for long is the app's own business. Runs on Python 3.8, in pods.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import time
+
+TYPE_CHECKING = False  # typing's own costs its import
+if TYPE_CHECKING:
+    from typing import Callable, Mapping
+
+PATIENCE = 30.0  # s for a master that does not answer
+ATTEMPT = 0.5  # s for a connection, which takes milliseconds
+PAUSE = 0.1
+UNAVAILABLE, NOT_FOUND = 126, 127  # as shells say it
+
+
+def address_of(environ: Mapping[str, str]) -> tuple[str, int]:
+    """Host and port of ROS_MASTER_URI."""
+    rest = environ.get("ROS_MASTER_URI", "http://localhost:11311").partition("://")[2]
+    host, _colon, port = rest.partition("/")[0].rpartition(":")
+    return host.strip("[]"), int(port)
+
+
+def reachable(address: tuple[str, int]) -> bool:
+    """Whether anybody listens there now."""
+    try:
+        socket.create_connection(address, ATTEMPT).close()
+    except OSError:
+        return False
+    return True
+
+
+def wait(
+    try_it: Callable[[], bool],
+    seconds: float = PATIENCE,
+    now: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> bool:
+    """Whether it succeeded within that time."""
+    end = now() + seconds
+    while not try_it():
+        if now() >= end:
+            return False
+        sleep(PAUSE)
+    return True
+
+
+def main(words: list[str]) -> int:
+    """Does not return if the command can be started."""
+    try:
+        address = address_of(os.environ)
+    except ValueError:
+        address = ("", 0)  # whatever that is, the app's ROS will say it better
+    if address[0] and not wait(lambda: reachable(address)):
+        sys.stderr.write(f"rosops.fleet: no ROS master at {address[0]}:{address[1]} for {PATIENCE:.0f} s\n")
+        sys.stderr.flush()
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # Python ignores it, and a process inherits that
+    try:
+        os.execvp(words[0], words)  # noqa: S606 - the command of the app's own specification
+    except OSError as error:
+        sys.stderr.write(f"rosops.fleet: cannot start {words[0]}: {error.strerror}\n")
+        return NOT_FOUND if isinstance(error, FileNotFoundError) else UNAVAILABLE
