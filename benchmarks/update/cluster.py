@@ -21,6 +21,10 @@ from .paths import CHECKOUT, LAB
 EDGE, ROBOT = "edge1", "robot1"
 HOSTS = f"{EDGE}:edge,{ROBOT}:robots"
 STORAGE = "/var/lib/rancher/k3s/storage"
+# The control node of a fleet is no robot. Here it shares the robot's cores, so what it does itself comes after the
+# robot's work; what it starts on the hosts does not.
+NICE = 10
+CONTROL = ("nice", "-n", str(NICE))
 
 
 def environment(lab: str) -> dict[str, str]:
@@ -61,7 +65,7 @@ class Cluster:
     ) -> tuple[int, float, float, float]:
         """ansible-playbook; returns exit status, start and end on the wall clock, CPU seconds that it took here."""
         report.unlink(missing_ok=True)
-        command = ["ansible-playbook", *(word for path in inventories for word in ("-i", path)), *words]
+        command = [*CONTROL, "ansible-playbook", *(word for path in inventories for word in ("-i", path)), *words]
         env = {**self.environment, "ROSOPS_FLEET_REPORT": str(report)}
         before = os.times()
         started = time.time()
@@ -113,7 +117,7 @@ class Cluster:
 
     def kubectl(self, words: str, stdin: bytes = b"", check: bool = True) -> str:
         """The cluster's own kubectl."""
-        return self.ssh(EDGE, f"k3s kubectl {words}", stdin, check).decode(errors="replace")
+        return self.ssh(EDGE, f"{' '.join(CONTROL)} k3s kubectl {words}", stdin, check).decode(errors="replace")
 
     # --- the API -----------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from .cluster import EDGE, ROBOT, Cluster
+from .cluster import EDGE, NICE, ROBOT, Cluster
 from .paths import CHECKOUT
 
 
@@ -33,7 +33,8 @@ def about(cluster: Cluster) -> dict[str, Any]:
         "ros": _ros(cluster),
         "ansible": _first(["ansible", "--version"], cluster),
         "collection": _first(["git", "-C", str(CHECKOUT), "describe", "--always", "--dirty"], cluster),
-        "hosts": f"{EDGE} and {ROBOT}: containers on this machine, which is the control node as well",
+        "hosts": f"{EDGE} and {ROBOT}: containers on this machine, which is the control node as well "
+        f"(its own processes at nice {NICE}, in both arms)",
         "load_before": round(os.getloadavg()[0], 2),
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
     }
