@@ -58,7 +58,7 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 .PHONY: test
 test: ## Every test; what CI runs
 	@"$$(tests/lab/find_python)" tests/run_stages.py setup artifacts \
-	    lint test-unit test-bad-input test-go test-ros sanity units molecule-default molecule-fleet
+	    lint test-unit test-bad-input test-go test-ros sanity units molecule-default molecule-fleet molecule-update
 
 .PHONY: lint
 lint: ## ruff, mypy, ansible-lint
@@ -104,6 +104,10 @@ molecule-fleet: ## Molecule: three hosts
 .PHONY: molecule-update
 molecule-update: ## Molecule: updates, bad versions, busy and absent robots, killed control nodes
 	molecule test --scenario-name update
+
+.PHONY: test-faults
+test-faults: ## As molecule-update, with the cases that take long (about an hour)
+	ROSOPS_TEST_FAULTS=true molecule test --scenario-name update
 
 .PHONY: bench
 bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hours; BENCH="--trials 1 --messages 10000" for minutes)
