@@ -124,7 +124,7 @@ class OwnNode:
     def status(self, ros: RosMaster, action: str) -> StatusReading:
         """Two statuses of an action that it serves, read from itself."""
         try:
-            return ros._status(action, self.uri)
+            return ros.status(action, self.uri)
         except Exception as error:
             return StatusReading(error=reason(error, self.uri, ros.timeout))
 

@@ -94,7 +94,7 @@ class RosMaster:
             tasks["service", name] = partial(self._service, name, service_uris[name])
         for name, action_servers in actions.items():
             for server in action_servers:
-                tasks["status", name, server] = partial(self._status, name, uris[server])
+                tasks["status", name, server] = partial(self.status, name, uris[server])
 
         def failed(key: Any, error: BaseException) -> Any:
             kind, name = key[0], key[1]
@@ -163,7 +163,7 @@ class RosMaster:
             sock.close()
             raise
 
-    def _status(self, action: str, uri: Any) -> StatusReading:
+    def status(self, action: str, uri: Any) -> StatusReading:
         """The latched status and, where no goal is open in it, the next one: servers publish it at 5 Hz."""
         readings: list[tuple[int, ...]] = []
         try:

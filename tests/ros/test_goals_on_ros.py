@@ -48,7 +48,7 @@ class Server:
         while quiet < 2:
             assert time.monotonic() < end, "the server was never idle"
             self.isolate(uri)
-            reading = ros._status(ACTION, uri)
+            reading = ros.status(ACTION, uri)
             states = {state for states in reading.readings for state in states}
             quiet = 0 if states & BUSY_STATES or len(reading.readings) < 2 else quiet + 1
             time.sleep(0.1)
