@@ -94,19 +94,19 @@ units: ## ansible-test units
 	@tests/ansible_test.sh units
 
 .PHONY: molecule-default
-molecule-default: ## Molecule: one host, from bare to ready
+molecule-default: artifacts ## Molecule: one host, from bare to ready
 	molecule test --scenario-name default
 
 .PHONY: molecule-fleet
-molecule-fleet: ## Molecule: three hosts
+molecule-fleet: artifacts ## Molecule: three hosts
 	molecule test --scenario-name fleet
 
 .PHONY: molecule-update
-molecule-update: ## Molecule: updates, bad versions, busy and absent robots, killed control nodes
+molecule-update: artifacts ## Molecule: updates, bad versions, busy and absent robots, killed control nodes
 	molecule test --scenario-name update
 
 .PHONY: test-faults
-test-faults: ## As molecule-update, with the cases that take long (about an hour)
+test-faults: artifacts ## As molecule-update, with the cases that take long (about an hour)
 	ROSOPS_TEST_FAULTS=true molecule test --scenario-name update
 
 .PHONY: bench
