@@ -117,6 +117,10 @@ bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hou
 bench-probe: ## What the probes cost
 	python benchmarks/bench_probe.py
 
+.PHONY: bench-exporter
+bench-exporter: ## What the ROS exporter costs with 20 nodes, and how true its rates are
+	python benchmarks/bench_exporter.py
+
 .PHONY: bench-ready
 bench-ready: ## How fast ros_ready answers
 	python benchmarks/bench_ready.py

@@ -1,15 +1,16 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read the code that runs in pods: the entry, and every module that it reaches by relative imports."""
+"""Read the code that runs in pods: an entry, and every module that its commands reach by relative imports."""
 
 from __future__ import annotations
 
 import ast
 import functools
 from pathlib import Path
+from typing import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils import _hook_run
+from ansible_collections.rosops.fleet.plugins.module_utils import _exporter_entry, _hook_run
 from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
 
 MODULE_UTILS = Path(_hook_run.__file__).resolve().parent
@@ -18,13 +19,18 @@ ENTRY = "run.py"
 
 def hook_files() -> dict[str, str]:
     """File name -> content of the package `hooks`."""
-    return dict(_read())
+    return dict(_read("_hook_run", tuple(_hook_run.COMMANDS.values())))
+
+
+def exporter_files() -> dict[str, str]:
+    """File name -> content of the package `exporter`."""
+    return dict(_read("_exporter_entry", tuple(_exporter_entry.COMMANDS.values())))
 
 
 @functools.cache
-def _read() -> dict[str, str]:
-    files = {"__init__.py": "", ENTRY: _text("_hook_run")}
-    todo = list(_hook_run.COMMANDS.values())
+def _read(entry: str, modules: Iterable[str]) -> dict[str, str]:
+    files = {"__init__.py": "", ENTRY: _text(entry)}
+    todo = list(modules)
     while todo:
         module = todo.pop()
         if f"{module}.py" not in files:

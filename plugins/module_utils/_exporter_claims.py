@@ -1,0 +1,87 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much the persistent claims of one namespace hold on this node's disk, seldom and from a thread of its own.
+
+Looks at names and sizes only, under the directory of the storage class local-path:
+`pvc-<uid>_<namespace>_<claim>/...`. Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from typing import Callable
+
+PERIOD = 60.0
+SHARE = 0.02  # of the time: a large tree is looked at less often
+BLOCK = 512  # of st_blocks, whatever the file system's own
+
+
+def claim_of(directory: str, namespace: str) -> str:
+    """The claim that a directory belongs to; nothing where it is another namespace's or no claim's.
+
+    >>> claim_of("pvc-0a1b_robot-r1_data-pvc", "robot-r1")
+    'data-pvc'
+    """
+    parts = directory.split("_", 2)
+    good = len(parts) == 3 and parts[0].startswith("pvc-") and parts[1] == namespace
+    return parts[2] if good else ""
+
+
+def used(path: str) -> int:
+    """Bytes on disk under a directory: no links followed, no other file system entered, a file with two names once."""
+    total, seen, todo = 0, set(), [path]
+    device = os.stat(path).st_dev  # noqa: PTH116 - pathlib is not worth its memory here
+    while todo:
+        try:
+            with os.scandir(todo.pop()) as entries:
+                for entry in entries:
+                    status = entry.stat(follow_symlinks=False)
+                    if status.st_dev != device or (status.st_nlink > 1 and status.st_ino in seen):
+                        continue
+                    total += status.st_blocks * BLOCK
+                    if entry.is_dir(follow_symlinks=False):
+                        todo.append(entry.path)
+                    elif status.st_nlink > 1:
+                        seen.add(status.st_ino)
+        except OSError:  # gone, or not ours to read: the rest still counts
+            continue
+    return total
+
+
+def look(path: str, namespace: str) -> dict[str, int]:
+    """Bytes by claim; claims of which nothing is on this node are left out."""
+    found: dict[str, int] = {}
+    try:
+        with os.scandir(path) as entries:
+            directories = [(claim_of(entry.name, namespace), entry.path) for entry in entries if entry.is_dir()]
+    except OSError:
+        return found
+    for claim, directory in directories:
+        if claim:
+            try:
+                found[claim] = found.get(claim, 0) + used(directory)
+            except OSError:
+                continue
+    return found
+
+
+class Claims(threading.Thread):
+    """Keeps `used` at most a minute old, or as much older as the tree is large."""
+
+    def __init__(self, path: str, namespace: str, pause: Callable[[float], object] = time.sleep) -> None:
+        super().__init__(daemon=True, name="claims")
+        self.path, self.namespace, self.pause = path, namespace, pause
+        self.used: dict[str, int] = {}
+
+    def run(self) -> None:
+        while True:
+            self.pause(self.once())
+
+    def once(self) -> float:
+        """Look, and say how long to wait before the next look."""
+        began = time.monotonic()
+        self.used = look(self.path, self.namespace)
+        return max(PERIOD, (time.monotonic() - began) / SHARE)

@@ -1,0 +1,242 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The exporter against a real master and real nodes of both client libraries."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+import xmlrpc.client
+from pathlib import Path
+from typing import Any, Iterator
+
+import pytest
+from exporter_scene import ExporterScene, Metrics
+from scene import until
+
+ROSOUT, RELAY = Path("/usr/lib/rosout/rosout"), Path("/usr/lib/topic_tools/relay")
+TOLERANCE = 0.02
+BUSY_TOLERANCE = 0.05  # between scrapes a second apart, on a machine that may be busy
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[ExporterScene]:
+    made = ExporterScene(tmp_path)
+    made.start_master()
+    try:
+        yield made
+    finally:
+        made.end()
+
+
+def messages(found: Metrics, topic: str, node: str, direction: str = "out") -> float:
+    return found("ros_topic_messages_total", topic=topic, node=node, direction=direction)
+
+
+def between_polls(scene: ExporterScene, first: Metrics, last: Metrics, node: str) -> tuple[float, float]:
+    """Messages per second by the exporter, and by the publisher's own count, between the polls of two scrapes."""
+    name = "ros_exporter_last_poll_timestamp_seconds"
+    began, ended = first(name), last(name)
+    ours = messages(last, "/fast", node) - messages(first, "/fast", node)
+    theirs = scene.published(node, ended) - scene.published(node, began)
+    return ours / (ended - began), theirs / (ended - began)
+
+
+def system_state(scene: ExporterScene) -> Any:
+    master: Any = xmlrpc.client.ServerProxy(scene.uri)
+    return master.getSystemState("/tester")[2]
+
+
+def peers(scene: ExporterScene, node: str) -> set[str]:
+    master: Any = xmlrpc.client.ServerProxy(scene.uri)
+    slave: Any = xmlrpc.client.ServerProxy(master.lookupNode("/tester", node)[2])
+    return {row[1] for row in slave.getBusInfo("/tester")[2]}
+
+
+def test_the_rate_of_a_fast_topic_with_two_subscribers_and_none_of_our_own(scene: ExporterScene) -> None:
+    scene.node("counted", "/talker")
+    scene.start("listener", "/listener_1", "/fast")
+    scene.start("listener", "/listener_2", "/fast")
+    until("both", lambda: all(scene.log(f"/listener_{i}")[-1]["count"] > 100 for i in (1, 2)))
+    before = system_state(scene)
+    scene.start_exporter(timeout=5)
+    connections = {"topic": "/fast", "node": "/talker", "direction": "out"}
+    scene.until("two connections", "ros_topic_connections", 2, **connections)
+    scrapes, met = [], set()
+    began = time.monotonic()
+    for number in range(24):  # as Prometheus does: at an interval, with whatever the last poll found
+        time.sleep(max(0.0, began + number - time.monotonic()))
+        scrapes.append(scene.scrape())
+        met |= peers(scene, "/talker")
+    time.sleep(0.5)
+    # the first ones may move the polls away from the scrapes
+    first, last = scrapes[3], scrapes[-1]
+    ours, theirs = between_polls(scene, first, last, "/talker")
+    seconds = last.at - first.at
+    scraped = (messages(last, "/fast", "/talker") - messages(first, "/fast", "/talker")) / seconds
+    heard = messages(last, "/fast", "/listener_1", "in") - messages(first, "/fast", "/listener_1", "in")
+    name = "ros_exporter_last_poll_timestamp_seconds"
+    print("\nage at each scrape:", *(f"{found.at - found(name):.2f}" for found in scrapes))
+    print(f"500 Hz: {ours:.1f}/s counted, {scraped:.1f}/s as scraped, {theirs:.1f}/s by the publisher")
+    assert ours == pytest.approx(theirs, rel=TOLERANCE)
+    assert scraped == pytest.approx(theirs, rel=BUSY_TOLERANCE)
+    assert heard / seconds == pytest.approx(theirs, rel=BUSY_TOLERANCE)
+    assert last("ros_topic_publishers", topic="/fast") == 1
+    assert last("ros_topic_subscribers", topic="/fast") == 2
+    sent = last("ros_topic_bytes_total", **connections) - first("ros_topic_bytes_total", **connections)
+    assert sent / seconds == pytest.approx(2 * 12 * theirs, rel=BUSY_TOLERANCE)  # to two, eight bytes and their length
+    # it measured all the time, and nobody could tell
+    assert system_state(scene) == before
+    assert met == {"/listener_1", "/listener_2"}
+    assert {value for _labels, value in last.all("ros_exporter_scrape_errors_total")} == {0.0}
+
+
+def test_a_node_that_hangs_and_one_that_is_killed(scene: ExporterScene) -> None:
+    scene.node("counted", "/talker")
+    scene.start("listener", "/hanging", "/fast")
+    scene.start("listener", "/killed", "/fast")
+    scene.start("service", "/adder")
+    scene.start_exporter()
+    for node in ("/talker", "/hanging", "/killed", "/adder"):
+        scene.until("all nodes", "ros_node_up", 1, node=node)
+    scene.until("the service", "ros_service_up", 1, service="/trigger", node="/adder")
+    assert not [labels for labels, _ in scene.scrape().all("ros_service_up") if "logger" in labels["service"]]
+    scene.kill("/hanging", signal.SIGSTOP)
+    scene.kill("/killed")
+    scene.kill("/adder")
+    for node in ("/hanging", "/killed", "/adder"):
+        down = scene.until("it to be down", "ros_node_up", 0, node=node)
+        assert down.all("ros_topic_messages_total", node=node) == []  # what it counts now, nobody knows
+    assert down("ros_service_up", service="/trigger", node="/adder") == 0
+    first = scene.scrape()
+    waits = []
+    for _scrape in range(30):
+        waits.append(scene.scrape().seconds)
+        time.sleep(0.2)
+    last = scene.scrape()
+    for why in ("timeout", "refused"):
+        name = "ros_exporter_scrape_errors_total"
+        assert last(name, reason=why) > first(name, reason=why), why
+    assert last("ros_exporter_poll_duration_seconds") >= 1.0  # one time-out, of the node that hangs
+    assert max(waits) < 0.5  # of which no scrape knows
+    scene.kill("/hanging", signal.SIGCONT)
+    scene.until("it to be back", "ros_node_up", 1, node="/hanging")
+    ours, theirs = between_polls(scene, first, last, "/talker")
+    assert ours == pytest.approx(theirs, rel=TOLERANCE)
+    print(f"\nslowest scrape while a node hangs: {max(waits) * 1000:.0f} ms")
+
+
+def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:
+    scene.start_keeper()
+    scene.node("counted", "/talker")
+    scene.start("listener", "/listener", "/fast")
+    scene.start_exporter()
+    scene.until_recorded("/talker", "/listener")
+    scene.until("a connection", "ros_topic_connections", 1, node="/talker", topic="/fast")
+    until("counts", lambda: messages(scene.scrape(), "/fast", "/talker") > 500)
+    first = scene.scrape()
+    scene.kill("master")
+    away = scene.until("the master's end", "ros_master_up", 0)
+    assert away.all("ros_node_up") == away.all("ros_topic_messages_total") == away.all("ros_topic_publishers") == []
+    time.sleep(2)
+    assert scene.scrape()("ros_exporter_scrape_errors_total", reason="refused") >= 2
+    scene.start_master()
+    scene.until("the master", "ros_master_up", 1)
+    last = scene.until("the nodes", "ros_node_up", 1, node="/talker")
+    time.sleep(0.2)
+    ours, theirs = between_polls(scene, first, last, "/talker")
+    assert ours == pytest.approx(theirs, rel=TOLERANCE)  # counted on, as nothing was lost
+    said = scene.said("exporter")
+    assert said.count("does not answer") == 1
+
+
+def test_goals_of_an_action_without_subscribing(scene: ExporterScene) -> None:
+    scene.start("server", "/worker")
+    scene.start_exporter()
+    scene.until("the action", "ros_action_goals", 0, action="/work", state="active")
+    before = system_state(scene)
+    time.sleep(3)
+    assert system_state(scene) == before
+    found = scene.scrape()
+    assert len(found.all("ros_action_goals", action="/work")) == 10
+    assert found("ros_topic_connections", topic="/work/status", node="/worker", direction="out") == 0
+    scene.start("client", "/boss", "/work", "1", "1", "4000")
+    found = scene.until("a goal", "ros_action_goals", 1, action="/work", state="active")
+    # the client's connection alone, though ours come and go
+    assert found("ros_topic_connections", topic="/work/status", node="/worker", direction="out") == 1
+    scene.until("its end", "ros_action_goals", 1, action="/work", state="succeeded")
+
+
+@pytest.mark.skipif(not (ROSOUT.exists() and RELAY.exists()), reason="Debian's rosout and topic-tools are not here")
+def test_roscpps_counts(scene: ExporterScene) -> None:
+    scene._start("/rosout", str(ROSOUT))
+    scene.node("counted", "/talker")
+    scene._start("/relay", str(RELAY), "/fast", "/relayed", "__name:=relay")
+    scene.start("listener", "/listener", "/relayed")
+    scene.start_exporter()
+    scene.until("the relay", "ros_topic_connections", 1, node="/relay", topic="/relayed", direction="out")
+    scene.until("rosout", "ros_node_up", 1, node="/rosout")
+    scene.until("its subscription", "ros_topic_connections", 1, node="/rosout", topic="/rosout", direction="in")
+    time.sleep(1.5)
+    first = scene.scrape()
+    time.sleep(10)
+    last = scene.scrape()
+    time.sleep(0.2)
+    began, ended = (found("ros_exporter_last_poll_timestamp_seconds") for found in (first, last))
+    # what goes in, by the publisher; what goes out, by who gets it: with a queue of ten messages, a relay may drop some
+    for topic, direction, other in (("/fast", "in", "/talker"), ("/relayed", "out", "/listener")):
+        count = messages(last, topic, "/relay", direction) - messages(first, topic, "/relay", direction)
+        own = scene.published(other, ended) - scene.published(other, began)
+        assert count == pytest.approx(own, rel=TOLERANCE), topic
+    assert messages(last, "/rosout", "/rosout", "in") >= 0
+    assert last.all("ros_exporter_scrape_errors_total", reason="malformed")[0][1] == 0
+
+
+def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> None:
+    scene.node("loud", "/shouter")
+    scene.start("listener", "/listener", "/loud")
+    scene.start_exporter()
+    until("the fault", lambda: scene.scrape()("ros_exporter_scrape_errors_total", reason="overflow") > 2)
+    found = scene.scrape()
+    assert found("ros_node_up", node="/shouter") == 1
+    assert found("ros_topic_connections", topic="/loud", node="/shouter", direction="out") == 1
+    assert found.all("ros_topic_messages_total", node="/shouter") == []
+    # the other end still counts
+    assert messages(found, "/loud", "/listener", "in") > 0
+
+
+def test_statistics_when_switched_on(scene: ExporterScene) -> None:
+    scene.ros.master([("setParam", "/tester", "/enable_statistics", True)])
+    scene.node("stamped", "/stamper")
+    scene.node("hearer", "/hearer")
+    labels = {"topic": "/stamped", "publisher": "/stamper", "subscriber": "/hearer"}
+    until("the topic", lambda: any(row[0] == "/statistics" for row in system_state(scene)[0]))
+    before = system_state(scene)
+    scene.start_exporter("--statistics", "on")
+    until("latency", lambda: scene.scrape()("ros_topic_latency_seconds", **labels) > 0, 60)
+    found = scene.scrape()
+    assert found("ros_topic_latency_seconds", **labels) == pytest.approx(0.25, abs=0.1)
+    assert found("ros_topic_dropped_messages_total", **labels) >= 0
+    assert system_state(scene) == before
+
+
+def test_updates_are_metrics_and_lines(scene: ExporterScene, tmp_path: Path) -> None:
+    record = tmp_path / "updates.json"
+    scene.start_exporter("--updates", str(record))
+    entry: dict[str, Any] = {
+        "id": "0123456789ab", "app": "camera", "handoff": "overlap", "outcome": "running", "reason": "", "from": "a",
+        "to": "b", "started": time.time(), "finished": None, "phases": {"surge": 1.5}, "busy_wait": 0,
+    }  # fmt: skip
+    record.write_text(json.dumps({"updates": [entry]}))
+    found = scene.until("the update", "robot_update_info", 1, app="camera", outcome="running", revision="b")
+    assert found.all("robot_update_finished_timestamp_seconds") == []
+    record.write_text(json.dumps({"updates": [{**entry, "outcome": "updated", "finished": time.time()}]}))
+    found = scene.until("its end", "robot_update_info", 1, app="camera", outcome="updated", previous="a")
+    assert found("robot_update_phase_seconds", app="camera", phase="surge") == 1.5
+    time.sleep(2)
+    lines = [json.loads(line) for line in scene.said("exporter").splitlines() if line.startswith("{")]
+    assert [(line["event"], line["id"], line["outcome"]) for line in lines] == [
+        ("update", "0123456789ab", "running"),
+        ("update", "0123456789ab", "updated"),
+    ]

@@ -1,0 +1,68 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Write the exporter's golden files anew: `.venv/bin/python tests/unit/golden/regenerate_exporter.py`.
+
+Read the diff before keeping it.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+HERE = Path(__file__).resolve().parent
+FILES = HERE / "exporter"
+if __name__ == "__main__":  # pytest's conftest.py has done this already
+    sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
+
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter_objects import (  # noqa: E402
+    Settings,
+    exporter_objects,
+)
+
+CODE, ARCHIVE = {"run.py": "# stands for the code\n"}, b"stands for the archive"
+CASES: dict[str, tuple[dict[str, Any], Settings]] = {
+    "robot": ({"robot": "r1", "master": {"image": "example.org/ros:1"}}, Settings()),
+    "shared": (
+        {"robot": "r1", "master": {"mode": "shared"}, "volumes": [{"name": "data"}]},
+        Settings(claims_path="/var/lib/rancher/k3s/storage"),
+    ),
+    "everything": (
+        {
+            "robot": "r-1",
+            "master": {"mode": "external", "uri": "http://192.0.2.1:11311"},
+            "volumes": [{"name": "maps", "size": "2Gi"}, {"name": "bags", "size": "500M"}],
+            "pull_secrets": [{"name": "registry", "user": "x"}],
+        },
+        Settings(interval=5, timeout=1.5, statistics=True, claims_path="/var/lib/rancher/k3s/storage"),
+    ),
+}
+
+
+def built(name: str) -> list[dict[str, Any]]:
+    ctx, settings = CASES[name]
+    return exporter_objects(ctx, CODE, ARCHIVE, settings)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Without anchors and with indented lists: a golden file is read by people, and linted."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:  # noqa: ARG002
+        super().increase_indent(flow, False)
+
+
+def main() -> None:
+    FILES.mkdir(exist_ok=True)
+    for name in CASES:
+        text = yaml.dump(built(name), Dumper=_Dumper, sort_keys=False, width=120)
+        (FILES / f"{name}.yml").write_text(f"---\n{text}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
