@@ -23,6 +23,8 @@ description:
     run for all hosts of its play, so all of them are C(failed).
   - Results under C(no_log) are neither printed nor written.
   - An error in the report itself is a warning and never ends the run.
+  - The last run of each playbook that was not in check mode stays in a file of its own,
+    C(fleet-report-<playbook>.json). The playbook C(status) takes what became of every host from these.
   - "The file: C(playbook), C(check_mode), C(started) (UTC), C(elapsed), C(outcomes) (how many of each), C(hosts),
     C(plays) and C(stages) (name, seconds; a stage is a role, or the play for tasks outside of one), C(slowest_tasks)
     (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many)."
@@ -35,7 +37,7 @@ description:
 options:
   path:
     description:
-      - The JSON file. Relative to the directory of the ansible.cfg in use, or without one to the current directory.
+      - The JSON file of the last run. Relative to the directory of the ansible.cfg in use, or without one to the current directory.
       - Empty writes none.
     type: str
     default: reports/fleet-report.json
@@ -110,6 +112,13 @@ def secret_free(result: Any) -> dict[str, Any]:
         kept = {key: data[key] for key in ("changed", "failed", "unreachable") if key in data}
         return {**kept, "censored": HIDDEN}
     return data
+
+
+def paths_of(path: Path, report: dict[str, Any]) -> list[Path]:
+    """The run's file, and the last one of its playbook: a look at the fleet must not hide what its last update did."""
+    if report["check_mode"]:
+        return [path]
+    return [path, path.with_name(f"{path.stem}-{Path(str(report['playbook'])).stem}{path.suffix}")]
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries no types
@@ -198,9 +207,10 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         if path is None:
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-        unfinished.write_text(json.dumps(report, indent=2, default=str) + "\n", encoding="utf-8")
-        unfinished.replace(path)  # a reader never sees half a report
+        for place in paths_of(path, report):
+            unfinished = place.with_name(f".{place.name}.{os.getpid()}")
+            unfinished.write_text(json.dumps(report, indent=2, default=str) + "\n", encoding="utf-8")
+            unfinished.replace(place)  # a reader never sees half a report
         self._display.display(f"report: {path}")
 
     def _path(self) -> Path | None:

@@ -88,7 +88,7 @@ def test_a_run(callback: Any, tmp_path: Path) -> None:
     assert callback._display.lines[0] == "FLEET REPORT"
     assert callback._display.lines[-1] == f"report: {tmp_path / 'deep' / 'report.json'}"
     assert callback._display.warnings == []
-    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["report.json"]
+    assert sorted(path.name for path in (tmp_path / "deep").iterdir()) == ["report-site.json", "report.json"]
 
 
 def test_check_mode_says_so(callback: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,3 +134,10 @@ def test_a_relative_path_starts_at_the_configuration(callback: Any, monkeypatch:
     monkeypatch.setattr(callback, "get_option", lambda _name: "reports/fleet-report.json")
     monkeypatch.setattr(constants, "CONFIG_FILE", "/project/ansible.cfg", raising=False)
     assert callback._path() == Path("/project/reports/fleet-report.json")
+
+
+def test_a_later_look_does_not_hide_what_an_update_did(tmp_path: Path) -> None:
+    path = tmp_path / "fleet-report.json"
+    update = {"playbook": "playbooks/update.yml", "check_mode": False}
+    assert fleet_report.paths_of(path, update) == [path, tmp_path / "fleet-report-update.json"]
+    assert fleet_report.paths_of(path, {**update, "check_mode": True}) == [path]
