@@ -21,6 +21,8 @@ options:
       - C(nodes), C(deployments), C(pods), C(claims) are lists of Kubernetes objects, of all clusters together. Of the
         Deployments only those that this collection manages are shown.
       - C(graphs) maps a robot to C(graph) as M(rosops.fleet.ros_graph_info) returns it.
+      - C(problems) is a list of C({where, what}) of what could not be looked at, taken over as it is.
+      - C(reports) maps the name of a JSON file of the callback P(rosops.fleet.fleet_report#callback) to its text.
       - C(usage) maps C(<namespace>/<claim>) to the bytes that are used.
     type: dict
     required: true
@@ -40,13 +42,18 @@ EXAMPLES = r"""
 RETURN = r"""
 _value:
   description:
-    - Lists of rows under C(hosts), C(nodes), C(placement), C(masters), C(apps), C(ros_nodes), C(topics), C(claims).
+    - Lists of rows under C(problems), C(hosts), C(nodes), C(placement), C(masters), C(apps), C(ros_nodes), C(topics),
+      C(claims), C(outcomes), C(steps).
     - "C(nodes): name, ready, reason, version, address, roles, placement, robot, labels (those that somebody chose)."
     - "C(placement): node, placement, runs."
     - "C(masters) and C(apps): name, namespace, robot, placement, ready, wanted, nodes, images, restarts, note."
     - "C(ros_nodes): robot, name, reachable, error, publications, subscriptions, services."
     - "C(topics): robot, name, type, publishers, subscribers, connections, rate, note; without rosout and clock."
     - "C(claims): name, namespace, robot, bound, phase, storage_class, size, used_bytes."
+    - "C(outcomes), of the newest report that has the host, but for those of check mode and of playbooks that only look:
+      host, outcome, playbook, started, changed, note."
+    - "C(steps), of the robot's newest update: robot, id, name, handoff, outcome, from, to, seconds, busy_wait, phases,
+      note."
   type: dict
 """
 

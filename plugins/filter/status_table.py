@@ -15,7 +15,8 @@ description:
 options:
   _input:
     description:
-      - The rows. A section whose key is missing is left out; one without rows says so.
+      - The rows. A section whose key is missing is left out; one without rows says so,
+        but for problems, outcomes and steps.
       - A host's row is C({name, group, address, role, cluster, reachable, reason}).
     type: dict
     required: true
@@ -25,6 +26,8 @@ options:
     default: 120
 seealso:
   - plugin: rosops.fleet.fleet_status
+    plugin_type: filter
+  - plugin: rosops.fleet.status_html
     plugin_type: filter
 """
 

@@ -19,6 +19,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pods import (
     name_of,
     why_not_ready,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._status_outcomes import (
+    outcome_rows,
+    read_reports,
+    step_rows,
+)
 
 Row = Dict[str, Any]
 
@@ -193,7 +198,9 @@ def fleet_status(sources: Mapping[str, Any]) -> dict[str, list[Row]]:
     nodes = node_rows(sources.get("nodes") or [])
     masters, apps = workload_rows(sources.get("deployments") or [], sources.get("pods") or [])
     ros_nodes, topics = graph_rows(sources.get("graphs") or {})
+    reports, unreadable = read_reports(sources.get("reports") or {})
     return {
+        "problems": [*(dict(row) for row in sources.get("problems") or []), *unreadable],
         "hosts": [dict(host) for host in sources.get("hosts") or []],
         "nodes": nodes,
         "placement": placement_rows(nodes, [*masters, *apps]),
@@ -202,4 +209,6 @@ def fleet_status(sources: Mapping[str, Any]) -> dict[str, list[Row]]:
         "ros_nodes": ros_nodes,
         "topics": topics,
         "claims": claim_rows(sources.get("claims") or [], sources.get("usage") or {}),
+        "outcomes": outcome_rows(reports),
+        "steps": step_rows(reports),
     }

@@ -44,6 +44,7 @@ def _state(row: Mapping[str, Any]) -> str:
 
 # Title, key of the rows, columns.
 SECTIONS: Sequence[tuple[str, str, Columns]] = (
+    ("PROBLEMS", "problems", [("where", "where"), ("what", "what")]),
     (
         "HOSTS",
         "hosts",
@@ -135,24 +136,57 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
             ("used", lambda row: size_words(row.get("used_bytes"))),
         ],
     ),
+    (
+        "LAST OUTCOMES",
+        "outcomes",
+        [
+            ("host", "host"),
+            ("outcome", "outcome"),
+            ("run", "playbook"),
+            ("started", "started"),
+            ("changed", "changed"),
+            ("note", "note"),
+        ],
+    ),
+    (
+        "LAST UPDATE STEPS",
+        "steps",
+        [
+            ("robot", "robot"),
+            ("step", "name"),
+            ("handoff", "handoff"),
+            ("outcome", "outcome"),
+            ("from", "from"),
+            ("to", "to"),
+            ("seconds", "seconds"),
+            ("waited for idle", "busy_wait"),
+            ("note", "note"),
+        ],
+    ),
 )
-OPTIONAL = frozenset({"note", "other labels"})  # columns that go when nobody has anything in them
+OPTIONAL = frozenset({"note", "other labels", "id"})  # columns that go when nobody has anything in them
+# Sections that are worth a line only when there is something in them.
+ONLY_WITH_ROWS = frozenset({"problems", "outcomes", "steps"})
 
 
 def _cell(row: Mapping[str, Any], source: Any) -> Any:
     return source(row) if callable(source) else row.get(source)
 
 
-def _section(title: str, columns: Columns, rows: Sequence[Mapping[str, Any]], width: int) -> list[str]:
-    if not rows:
-        return [title, "  none", ""]
+def grid(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:
+    """Headers and cells of the columns that are shown; the same for every rendering."""
     shown = [
         (header, source)
         for header, source in columns
         if header not in OPTIONAL or any(_cell(row, source) for row in rows)
     ]
-    cells = [[_cell(row, source) for _header, source in shown] for row in rows]
-    lines = table([header for header, _source in shown], cells, width - 2)
+    return [header for header, _source in shown], [[_cell(row, source) for _header, source in shown] for row in rows]
+
+
+def _section(title: str, columns: Columns, rows: Sequence[Mapping[str, Any]], width: int) -> list[str]:
+    if not rows:
+        return [title, "  none", ""]
+    lines = table(*grid(columns, rows), width - 2)
     return [title, *(f"  {line}" for line in lines), ""]
 
 
@@ -160,6 +194,6 @@ def status_table(status: Mapping[str, Any], width: int = WIDTH) -> str:
     """The page. A section whose key is missing is left out, one without rows says so."""
     lines: list[str] = []
     for title, key, columns in SECTIONS:
-        if status.get(key) is not None:
+        if status.get(key) or (status.get(key) is not None and key not in ONLY_WITH_ROWS):
             lines += _section(title, columns, status[key], width)
     return "\n".join(lines).rstrip() + "\n" if lines else ""

@@ -1,0 +1,35 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests in a headless browser: on machines that have one."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Iterator
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+TREE = CHECKOUT / ".ansible" / "collections"
+if (TREE / "ansible_collections" / "rosops" / "fleet").exists():
+    sys.path.insert(0, str(TREE))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import chromium  # noqa: E402 - beside this file, whose directory the line above names
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if chromium.found() is None:
+        for item in items:
+            if Path(__file__).parent in item.path.parents:
+                item.add_marker(pytest.mark.skip(reason=chromium.HOW_TO_INSTALL))
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
+    made = chromium.Chromium(tmp_path_factory.mktemp("chromium") / "profile")
+    try:
+        yield made
+    finally:
+        made.close()

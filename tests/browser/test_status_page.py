@@ -1,0 +1,183 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The status page in a browser: it renders, quietly, without fetching anything, and fits a phone.
+
+`fleet.json` are rows of the lab's fleet: hosts to claims from one run of status.yml, outcomes and steps from the report
+of one of update.yml. What robot2 shows when it is off was put in by hand. Screenshots: tests/output/browser/.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import chromium
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._html_report import status_html
+from ansible_collections.rosops.fleet.plugins.module_utils._status import fleet_status
+
+HERE = Path(__file__).resolve().parent
+SHOTS = HERE.parent / "output" / "browser"
+MADE = "2026-11-21T09:07:52Z"
+PHONE, DESK = 360, 1280
+UNBROKEN = "x" * 300  # a name that offers no place to break a line at
+
+WIDER_THAN_THE_WINDOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+# Elements that stick out, but for what may be scrolled within itself and what is only there for screen readers.
+STICKING_OUT = """
+[...document.querySelectorAll('body *')].filter(one => {
+  const box = one.getBoundingClientRect();
+  return box.width > 0 && box.right > document.documentElement.clientWidth + 1
+    && !one.closest('.wide') && !one.closest('.skip, caption, thead');
+}).map(one => one.outerHTML.slice(0, 80))
+"""
+# The contrast of all texts with what is behind them, as WCAG 2 defines it.
+FAINT = """
+(() => {
+  const light = text => {
+    const [r, g, b] = text.match(/[0-9.]+/g).map(Number).map(v => v / 255)
+      .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const behind = one => {
+    for (; one; one = one.parentElement) {
+      const colour = getComputedStyle(one).backgroundColor;
+      if (!/, 0\\)$/.test(colour)) return colour;
+    }
+    return 'rgb(255, 255, 255)';
+  };
+  return [...document.querySelectorAll('body *')].filter(one =>
+    [...one.childNodes].some(node => node.nodeType === 3 && node.data.trim())
+    && !['title', 'desc'].includes(one.localName)
+  ).map(one => {
+    const style = getComputedStyle(one);
+    const [a, b] = [light(one.closest('svg') ? style.fill : style.color), light(behind(one))].sort((x, y) => y - x);
+    return [(a + 0.05) / (b + 0.05), one.outerHTML.slice(0, 80)];
+  }).filter(([ratio]) => ratio < 4.5);
+})()
+"""
+
+
+def recorded() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((HERE / "fleet.json").read_text("utf-8"))
+    return found
+
+
+def hostile(value: Any) -> Any:
+    """Every text of the model as somebody would write it who wants the page to run or to burst."""
+    if isinstance(value, str):
+        return f"<script>console.log('run')</script><img src=http://example.org/x.png onerror=alert(1)>\"'{UNBROKEN}"
+    if isinstance(value, list):
+        return [hostile(item) for item in value]
+    return {key: hostile(item) for key, item in value.items()} if isinstance(value, dict) else value
+
+
+def large(robots: int = 60, topics: int = 12) -> dict[str, Any]:
+    """Many robots with many topics, from one a minute to a thousand a second; robot1 has half the rates."""
+    base = recorded()
+    names = [f"robot{number}" for number in range(robots)]
+    found = {**base}
+    found["hosts"] = [
+        {**base["hosts"][1], "name": name, "reachable": number % 7 > 0} for number, name in enumerate(names)
+    ]
+    found["apps"] = [{**row, "robot": name, "nodes": [name]} for name in names for row in base["apps"][:5]]
+    found["topics"] = [
+        {
+            **base["topics"][0],
+            "robot": name,
+            "name": f"/camera/{number}/image_raw/compressed",
+            "rate": 0.017 * 2.7**number * rate,
+        }
+        for name, rate in zip(names, [1.0, 0.5, *[0.98, 1.02] * robots])
+        for number in range(topics)
+    ]
+    found["steps"] = [{**row, "robot": name} for name in names for row in base["steps"]]
+    return found
+
+
+MODELS = {
+    "fleet": recorded,
+    "empty": lambda: fleet_status({}),
+    "hostile": lambda: {key: hostile(rows) for key, rows in recorded().items()},
+    "large": large,
+}
+
+
+def written(name: str) -> Path:
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    file = SHOTS / f"{name}.html"
+    file.write_text(status_html(MODELS[name](), MADE), encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", [PHONE, DESK])
+@pytest.mark.parametrize("name", list(MODELS))
+def test_the_page(browser: chromium.Chromium, name: str, width: int, dark: bool) -> None:
+    file = written(name)
+    browser.open(file, width, dark=dark)
+    browser.screenshot(SHOTS / f"{name}-{width}{'-dark' if dark else ''}.png")
+    assert browser.console == []
+    assert [url for url in browser.requests if not url.startswith("data:")] == [file.as_uri()]
+    assert browser.evaluate(WIDER_THAN_THE_WINDOW) <= 0
+    assert browser.evaluate(STICKING_OUT) == []
+    assert browser.evaluate(FAINT) == []
+    assert browser.evaluate("document.title") == "Fleet status"
+
+
+def test_what_is_seen_of_the_fleet(browser: chromium.Chromium) -> None:
+    browser.open(written("fleet"), DESK)
+    text = browser.evaluate("document.body.innerText")
+    for words in ("host robot2: offline", "add-two-ints-client", "498 Hz", "deferred-offline", "/temperature_5790328c"):
+        assert words in text
+    drawn = browser.evaluate(
+        "[...document.querySelectorAll('svg.plot rect:not(.track)')].map(one => one.getBoundingClientRect().width)"
+    )
+    assert len(drawn) > 20 and max(drawn) > 100
+    # the longest step's phases, of 20 s on the axis
+    track = browser.evaluate("document.querySelector('svg.plot .track').getBoundingClientRect().width")
+    assert track > 250
+
+
+def test_tables_stay_tables_on_a_phone(browser: chromium.Chromium) -> None:
+    """For a screen reader, though each row is drawn as a card."""
+    browser.open(written("fleet"), PHONE)
+    nodes = browser.ask("Accessibility.getFullAXTree")["nodes"]
+    roles = [node["role"]["value"] for node in nodes if not node["ignored"]]
+    assert roles.count("table") == 11
+    assert roles.count("columnheader") > 60 and roles.count("rowheader") > 30 and roles.count("cell") > 100
+    assert browser.evaluate("getComputedStyle(document.querySelector('tbody tr')).display") == "flex"
+
+
+def test_the_checks_of_this_file_find_what_they_look_for(browser: chromium.Chromium, tmp_path: Path) -> None:
+    file = tmp_path / "bad.html"
+    file.write_text(
+        '<!DOCTYPE html><title>bad</title><img src="http://127.0.0.1:9/x.png"><script>console.error("said"); fail()'
+        '</script><p style="width:2000px;color:#ccc;background:#fff">too wide and too faint</p>'
+    )
+    browser.open(file, DESK)
+    assert "http://127.0.0.1:9/x.png" in browser.requests
+    assert any("said" in line for line in browser.console) and any("exception" in line for line in browser.console)
+    assert browser.evaluate(WIDER_THAN_THE_WINDOW) > 0
+    assert len(browser.evaluate(STICKING_OUT)) == 1
+    assert len(browser.evaluate(FAINT)) == 1
+
+
+def test_by_the_plain_command_line(tmp_path: Path) -> None:
+    """What a person without this file's tools would try."""
+    file, shot = written("fleet"), tmp_path / "page.png"
+    program = chromium.found()
+    assert program
+    options = [option for option in chromium.OPTIONS if "pipe" not in option]
+    said = [
+        subprocess.run(  # noqa: S603 - a command of our own
+            [program, *options, *chromium.sandbox(), f"--user-data-dir={tmp_path / 'profile'}", what, file.as_uri()],
+            capture_output=True, text=True, check=True, timeout=chromium.SECONDS,
+        )
+        for what in (f"--screenshot={shot}", "--dump-dom")
+    ]  # fmt: skip
+    assert shot.stat().st_size > 10_000
+    assert "<h1>Fleet status</h1>" in said[1].stdout and "robot2" in said[1].stdout
+    assert not [line for one in said for line in one.stderr.splitlines() if "CONSOLE" in line]
