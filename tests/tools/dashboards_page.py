@@ -1,0 +1,81 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A whole dashboard: panels, variables, the marks of updates and the links between the dashboards."""
+
+from __future__ import annotations
+
+from typing import Sequence
+
+from dashboards_panels import LOKI, SCHEMA_VERSION, Json, label_variable, placed, source_variable
+
+PREFIX = "rosops-"
+HEIGHTS = {"stat": 4, "timeseries": 8, "state-timeline": 8, "table": 9, "logs": 12}
+
+# The exporter prints a line for each outcome of an update. Its `app` is the updated one, the stream's is the exporter.
+UPDATE_LINES = (
+    '{app="ros-exporter", robot=~"$robot"} |= "update"'
+    ' | json event="event", id="id", updated="app", outcome="outcome", reason="reason", from="from", to="to"'
+    ' | event="update"'
+)
+
+# What most queries choose by.
+OF_ROBOT = 'robot=~"$robot"'
+SENT = f'ros_topic_messages_total{{{OF_ROBOT}, direction="out"}}'
+DISKS = 'fstype!~"tmpfs|ramfs|squashfs"'
+CARDS = 'device!~"lo|veth.*"'
+
+ROBOTS = label_variable("robot", 'label_values(up{robot!=""}, robot)')
+ONE_ROBOT = label_variable("robot", 'label_values(up{robot!=""}, robot)', many=False)
+
+
+def update_marks() -> Json:
+    """Updates as marks in every graph, from the logs: the same id as in the metrics and in the report."""
+    return {
+        "name": "Updates",
+        "enable": True,
+        "hide": False,
+        "iconColor": "purple",
+        "datasource": LOKI,
+        "expr": UPDATE_LINES,
+        "queryType": "range",
+        "instant": False,
+        "maxLines": 200,
+        "titleFormat": "{{robot}}: {{updated}} {{outcome}}",
+        "textFormat": "{{from}} to {{to}} {{reason}} (update {{id}})",
+        "tagKeys": "robot,updated,outcome",
+    }
+
+
+def page(
+    name: str,
+    title: str,
+    about: str,
+    rows: Sequence[Sequence[Json]],
+    variables: Sequence[Json] = (),
+) -> Json:
+    """The dashboard `rosops-<name>`. Its file is <name>.json."""
+    own = {"type": "dashboard", "builtIn": 1, "enable": True, "hide": True, "name": "Annotations & Alerts"}
+    own = {**own, "datasource": {"type": "grafana", "uid": "-- Grafana --"}, "iconColor": "rgba(0, 211, 255, 1)"}
+    links = {"type": "dashboards", "tags": ["rosops"], "asDropdown": True, "title": "Fleet", "includeVars": True}
+    return {
+        "id": None,
+        "uid": PREFIX + name,
+        "title": title,
+        "description": about,
+        "tags": ["rosops"],
+        "schemaVersion": SCHEMA_VERSION,
+        "version": 1,
+        "editable": False,
+        "graphTooltip": 1,  # one cross-hair in all graphs
+        "refresh": "30s",
+        "time": {"from": "now-1h", "to": "now"},
+        "timepicker": {},
+        "timezone": "browser",
+        "fiscalYearStartMonth": 0,
+        "weekStart": "",
+        "links": [{**links, "keepTime": True, "icon": "external link", "targetBlank": False, "tooltip": "", "url": ""}],
+        "annotations": {"list": [own, update_marks()]},
+        "templating": {"list": [source_variable("prometheus"), source_variable("loki"), *variables]},
+        "panels": placed(rows, HEIGHTS),
+    }

@@ -1,0 +1,135 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Dashboards of ROS: who is connected with whom, and what the topics carry."""
+
+from __future__ import annotations
+
+from dashboards_page import OF_ROBOT as R
+from dashboards_page import ROBOTS, SENT, page
+from dashboards_panels import GREEN_ABOVE, RED_ABOVE, Json, graph, label_variable, latest, query, stat, states, table
+
+TOPICS = label_variable("topic", f"label_values(ros_topic_publishers{{{R}}}, topic)")
+RECORDED = "robot_topic:ros_topic_messages_out:rate1m"
+
+
+def ros_graph() -> Json:
+    """Who is there and who is connected with whom."""
+    per_topic = table(
+        "Topics",
+        {
+            "robot": ("Robot", ""),
+            "topic": ("Topic", ""),
+            "Value #A": ("Publishers", "none"),
+            "Value #B": ("Subscribers", "none"),
+            "Value #C": ("Connections", "none"),
+            "Value #D": ("Messages/s", "cps"),
+        },
+        latest(f"max by (robot, topic) (ros_topic_publishers{{{R}}})"),
+        latest(f"max by (robot, topic) (ros_topic_subscribers{{{R}}})"),
+        latest(f'sum by (robot, topic) (ros_topic_connections{{{R}, direction="out"}})'),
+        latest(f"sum by (robot, topic) (rate({SENT}[$__rate_interval]))"),
+    )
+    nodes = table(
+        "Nodes",
+        {"robot": ("Robot", ""), "node": ("Node", ""), "Value": ("Answers", "yes/no")},
+        latest(f"max by (robot, node) (ros_node_up{{{R}}})"),
+    )
+    services = table(
+        "Services",
+        {"robot": ("Robot", ""), "service": ("Service", ""), "node": ("Node", ""), "Value": ("Served", "yes/no")},
+        latest(f"max by (robot, service, node) (ros_service_up{{{R}}})"),
+    )
+    rows = [
+        [
+            stat("Masters that answer", "none", query(f"sum(ros_master_up{{{R}}})"), steps=GREEN_ABOVE),
+            stat("Nodes up", "none", query(f"sum(ros_node_up{{{R}}})"), steps=GREEN_ABOVE),
+            stat("Nodes down", "none", query(f"count(ros_node_up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
+            stat(
+                "Topics nobody publishes",
+                "none",
+                query(f"count(ros_topic_subscribers{{{R}}} > 0 unless ros_topic_publishers{{{R}}} > 0) or vector(0)"),
+                about="Somebody has subscribed to them.",
+                steps=(("green", None), ("orange", 1)),
+            ),
+            stat("Services away", "none", query(f"count(ros_service_up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
+        ],
+        [nodes, services],
+        [per_topic],
+        [
+            graph(
+                "Connections",
+                "none",
+                query(f'sum by (robot) (ros_topic_connections{{{R}, direction="out"}})', "{{robot}}"),
+            ),
+            graph(
+                "Goals of actions",
+                "none",
+                query(f"sum by (action, state) (ros_action_goals{{{R}}})", "{{action}} {{state}}"),
+            ),
+        ],
+        [
+            states("Masters", query(f"max by (robot, namespace) (ros_master_up{{{R}}})", "{{robot}} {{namespace}}")),
+            states("Nodes", query(f"max by (robot, node) (ros_node_up{{{R}}})", "{{robot}} {{node}}")),
+        ],
+    ]
+    return page(
+        "ros-graph", "ROS graph", "Nodes, topics, services and actions, as masters and nodes say", rows, [ROBOTS]
+    )
+
+
+def topics() -> Json:
+    """Rates, volume and losses of topics."""
+    sel = f'{R}, topic=~"$topic"'
+
+    def flow(metric: str, direction: str) -> str:
+        return f'sum by (robot, topic) (rate({metric}{{{sel}, direction="{direction}"}}[$__rate_interval]))'
+
+    who = "{{robot}} {{topic}}"
+    link = "{{topic}}: {{publisher}} to {{subscriber}}"
+    rows = [
+        [
+            graph("Messages sent", "cps", query(flow("ros_topic_messages_total", "out"), who)),
+            graph("Messages received", "cps", query(flow("ros_topic_messages_total", "in"), who)),
+        ],
+        [
+            graph("Bytes sent", "Bps", query(flow("ros_topic_bytes_total", "out"), who)),
+            graph(
+                "Bytes a message",
+                "bytes",
+                query(f"{flow('ros_topic_bytes_total', 'out')} / ({flow('ros_topic_messages_total', 'out')} > 0)", who),
+            ),
+        ],
+        [
+            graph(
+                "Rate against the last hour's",
+                "percentunit",
+                query(f"{RECORDED}{{{sel}}} / (quantile_over_time(0.5, {RECORDED}{{{sel}}}[1h] offset 3m) > 0)", who),
+                about="Below 70 % the alert RosTopicRateDrop is raised, for topics that are sent steadily.",
+            ),
+            graph(
+                "Connections",
+                "none",
+                query(f'sum by (robot, topic) (ros_topic_connections{{{sel}, direction="out"}})', who),
+            ),
+        ],
+        [
+            graph(
+                "Latency",
+                "s",
+                query(f"max by (topic, publisher, subscriber) (ros_topic_latency_seconds{{{sel}}})", link),
+                about="Only with observability_ros_statistics: nodes then publish /statistics.",
+            ),
+            graph(
+                "Dropped messages",
+                "cps",
+                query(
+                    "sum by (topic, publisher, subscriber)"
+                    f" (rate(ros_topic_dropped_messages_total{{{sel}}}[$__rate_interval]))",
+                    link,
+                ),
+                about="Only with observability_ros_statistics.",
+            ),
+        ],
+    ]
+    return page("topics", "Topics", "Rates, volume and losses of topics", rows, [ROBOTS, TOPICS])

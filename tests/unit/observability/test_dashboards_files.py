@@ -1,0 +1,181 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The role's dashboards: they are what the generator writes, keep to our rules, and ask for what something emits."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import dashboards
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils import _dashboards
+from dashboards_lint import fleet_findings, logql_findings, page_findings, promql_findings
+from dashboards_queries import FILES, Query, all_queries, filled, needs, of_rules
+
+METRICS = Path(__file__).resolve().parent / "metrics"
+MODULE_UTILS = FILES.parents[2] / "plugins" / "module_utils"
+NAMES = {"fleet", "robot", "ros-graph", "topics", "updates", "hosts-k3s", "logs", "telemetry"}
+QUERIES = all_queries()
+
+
+def listed(job: str) -> list[str]:
+    """The metrics of a job."""
+    lines = (METRICS / f"{job}.txt").read_text("utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def known() -> set[str]:
+    """Everything that something of ours emits or records."""
+    recorded = {
+        query.where.partition(": ")[2]
+        for path in (FILES / "rules").glob("*.yml")
+        for query in of_rules(path)
+        if ":" in query.where.partition(": ")[2]
+    }
+    return recorded.union(*(listed(path.stem) for path in METRICS.glob("*.txt")))
+
+
+@pytest.fixture(name="promql")
+def _promql() -> Any:
+    # ansible-test's own environment has no parser; the project's has
+    return pytest.importorskip("promql_parser", reason="promql-parser is not installed (requirements.txt)")
+
+
+def pages() -> list[dict[str, Any]]:
+    return [json.loads(path.read_text("utf-8")) for path in sorted((FILES / "dashboards").glob("*.json"))]
+
+
+def test_the_files_are_what_the_generator_writes() -> None:
+    assert dashboards.stale(dashboards.FOLDER) == []
+    assert set(dashboards.dashboards()) == NAMES
+
+
+def test_a_changed_missing_or_left_over_file_is_noticed(tmp_path: Path) -> None:
+    for name, text in dashboards.written().items():
+        (tmp_path / name).write_text(text, "utf-8")
+    assert dashboards.stale(tmp_path) == []
+    (tmp_path / "fleet.json").write_text("{}", "utf-8")
+    (tmp_path / "robot.json").unlink()
+    (tmp_path / "old.json").write_text("{}", "utf-8")
+    assert dashboards.stale(tmp_path) == ["fleet.json", "old.json", "robot.json"]
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: str(page["uid"]))
+def test_a_dashboard_keeps_to_our_rules(page: dict[str, Any]) -> None:
+    assert list(page_findings(page)) == []
+    assert page["schemaVersion"] == 40
+    assert [mark["name"] for mark in page["annotations"]["list"]] == ["Annotations & Alerts", "Updates"]
+
+
+def test_the_dashboards_together_keep_to_our_rules_and_those_for_the_users() -> None:
+    assert list(fleet_findings(pages())) == []
+    files = [(path.name, path.read_text("utf-8")) for path in sorted((FILES / "dashboards").glob("*.json"))]
+    assert {one.name for one in _dashboards.checked(files)} == {f"rosops-{name}" for name in NAMES}
+
+
+@pytest.mark.parametrize("query", [q for q in QUERIES if q.language == "promql"], ids=lambda query: str(query.where))
+def test_promql_parses_and_asks_for_what_is_emitted(query: Query, promql: Any) -> None:
+    assert list(promql_findings(query, known(), promql.parse, promql.walk)) == []
+
+
+@pytest.mark.parametrize("query", [q for q in QUERIES if q.language == "logql"], ids=lambda query: str(query.where))
+def test_logql_chooses_streams_by_the_labels_of_both_shippers(query: Query) -> None:
+    assert list(logql_findings(query)) == []
+
+
+def test_nothing_is_left_to_fill_in() -> None:
+    assert [query.where for query in QUERIES if "$" in query.expr.replace('"$1"', "")] == []
+
+
+def test_the_exporters_metrics_are_those_in_its_code() -> None:
+    code = "".join(path.read_text("utf-8") for path in MODULE_UTILS.glob("_exporter*.py"))
+    if not code:
+        pytest.skip("no exporter in this checkout")
+    assert [name for name in listed("ros-exporter") if name not in code] == []
+
+
+@pytest.mark.parametrize(
+    ("job", "lists"), [("kubelet", "KUBELET PROBES"), ("cadvisor", "CADVISOR"), ("apiserver", "APISERVER")]
+)
+def test_what_is_asked_for_is_kept_when_it_is_scraped(job: str, lists: str) -> None:
+    keep = pytest.importorskip("ansible_collections.rosops.fleet.plugins.module_utils._prometheus_keep")
+    patterns = [pattern for name in lists.split() for pattern in getattr(keep, name)]
+    asked = {word for query in QUERIES for word in re.findall(r"[a-z_]\w+", query.expr)} & set(listed(job))
+    lost = {name for name in asked if not any(re.fullmatch(pattern, name) for pattern in patterns)}
+    if job == "apiserver":
+        lost -= set(listed("kubelet"))  # k3s serves its own metric in both places
+    assert asked
+    assert lost == set()
+
+
+def broken(**changes: Any) -> dict[str, Any]:
+    page = copy.deepcopy(dashboards.dashboards()["fleet"])
+    return {**page, **changes}
+
+
+def test_the_lint_sees_what_it_is_there_for() -> None:
+    page = broken(uid="fleet", id=7)
+    page["panels"][0]["fieldConfig"]["defaults"].pop("unit")
+    page["panels"][1]["id"] = 1
+    page["panels"][2]["datasource"] = {"type": "prometheus", "uid": "abc"}
+    page["panels"][3]["targets"][0]["expr"] = "rate(x[5m])"
+    page["panels"][4]["targets"][0]["expr"] = "x{a='$b'}"
+    page["panels"][5]["gridPos"]["x"] = 22
+    found = "\n".join(page_findings(page))
+    for part in (
+        "rosops-<name>",
+        "id of a database",
+        "no unit",
+        "id 1 is used twice",
+        "'abc'",
+        "$__rate_interval",
+        "$b",
+        "leaves",
+    ):
+        assert part in found
+    assert list(fleet_findings([broken(), broken()])) == [
+        "uid rosops-fleet is used 2 times",
+        "title Fleet is used 2 times",
+    ]
+    blind = broken(templating={"list": []})
+    assert any("data source loki" in finding for finding in page_findings(blind))
+
+
+@pytest.mark.parametrize(
+    ("expr", "part"),
+    [
+        ("sum(rate(ros_master_up[1m])", "unclosed"),
+        ("ros_master_upp", "nothing emits ros_master_upp"),
+        ('{__name__=~"otelcol_nothing(_total)?"}', "nothing emits"),
+        ('{job="x"}', "without naming"),
+    ],
+)
+def test_the_lint_sees_wrong_promql(expr: str, part: str, promql: Any) -> None:
+    query = Query("here", "promql", expr, expr, False)
+    assert part in "".join(promql_findings(query, known(), promql.parse, promql.walk))
+
+
+@pytest.mark.parametrize(
+    ("expr", "part"),
+    [
+        ('{app="x"', "not balanced"),
+        ('{job="x"}', "no label job"),
+        ('{robot=~".*"}', "empty value"),
+        ('count_over_time("x" [1m])', "no streams"),
+    ],
+)
+def test_the_lint_sees_wrong_logql(expr: str, part: str) -> None:
+    assert part in "".join(logql_findings(Query("here", "logql", expr, expr, False)))
+
+
+def test_variables_are_filled_in_and_needs_are_told() -> None:
+    assert filled('a{robot=~"$robot", n="${node}"}[$__rate_interval]', "r1") == 'a{robot=~"r1", n=".*"}[1m]'
+    assert filled('{namespace="robot-$robot"}', "r1") == '{namespace="robot-r1"}'
+    assert needs("sum(ros_master_up)") == []
+    assert needs("up == 0") == ["something that is down"]
+    assert needs("count(up == 0) or vector(0)") == []
+    assert needs("rate(promtail_sent_entries_total[1m])") == ["log shipper promtail"]

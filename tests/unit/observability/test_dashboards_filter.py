@@ -1,0 +1,135 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Filter dashboards_checked: users' dashboards, with all errors at once."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+from typing import Any, Callable
+
+import pytest
+import yaml
+from ansible.errors import AnsibleFilterError
+from ansible_collections.rosops.fleet.plugins.module_utils import _dashboards
+from ansible_collections.rosops.fleet.plugins.module_utils._dashboards import LARGEST, checked
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
+
+
+def page(uid: Any = "arm", title: Any = "Arm", **more: Any) -> str:
+    return json.dumps({"id": 3, "uid": uid, "title": title, "panels": [], **more})
+
+
+def refused(*files: tuple[str, str]) -> list[str]:
+    """The problems as lines."""
+    with pytest.raises(SpecError) as raised:
+        checked(files)
+    return str(raised.value).splitlines()[1:]
+
+
+def test_a_good_dashboard_comes_back_ready_to_apply() -> None:
+    (found,) = checked([("arm.json", "\ufeff" + page("Arm_Left", " Arm (ü) "))])
+    assert found[:3] == ("arm-left", "Arm_Left", "Arm (ü)")
+    assert json.loads(found.json) == {"id": None, "uid": "Arm_Left", "title": " Arm (ü) ", "panels": []}
+    assert "\n" not in found.json
+    assert "ü" in found.json
+
+
+def test_no_dashboards_are_no_problem() -> None:
+    assert checked([]) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "parts"),
+    [
+        ("{", ["a.json", "is no JSON", "line 1"]),
+        ("[]", ["holds a list", "one JSON object"]),
+        (page(uid=None), ["a.json: uid: is missing", "1 to 40"]),
+        (page(uid=""), ["uid: is missing"]),
+        (page(uid="has space"), ["uid: is 'has space'"]),
+        (page(uid="x" * 41), ["uid: is 'xxx"]),
+        (page(uid=7), ["uid: is the number 7"]),
+        (page(uid="a\n"), ["uid: is 'a"]),
+        (page(title=None), ["a.json: title: is missing"]),
+        (page(title="  "), ["title: is '  '"]),
+        (page(title=["x"]), ["title: is a list"]),
+        (page(panels={}), ["panels: is a mapping"]),
+        (page(__inputs=[{"name": "DS"}]), ["__inputs: asks for data sources", "Export for sharing externally"]),
+        (json.dumps({"dashboard": json.loads(page()), "meta": {}}), ["answer of Grafana's API", "`dashboard`"]),
+        (json.dumps({"apiVersion": "v1", "kind": "ConfigMap", "data": {}}), ["Kubernetes object"]),
+    ],
+)
+def test_what_grafana_cannot_take_is_named_with_what_it_can(content: str, parts: list[str]) -> None:
+    (line,) = refused(("a.json", content))
+    for part in parts:
+        assert part in line
+
+
+def test_every_problem_of_every_file_is_told_at_once() -> None:
+    lines = refused(
+        ("a.json", "{"), ("b.json", page(uid="", title="")), ("c.json", page()), ("d.json", page(title="D"))
+    )
+    assert [line.strip().partition(": ")[0] for line in lines] == ["a.json", "b.json", "b.json", "d.json"]
+    with pytest.raises(SpecError) as raised:
+        checked([("a.json", "{")])
+    assert raised.value.details["errors"][0]["path"] == "a.json"
+
+
+def test_uids_names_and_titles_are_each_given_once() -> None:
+    assert refused(("a.json", page()), ("b.json", page(title="B"))) == [
+        "  b.json: uid: 'arm' is the uid of a.json, too; allowed: a uid of its own"
+    ]
+    (line,) = refused(("a.json", page("arm_1")), ("b.json", page("ARM-1", "B")))
+    assert "makes the object name arm-1, which a.json has, too" in line
+    (line,) = refused(("a.json", page()), ("b.json", page("b", "aRM ")))
+    assert "'aRM' is the title of a.json, too" in line
+
+
+def test_a_uid_of_signs_alone_has_an_object_name() -> None:
+    assert checked([("a.json", page("___"))])[0].name == "dashboard"
+
+
+def test_the_size_is_that_of_the_configmap_to_the_byte() -> None:
+    room = LARGEST - len("arm.json") - len(checked([("a.json", page(description=""))])[0].json)
+    fits = json.dumps(json.loads(page(description="ü" * (room // 2) + "x" * (room % 2))), indent=8)
+    assert len(fits.encode()) > LARGEST  # its spaces and escapes are not what counts
+    assert len(checked([("a.json", fits)])) == 1
+    (line,) = refused(("a.json", page(description="x" * (room + 1))))
+    assert f"is {LARGEST + 1} bytes" in line
+
+
+@pytest.fixture(name="dashboards_checked")
+def _dashboards_checked() -> Callable[..., list[dict[str, str]]]:
+    module = importlib.import_module("ansible_collections.rosops.fleet.plugins.filter.dashboards_checked")
+    found: Callable[..., list[dict[str, str]]] = module.FilterModule().filters()["dashboards_checked"]
+    return found
+
+
+def test_the_filter_reads_files_from_a_base_and_puts_the_own_first(dashboards_checked: Any, tmp_path: Path) -> None:
+    (tmp_path / "own.json").write_text(page("rosops-a", "A"), "utf-8")
+    (tmp_path / "arm.json").write_text(page(), "utf-8")
+    own = [str(tmp_path / "own.json")]
+    found = dashboards_checked(["arm.json", "arm.json"], own=own, base=str(tmp_path))
+    assert [(one["name"], one["uid"], one["title"]) for one in found] == [
+        ("rosops-a", "rosops-a", "A"),
+        ("arm", "arm", "Arm"),
+    ]
+    assert set(found[0]) == set(_dashboards.Dashboard._fields)
+    (tmp_path / "arm.json").write_text(page("rosops-a"), "utf-8")
+    with pytest.raises(AnsibleFilterError, match=r"arm\.json: uid: 'rosops-a' is the uid of .*own\.json"):
+        dashboards_checked(["arm.json"], own=own, base=str(tmp_path))
+
+
+def test_the_filter_tells_what_cannot_be_read_with_the_rest(dashboards_checked: Any, tmp_path: Path) -> None:
+    (tmp_path / "latin.json").write_bytes(b'{"uid": "\xe4"}')
+    (tmp_path / "bad.json").write_text("{", "utf-8")
+    with pytest.raises(AnsibleFilterError) as raised:
+        dashboards_checked(["gone.json", "latin.json", "bad.json"], base=str(tmp_path))
+    for part in ("gone.json: No such file", "latin.json: is no text in UTF-8", "bad.json: is no JSON"):
+        assert part in str(raised.value)
+
+
+def test_the_filter_is_documented() -> None:
+    module = importlib.import_module("ansible_collections.rosops.fleet.plugins.filter.dashboards_checked")
+    assert set(yaml.safe_load(module.DOCUMENTATION)["options"]) == {"_input", "own", "base"}

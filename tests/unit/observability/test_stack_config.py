@@ -1,0 +1,300 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The configuration files of the stack: that they parse, and that series and lines get the fleet's labels."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils import _observability as observability
+from ansible_collections.rosops.fleet.plugins.module_utils import _prometheus_relabel as relabel
+from ansible_collections.rosops.fleet.plugins.module_utils._loki_config import loki_config
+from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import complete_spec
+from ansible_collections.rosops.fleet.plugins.module_utils._otelcol_config import otelcol_config
+from ansible_collections.rosops.fleet.plugins.module_utils._pod_labels import APP_OF_POD, PATH, STREAM_LABELS
+from ansible_collections.rosops.fleet.plugins.module_utils._prometheus_config import prometheus_config, vmagent_config
+from ansible_collections.rosops.fleet.plugins.module_utils._prometheus_keep import APISERVER, CADVISOR, KUBELET
+from ansible_collections.rosops.fleet.plugins.module_utils._promtail_config import promtail_config
+
+ROBOT = {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}}
+LOKI = "http://loki.observability:3100"
+
+
+def maps(spec: dict[str, Any]) -> dict[str, Any]:
+    """Every YAML file in the ConfigMaps, parsed."""
+    return {
+        file: yaml.safe_load(text)
+        for one in observability.observability_objects(spec, {})
+        if one["kind"] == "ConfigMap"
+        for file, text in one["data"].items()
+    }
+
+
+def relabelled(rules: list[dict[str, Any]], labels: dict[str, str]) -> dict[str, str] | None:
+    """What Prometheus makes of a target's labels (relabel.Process); None if it is dropped."""
+    found = dict(labels)
+    for rule in rules:
+        value = rule.get("separator", ";").join(found.get(name, "") for name in rule.get("source_labels", []))
+        match = re.fullmatch(str(rule.get("regex", "(.*)")), value, re.DOTALL)
+        action = rule.get("action", "replace")
+        if (action == "keep" and not match) or (action == "drop" and match):
+            return None
+        if action == "labeldrop":
+            found = {name: text for name, text in found.items() if not re.fullmatch(rule["regex"], name)}
+        if action == "replace" and match:
+            text = match.expand(re.sub(r"\$(\d)", r"\\\1", rule.get("replacement", "$1")))
+            found.pop(rule["target_label"], None)
+            if text:
+                found[rule["target_label"]] = text
+    return found
+
+
+def shown(labels: dict[str, str] | None) -> dict[str, str]:
+    assert labels is not None
+    return {name: value for name, value in labels.items() if not name.startswith("__")}
+
+
+def job(config: dict[str, Any], name: str) -> dict[str, Any]:
+    return next(one for one in config["scrape_configs"] if one["job_name"] == name)
+
+
+POD = {
+    "__address__": "10.42.1.7",
+    "__meta_kubernetes_namespace": "robot-robot1",
+    "__meta_kubernetes_pod_name": "temperature-7d9f8b6c5d-x2x4z",
+    "__meta_kubernetes_pod_phase": "Running",
+    "__meta_kubernetes_pod_label_rosops_fleet_robot": "robot1",
+    "__meta_kubernetes_pod_label_rosops_fleet_app": "temperature",
+    "__meta_kubernetes_pod_annotation_prometheus_io_scrape": "true",
+    "__meta_kubernetes_pod_annotation_prometheus_io_port": "9400",
+    "__meta_kubernetes_node_label_deploymentType": "local",
+}
+WHOSE = {
+    "robot": "robot1",
+    "namespace": "robot-robot1",
+    "app": "temperature",
+    "pod": "temperature-7d9f8b6c5d-x2x4z",
+    "placement": "local",
+}
+
+
+@pytest.mark.parametrize(
+    "spec", [{}, {"profile": "hub", "alertmanager": {"enabled": True}}, ROBOT, {"log_shipper": "promtail"}]
+)
+def test_every_file_parses(spec: dict[str, Any]) -> None:
+    found = maps(spec)
+    assert found
+    assert all(isinstance(value, dict) and value for value in found.values())
+
+
+def test_intervals_and_jobs() -> None:
+    config = prometheus_config(complete_spec({"alertmanager": {"enabled": True}}))
+    assert config["global"] == {"scrape_interval": "10s", "evaluation_interval": "10s"}
+    names = [one["job_name"] for one in config["scrape_configs"]]
+    assert len(names) == len(set(names))
+    assert set(names) == {
+        "prometheus", "loki", "grafana", "alertmanager", "node-exporter", "log-shipper", "ros-exporter", "apps",
+        "kubelet", "kubelet-probes", "cadvisor", "apiserver",
+    }  # fmt: skip
+
+
+def test_a_robot_reads_nothing_that_prometheus_alone_knows() -> None:
+    config = vmagent_config(complete_spec(ROBOT))
+    assert set(config) == {"global", "scrape_configs"}
+    assert set(config["global"]) == {"scrape_interval"}
+    assert {"kubelet", "apiserver"} & {one["job_name"] for one in config["scrape_configs"]} == set()
+
+
+def test_an_apps_pod_by_annotation() -> None:
+    labels = relabelled(job(prometheus_config(complete_spec({})), "apps")["relabel_configs"], POD)
+    assert labels is not None
+    assert labels["__address__"] == "10.42.1.7:9400"
+    assert shown(labels) == WHOSE
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"__meta_kubernetes_pod_annotation_prometheus_io_scrape": "false"},
+        {"__meta_kubernetes_pod_phase": "Succeeded"},
+        {"__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter"},
+    ],
+)
+def test_pods_that_are_no_apps_target(change: dict[str, str]) -> None:
+    assert relabelled(job(prometheus_config(complete_spec({})), "apps")["relabel_configs"], {**POD, **change}) is None
+
+
+def test_the_ros_exporter_keeps_its_own_labels() -> None:
+    found = job(prometheus_config(complete_spec({})), "ros-exporter")
+    exporter = {**POD, "__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter", "__address__": "10.42.1.7:11511"}
+    assert found["honor_labels"]
+    assert shown(relabelled(found["relabel_configs"], exporter))["app"] == "ros-exporter"
+    assert relabelled(found["relabel_configs"], POD) is None
+
+
+def test_a_pod_of_others_has_its_owners_name_and_no_robot() -> None:
+    other = {key: value for key, value in POD.items() if "_label_rosops" not in key}
+    other["__meta_kubernetes_namespace"] = "kube-system"
+    labels = shown(relabelled(relabel.of_pod(""), other))
+    assert labels["app"] == "temperature"
+    assert "robot" not in labels
+    assert shown(relabelled(relabel.of_pod("robot2"), other))["robot"] == "robot2"
+
+
+def test_a_host() -> None:
+    node = {
+        "__meta_kubernetes_namespace": "observability",
+        "__meta_kubernetes_pod_name": "node-exporter-x2x4z",
+        "__meta_kubernetes_pod_label_rosops_fleet_app": "node-exporter",
+        "__meta_kubernetes_pod_container_port_name": "http",
+        "__meta_kubernetes_pod_node_name": "robot1",
+        "__meta_kubernetes_node_label_rosops_fleet_robot": "robot1",
+        "__meta_kubernetes_node_label_deploymentType": "local",
+    }
+    found = relabelled(job(prometheus_config(complete_spec({})), "node-exporter")["relabel_configs"], node)
+    assert shown(found) == {"node": "robot1", "instance": "robot1", "robot": "robot1", "placement": "local"}
+
+
+@pytest.mark.parametrize(
+    ("series", "robot", "wanted"),
+    [
+        (
+            {"namespace": "robot-r1", "pod": "talker-7d9f8b6c5d-x2x4z", "robot": "r1"},
+            "",
+            {"robot": "r1", "app": "talker"},
+        ),
+        # a pod of the fleet that runs on robot r9
+        ({"namespace": "fleet", "pod": "map-7d9f8b6c5d-x2x4z", "robot": "r9"}, "", {"app": "map"}),
+        ({"namespace": "robot-r1", "pod": "talker-7d9f8b6c5d-x2x4z"}, "", {"robot": "r1", "app": "talker"}),
+        ({"namespace": "fleet", "pod": "map-7d9f8b6c5d-x2x4z", "robot": "r2"}, "r2", {"robot": "r2", "app": "map"}),
+        ({"robot": "r1"}, "", {"robot": "r1"}),
+    ],
+)
+def test_containers(series: dict[str, str], robot: str, wanted: dict[str, str]) -> None:
+    found = shown(relabelled(relabel.of_container(robot), series))
+    assert {name: value for name, value in found.items() if name in ("robot", "app")} == wanted
+
+
+def test_cadvisor_keeps_containers_and_the_whole_host() -> None:
+    rules = job(prometheus_config(complete_spec({})), "cadvisor")["metric_relabel_configs"]
+    memory = {"__name__": "container_memory_working_set_bytes"}
+    container = {**memory, "namespace": "robot-r1", "pod": "a-1", "container": "a", "id": "/kubepods/x"}
+    assert relabelled(rules, container) is not None
+    assert relabelled(rules, {**memory, "id": "/"}) is not None
+    assert relabelled(rules, {**memory, "id": "/system.slice/ssh.service"}) is None
+    assert relabelled(rules, {**container, "container": ""}) is None
+    assert relabelled(rules, {**container, "__name__": "container_tasks_state"}) is None
+    network = {**container, "__name__": "container_network_receive_bytes_total", "container": ""}
+    assert relabelled(rules, network) is not None
+
+
+def test_keep_lists_are_regular_expressions() -> None:
+    for names in (KUBELET, CADVISOR, APISERVER):
+        re.compile("|".join(names))
+        assert len(names) == len(set(names))
+
+
+@pytest.mark.parametrize(
+    ("pod", "app"),
+    [
+        ("temperature-7d9f8b6c5d-x2x4z", "temperature"),
+        ("temperature-stats-6c9d8f7b54-qwzxt", "temperature-stats"),
+        ("add-2-7d9f8b6c5d-x2x4z", "add-2"),
+        ("node-exporter-x2x4z", "node-exporter"),
+        ("db-0", "db"),
+        ("kube-apiserver-edge1", "kube-apiserver-edge1"),
+        ("robot", "robot"),
+    ],
+)
+def test_the_app_of_a_pods_name(pod: str, app: str) -> None:
+    match = re.fullmatch(APP_OF_POD, pod)
+    assert match is not None
+    assert match["app"] == app
+
+
+def test_the_parts_of_a_log_files_path() -> None:
+    path = "/var/log/pods/robot-robot1_talker-7d9f8b6c5d-x2x4z_0b1c-22/ros-app/0.log"
+    match = re.fullmatch(PATH, path)
+    assert match is not None
+    assert match.groupdict() == {
+        "namespace": "robot-robot1",
+        "pod": "talker-7d9f8b6c5d-x2x4z",
+        "container": "ros-app",
+    }
+
+
+def test_both_shippers_and_loki_agree_on_the_labels() -> None:
+    spec = complete_spec({"remote_nodes": ["edge1"]})
+    limits = loki_config(spec)["limits_config"]
+    indexed = limits["otlp_config"]["resource_attributes"]
+    assert indexed["ignore_defaults"]
+    assert indexed["attributes_config"][0]["attributes"] == list(STREAM_LABELS)
+    assert limits["allow_structured_metadata"]
+    assert limits["discover_service_name"] == []
+    stages = promtail_config(spec, LOKI)["scrape_configs"][0]["pipeline_stages"]
+    assert {"labelallow": list(STREAM_LABELS)} in stages
+    text = json.dumps(otelcol_config(spec, LOKI)["receivers"]["filelog"]["operators"])
+    assert "resource.placement" in text
+    for label in ("namespace", "pod", "container", "robot", "app"):
+        assert f"(?P<{label}>" in text
+
+
+def test_no_dollar_that_a_shipper_would_expand() -> None:
+    spec = complete_spec({"remote_nodes": ["edge1"]})
+    assert "$" not in json.dumps(otelcol_config(spec, LOKI))
+    assert json.dumps(promtail_config(spec, LOKI)).count("$") == 1  # the host's name
+
+
+def test_the_collector_loses_nothing() -> None:
+    config = otelcol_config(complete_spec({}), LOKI)
+    exporter, receiver = config["exporters"]["otlphttp"], config["receivers"]["filelog"]
+    assert exporter["sending_queue"]["storage"] in config["service"]["extensions"]
+    assert receiver["storage"] in config["service"]["extensions"]
+    assert exporter["retry_on_failure"]["max_elapsed_time"] == receiver["retry_on_failure"]["max_elapsed_time"] == "0s"
+    # a batch, or a line, in memory alone would be lost with the process
+    assert "container" not in [one["type"] for one in receiver["operators"]]
+    assert config["service"]["pipelines"]["logs"]["processors"] == ["memory_limiter"]
+    assert receiver["start_at"] == "beginning"
+
+
+def test_a_robots_own_cluster_names_the_robot() -> None:
+    spec = complete_spec(ROBOT)
+    assert {"type": "add", "field": "resource.robot", "value": "robot2"} in otelcol_config(spec, LOKI)["receivers"][
+        "filelog"
+    ]["operators"]
+    assert promtail_config(spec, LOKI)["scrape_configs"][0]["static_configs"][0]["labels"]["robot"] == "robot2"
+
+
+@pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "24h")])
+def test_a_hub_takes_late_samples(profile: str, window: str | None) -> None:
+    spec = {"profile": profile}
+    config = prometheus_config(complete_spec(spec))
+    assert config.get("storage", {}).get("tsdb", {}).get("out_of_order_time_window") == window
+    deployment = next(
+        one
+        for one in observability.observability_objects(spec, {})
+        if (one["kind"], one["metadata"]["name"]) == ("Deployment", "prometheus")
+    )
+    args = deployment["spec"]["template"]["spec"]["containers"][0]["args"]
+    assert ("--web.enable-remote-write-receiver" in args) is (profile == "hub")
+
+
+def test_loki_keeps_and_takes_as_long_as_it_is_told() -> None:
+    config = loki_config(complete_spec({"loki": {"retention": "14d"}}))
+    assert config["compactor"]["retention_enabled"] is True
+    assert config["limits_config"]["retention_period"] == "14d"
+    assert config["limits_config"]["reject_old_samples_max_age"] == "14d"
+
+
+def test_data_sources_have_the_uids_that_dashboards_name() -> None:
+    sources = maps({"alertmanager": {"enabled": True}})["datasources.yml"]["datasources"]
+    assert {one["uid"]: one["url"] for one in sources} == {
+        "prometheus": "http://prometheus.observability:9090",
+        "loki": "http://loki.observability:3100",
+        "alertmanager": "http://alertmanager.observability:9093",
+    }
+    assert [one["name"] for one in sources if one.get("isDefault")] == ["Prometheus"]

@@ -1,0 +1,66 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The page about observability, and the dissertation's keys in defaults, argument spec and schema."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._observability_schema import SEED
+from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import DEFAULTS
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+TOOL = CHECKOUT / "tests" / "tools" / "observability_docs.py"
+
+
+def _tool() -> Any:
+    spec = importlib.util.spec_from_file_location("observability_docs", TOOL)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+tool = _tool()
+ROLE: dict[str, Any] = yaml.safe_load(tool.DEFAULTS.read_text("utf-8"))
+
+
+def leaves(schema: Any, path: str) -> list[str]:
+    """The keys of a mapping's schema that are no mappings themselves."""
+    if "properties" not in schema:
+        return [path]
+    return [leaf for name, inner in schema["properties"].items() for leaf in leaves(inner, f"{path}.{name}")]
+
+
+def test_the_page_is_up_to_date() -> None:
+    assert tool.main(["--check"]) == 0
+
+
+def test_every_key_of_the_dissertation_has_its_variable() -> None:
+    assert set(tool.keys(ROLE)) == set(leaves(SEED, "observability"))
+
+
+def test_images_and_sizes_are_the_specs() -> None:
+    """The filters' defaults, which tests use, and the role's are the same."""
+    for part, image in DEFAULTS["images"].items():
+        assert ROLE[f"observability_{part}_image"] == image
+    assert ROLE["observability_prometheus_size"] == DEFAULTS["prometheus"]["size"]
+    assert ROLE["observability_store_size"] == DEFAULTS["store"]["size"]
+    assert ROLE["observability_log_queue_size"] == DEFAULTS["log_queue_size"]
+    assert ROLE["observability_out_of_order_window"] == DEFAULTS["hub"]["window"]
+    assert ROLE["observability_hub_metrics_port"] == DEFAULTS["hub"]["metrics_port"]
+    assert ROLE["observability_hub_logs_port"] == DEFAULTS["hub"]["logs_port"]
+    assert ROLE["observability_grafana_node_port"] == DEFAULTS["grafana"]["node_port"]
+    known = tool.keys(ROLE)
+    for key, value in {
+        "observability.prometheus.retention": DEFAULTS["prometheus"]["retention"],
+        "observability.loki.retention": DEFAULTS["loki"]["retention"],
+        "observability.loki.persistence.size": DEFAULTS["loki"]["persistence"]["size"],
+        "observability.grafana.persistence.size": DEFAULTS["grafana"]["persistence"]["size"],
+        "observability.grafana.service_type": DEFAULTS["grafana"]["service_type"],
+    }.items():
+        assert known[key][1] == value

@@ -1,0 +1,293 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The observability stack's objects: golden files, the API's own schema, and the promises that no example shows."""
+
+from __future__ import annotations
+
+import base64
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import kubernetes_validate
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils import _observability as observability
+from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._grafana_objects import map_name
+from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import bytes_of as size_in_bytes
+from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import complete_spec, retention_size
+
+HERE = Path(__file__).resolve().parent
+UNITS = {"MB": 2**20}
+HASH = "rosops.fleet/config-hash"
+
+
+def _regenerate() -> Any:
+    spec = importlib.util.spec_from_file_location("regenerate_stack", HERE / "regenerate_stack.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+stack = _regenerate()
+
+
+def find(objects: list[dict[str, Any]], kind: str, name: str) -> dict[str, Any]:
+    found = [one for one in objects if (one["kind"], one["metadata"]["name"]) == (kind, name)]
+    assert len(found) == 1, (kind, name, [(one["kind"], one["metadata"]["name"]) for one in objects])
+    return found[0]
+
+
+def pod_of(objects: list[dict[str, Any]], kind: str, name: str) -> dict[str, Any]:
+    pod: dict[str, Any] = find(objects, kind, name)["spec"]["template"]["spec"]
+    return pod
+
+
+def hashes(spec: dict[str, Any], files: dict[str, Any] | None = None) -> dict[str, str]:
+    """The hash of every pod's configuration, by workload."""
+    return {
+        one["metadata"]["name"]: one["spec"]["template"]["metadata"]["annotations"][HASH]
+        for one in observability.observability_objects(spec, files or stack.FILES)
+        if one["kind"] in ("Deployment", "DaemonSet")
+    }
+
+
+@pytest.mark.parametrize("name", stack.SPECS)
+def test_golden(name: str) -> None:
+    text = (HERE / "golden" / f"{name}.yml").read_text("utf-8")
+    assert stack.golden(name) == yaml.safe_load(text)
+
+
+@pytest.mark.parametrize("name", stack.SPECS)
+def test_the_api_takes_them(name: str) -> None:
+    for one in stack.built(stack.SPECS[name]):
+        kubernetes_validate.validate(one, "1.34", strict=True)
+
+
+@pytest.mark.parametrize("name", stack.SPECS)
+def test_no_object_twice(name: str) -> None:
+    keys = [(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS[name])]
+    assert len(keys) == len(set(keys))
+
+
+@pytest.mark.parametrize("size", ["600Mi", "1Gi", "8Gi", "10G", "1Ti", "1500M", "2.5Gi"])
+def test_retention_by_size_is_below_the_claim(size: str) -> None:
+    text = retention_size(size)
+    assert 0 < int(text[:-2]) * UNITS[text[-2:]] <= 0.85 * size_in_bytes(size)
+    objects = observability.observability_objects({"prometheus": {"size": size}}, stack.FILES)
+    args = pod_of(objects, "Deployment", "prometheus")["containers"][0]["args"]
+    assert f"--storage.tsdb.retention.size={text}" in args
+    assert find(objects, "PersistentVolumeClaim", "prometheus")["spec"]["resources"]["requests"]["storage"] == size
+
+
+def test_the_seeds_values_are_the_defaults() -> None:
+    full = complete_spec({})
+    assert full["prometheus"] == {
+        "enabled": True,
+        "scrape_interval": "10s",
+        "evaluation_interval": "10s",
+        "retention": "7d",
+        "size": "8Gi",
+    }
+    assert full["loki"] == {"enabled": True, "retention": "7d", "persistence": {"enabled": True, "size": "5Gi"}}
+    assert full["grafana"]["service_type"] == "NodePort"
+    assert full["grafana"]["persistence"] == {"enabled": True, "size": "2Gi"}
+
+
+def test_null_is_the_default_and_an_unknown_key_an_error() -> None:
+    assert complete_spec({"prometheus": {"retention": None}, "overrides": None}) == complete_spec({})
+    with pytest.raises(SpecError, match="grafanna"):
+        complete_spec({"grafanna": {}})
+
+
+def test_secrets_are_in_secrets_only() -> None:
+    config = {"receivers": [{"name": "x", "webhook_configs": [{"url": "https://hush.example.org"}]}]}
+    spec = {"alertmanager": {"enabled": True, "config": config}}
+    assert "hush" not in json.dumps(observability.observability_objects(spec, stack.FILES))
+    secrets = observability.observability_secrets(spec, {"password": "hush", "version": "1"})
+    assert {one["metadata"]["name"] for one in secrets} == {"grafana-admin", "alertmanager"}
+    for one in secrets:
+        assert "hush" in " ".join(base64.b64decode(value).decode() for value in one["data"].values())
+
+
+def test_a_null_in_alertmanagers_file_stays() -> None:
+    config = {"route": {"receiver": "x", "routes": None}}
+    secret = observability.observability_secrets({"alertmanager": {"enabled": True, "config": config}})[0]
+    assert yaml.safe_load(base64.b64decode(secret["data"]["alertmanager.yml"])) == config
+
+
+@pytest.mark.parametrize(
+    ("there", "given", "password"),
+    [
+        (None, "", "RANDOM-RANDOM-RANDOM-RANDOM-"),
+        (None, "mine", "mine"),
+        (("theirs", "v7"), "", "theirs"),
+        (("theirs", "v7"), "theirs", "theirs"),
+        (("theirs", "v7"), "mine", "mine"),
+        (("theirs", ""), "", "theirs"),
+    ],
+)
+def test_the_password_is_stable(there: tuple[str, str] | None, given: str, password: str) -> None:
+    encode = lambda text: base64.b64encode(text.encode()).decode()  # noqa: E731
+    secrets = [] if there is None else [{"data": {"password": encode(there[0]), "version": encode(there[1])}}]
+    admin = observability.grafana_admin(secrets, given, "VERSION1" + "RANDOM-" * 4)
+    kept = there is not None and there[1] != "" and given in ("", there[0])
+    assert admin == {"password": password, "version": there[1] if kept and there else "VERSION1"}
+
+
+def test_a_new_password_restarts_grafana_alone() -> None:
+    def templates(version: str) -> dict[str, Any]:
+        objects = observability.observability_objects({"grafana": {"admin_version": version}}, stack.FILES)
+        return {
+            one["metadata"]["name"]: one["spec"]["template"]
+            for one in objects
+            if one["kind"] in ("Deployment", "DaemonSet")
+        }
+
+    before, after = templates("v1"), templates("v2")
+    assert {name for name in before if before[name] != after[name]} == {"grafana"}
+
+
+@pytest.mark.parametrize(
+    ("change", "restarted"),
+    [
+        ({"prometheus": {"scrape_interval": "15s"}}, {"prometheus", "grafana"}),
+        ({"prometheus": {"evaluation_interval": "15s"}}, {"prometheus"}),
+        ({"loki": {"retention": "14d"}}, {"loki"}),
+        ({"log_queue_size": "512Mi"}, {"log-shipper"}),
+        ({"remote_nodes": ["edge1"]}, {"log-shipper"}),
+        ({"allowed_networks": ["192.0.2.0/24"]}, set()),
+    ],
+)
+def test_a_change_restarts_who_reads_it(change: dict[str, Any], restarted: set[str]) -> None:
+    before, after = hashes({}), hashes(change)
+    assert {name for name in before if before[name] != after[name]} == restarted
+
+
+def test_a_rule_restarts_prometheus_and_a_dashboard_nobody() -> None:
+    rule = {**stack.FILES, "rules": {"ros.yml": "groups: [] # new\n"}}
+    assert {name for name, value in hashes({}, rule).items() if value != hashes({})[name]} == {"prometheus"}
+    dashboard = {**stack.FILES, "dashboards": {"Fleet": {"fleet.json": '{"new": 1}'}, "Own": {"My Robot.json": "{}"}}}
+    assert hashes({}, dashboard) == hashes({})
+
+
+def test_no_sub_path_so_that_changes_arrive() -> None:
+    for spec in stack.SPECS.values():
+        assert "subPath" not in json.dumps(stack.built(spec))
+
+
+def test_without_rules_and_dashboards() -> None:
+    objects = observability.observability_objects({}, {})
+    assert find(objects, "ConfigMap", "prometheus-rules")["data"] == {}
+    volumes = {one["name"]: one for one in pod_of(objects, "Deployment", "grafana")["volumes"]}
+    assert volumes["dashboards-fleet"] == {"name": "dashboards-fleet", "emptyDir": {}}
+
+
+def test_default_dashboards_can_be_left_out() -> None:
+    objects = observability.observability_objects({"grafana": {"default_dashboards": False}}, stack.FILES)
+    maps = [one["metadata"]["name"] for one in objects if one["kind"] == "ConfigMap"]
+    assert [name for name in maps if "dashboard" in name] == ["own-dashboard-my-robot"]
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("fleet.json", "dashboard-fleet"), ("Hosts & k3s.JSON", "dashboard-hosts---k3s"), ("ü.json", "dashboard-x")],
+)
+def test_names_of_dashboards(file: str, name: str) -> None:
+    assert map_name("Fleet", file) == name
+
+
+def test_images_of_each_profile() -> None:
+    short = {
+        name: {image.rpartition("/")[2].partition(":")[0] for image in observability.observability_images(spec)}
+        for name, spec in stack.SPECS.items()
+    }
+    shipper = "opentelemetry-collector-k8s"
+    hub = {"prometheus", "loki", "grafana", "node-exporter", shipper}
+    assert short == {
+        "standalone": hub | {"alertmanager"},
+        "robot": {"vmagent", "node-exporter", shipper},
+        "hub": hub,
+        "promtail": (hub - {shipper}) | {"promtail"},
+    }
+
+
+@pytest.mark.parametrize("name", stack.SPECS)
+def test_the_image_list_is_what_runs(name: str) -> None:
+    used = set()
+    for one in stack.built(stack.SPECS[name]):
+        pod = one["spec"]["template"]["spec"] if one["kind"] in ("Deployment", "DaemonSet") else {}
+        for container in [*pod.get("initContainers", []), *pod.get("containers", [])]:
+            used.add(container["image"])
+    assert sorted(used) == observability.observability_images(stack.SPECS[name])
+
+
+@pytest.mark.parametrize("name", stack.SPECS)
+def test_leftovers_are_never_data_and_never_what_is_wanted(name: str) -> None:
+    wanted = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS[name])}
+    left = {(one["kind"], one["metadata"]["name"]) for one in observability.observability_leftovers(stack.SPECS[name])}
+    assert not wanted & left
+    assert not {kind for kind, _name in left} & {"PersistentVolumeClaim", "Secret", "Namespace"}
+
+
+def test_from_hub_to_robot_nothing_runs_on() -> None:
+    kept = ("PersistentVolumeClaim", "Secret", "Namespace")
+    hub = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS["hub"]) if one["kind"] not in kept}
+    robot = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS["robot"])}
+    left = observability.observability_leftovers(stack.SPECS["robot"])
+    gone = hub - robot - {(one["kind"], one["metadata"]["name"]) for one in left}
+    assert {name for kind, name in gone if "dashboard" not in name} == set()
+
+
+def test_no_shipper_where_nobody_takes_lines() -> None:
+    for spec in ({"loki": {"enabled": False}}, {"log_shipper": "none"}):
+        assert "log-shipper" not in hashes(spec)
+
+
+def test_a_robots_profile_needs_a_hub() -> None:
+    with pytest.raises(SpecError, match="observability_hub_url"):
+        observability.observability_objects({"profile": "robot", "robot": "r1"})
+
+
+def test_a_host_that_is_off_does_not_hold_up_the_others() -> None:
+    for one in stack.built(stack.SPECS["standalone"]):
+        if one["kind"] == "DaemonSet":
+            assert one["spec"]["updateStrategy"]["rollingUpdate"] == {"maxUnavailable": "100%"}
+
+
+def test_where_it_runs() -> None:
+    for spec, where in (({}, {"deploymentType": "remote"}), (stack.SPECS["robot"], {"rosops.fleet/robot": "robot2"})):
+        for one in stack.built(spec):
+            if one["kind"] == "Deployment":
+                assert one["spec"]["template"]["spec"]["nodeSelector"] == where
+
+
+def test_open_ports_and_who_may_reach_them() -> None:
+    plain, hub = observability.observability_objects({}), stack.built(stack.SPECS["hub"])
+    ports = {
+        one["metadata"]["name"]: one["spec"]["ports"][0].get("nodePort") for one in hub if one["kind"] == "Service"
+    }
+    assert ports == {"prometheus": 30090, "loki": 30100, "grafana": 30300}
+    assert not [one for one in plain if one["kind"] == "NetworkPolicy"]
+    policies = {one["metadata"]["name"]: one["spec"] for one in hub if one["kind"] == "NetworkPolicy"}
+    assert set(policies) == set(ports)
+    for spec in policies.values():
+        assert {"ipBlock": {"cidr": "192.0.2.0/24"}} in spec["ingress"][0]["from"]
+    # the caller's own address is what the policy is about
+    for one in hub:
+        if one["kind"] == "Service":
+            assert one["spec"]["externalTrafficPolicy"] == "Local"
+
+
+def test_overrides_come_last() -> None:
+    patch = {
+        "spec": {"template": {"spec": {"containers": [{"name": "loki", "resources": {"limits": {"memory": "1Gi"}}}]}}}
+    }
+    objects = observability.observability_objects({"overrides": {"loki": patch}}, stack.FILES)
+    container = pod_of(objects, "Deployment", "loki")["containers"][0]
+    assert container["resources"]["limits"] == {"memory": "1Gi"}
+    assert container["image"].startswith("grafana/loki")
