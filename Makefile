@@ -41,11 +41,12 @@ lab-down: ## Remove every lab of this checkout
 	@$(LAB) down --all
 
 .PHONY: demo
-demo: ## From nothing to a fleet: set-up, lab, site.yml, status.yml
+demo: ## From nothing to a fleet: set-up, lab, site.yml, status.yml (OBSERVABILITY=yes: with what watches it)
 	@SECONDS=0; \
 	$(MAKE) artifacts; \
+	$(if $(OBSERVABILITY),$(LAB) artifacts --observability;) \
 	$(MAKE) lab-up; \
-	ansible-playbook -i $(INVENTORY) playbooks/site.yml; \
+	ansible-playbook -i $(INVENTORY) playbooks/site.yml $(if $(OBSERVABILITY),-e lab_observability=true); \
 	ansible-playbook -i $(INVENTORY) playbooks/status.yml; \
 	$(LAB) status; \
 	echo "demo: ready after $$((SECONDS / 60)) min $$((SECONDS % 60)) s"
@@ -84,6 +85,10 @@ test-go: ## Unit tests of labk3s's own packages
 .PHONY: test-ros
 test-ros: ## Probes, stop hook, keeper and gates on real ROS nodes (skipped, with the reason, where Debian's rospy is missing)
 	python -m pytest -n 0 -rs tests/ros
+
+.PHONY: test-browser
+test-browser: ## The status page in a headless browser (skipped, with the reason, where chromium is missing)
+	python -m pytest -n 0 -rs tests/browser
 
 .PHONY: sanity
 sanity: ## ansible-test sanity

@@ -101,6 +101,17 @@ def master_uri(text: str) -> bool:
     return parts.scheme == "http" and port is not None and 0 < port < 65536 and plain and _host(host or "")
 
 
+def hub_url(text: str) -> bool:
+    """`http://<host>`: its ports are variables of their own."""
+    try:
+        parts = urlsplit(text)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        return False
+    plain = not (parts.path.strip("/") or parts.query or parts.fragment or parts.username)
+    return parts.scheme in ("http", "https") and port is None and plain and _host(host or "")
+
+
 def _host(text: str) -> bool:
     if re.fullmatch(r"[0-9.]+", text) or ":" in text:
         return _parses(ipaddress.ip_address, text)
@@ -166,6 +177,11 @@ FORMS: dict[str, Form] = {
     "absolute-path": Form(clean_path, "an absolute path without '..', ':' or blanks"),
     "file-mode": Form(_matching(r"0?[0-7]{3}"), 'an octal mode in quotes such as "0600"'),
     "duration": Form(_matching(r"(?:[0-9]+(?:\.[0-9]+)?(?:ms|s|m|h))+"), "a duration such as 500ms, 30s, 5m or 1h30m"),
+    "retention": Form(
+        _matching(r"(?:[0-9]+(?:ms|[smhdwy]))+"), "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"
+    ),
+    "hub-url": Form(hub_url, "http://<host> or https://<host>, without a port and a path"),
+    "network": Form(lambda text: "/" in text and _parses(ipaddress.ip_network, text), "a network such as 192.0.2.0/24"),
     "address": Form(lambda text: _parses(ipaddress.ip_address, text), "an IP address"),
     "networks": Form(_networks, "a network such as 10.42.0.0/16"),
     "label-value": Form(

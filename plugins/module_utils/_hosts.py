@@ -16,7 +16,16 @@ from ansible_collections.rosops.fleet.plugins.module_utils._secrets import redac
 
 # Names with these beginnings are ours and nobody else's, so a near miss is a misspelling. `robot_`, `ros_` and `node_`
 # are not on the list: an inventory may well have a robot_model of its own.
-OWN_PREFIXES = ("k3s_", "images_", "preflight_", "ros_app", "ros_master", "robot_namespace", "persistent_")
+OWN_PREFIXES = (
+    "k3s_",
+    "images_",
+    "preflight_",
+    "ros_app",
+    "ros_master",
+    "observability_",
+    "robot_namespace",
+    "persistent_",
+)
 MISSPELT = 0.8
 
 

@@ -13,8 +13,8 @@ from typing import Any, Mapping
 
 Option = Mapping[str, Any]
 
-# Whatever is below these is the operator's business with k3s, and may hold passwords (proxies, registries).
-OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries")
+# Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
+OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries", "observability_alertmanager_config")
 # YAML takes 007 for a number; a token has to be written as the text it is.
 STRICT_TEXT = ("k3s_token", "k3s_agent_token")
 
@@ -83,6 +83,28 @@ OPTIONS: dict[str, Option] = {
     "node_placement": {"type": "str", "choices": ["local", "remote"]},
     "node_robot": {"type": "str"},
     "node_ready_timeout": {"type": "int"},
+    "observability_enabled": {"type": "bool"},
+    "observability_profile": {"type": "str", "choices": ["standalone", "robot", "hub"]},
+    "observability_log_shipper": {"type": "str", "choices": ["otelcol", "promtail", "none"]},
+    "observability_prometheus_enabled": {"type": "bool"},
+    "observability_loki_enabled": {"type": "bool"},
+    "observability_loki_persistence": {"type": "bool"},
+    "observability_grafana_enabled": {"type": "bool"},
+    "observability_grafana_admin_password": {"type": "str"},
+    "observability_default_dashboards": {"type": "bool"},
+    "observability_dashboards": {"type": "list", "elements": "path"},
+    "observability_grafana_service_type": {"type": "str", "choices": ["NodePort", "ClusterIP"]},
+    "observability_grafana_persistence": {"type": "bool"},
+    "observability_node_exporter": {"type": "bool"},
+    "observability_ros_metrics": {"type": "bool"},
+    "observability_ros_statistics": {"type": "bool"},
+    "observability_claims_path": {"type": "str"},
+    "observability_alertmanager_enabled": {"type": "bool"},
+    "observability_alertmanager_config": {"type": "dict"},
+    "observability_storage_class": {"type": "str"},
+    "observability_robot": {"type": "str"},
+    "observability_remote_nodes": {"type": "list", "elements": "str"},
+    "observability_ready_timeout": {"type": "int"},
     "preflight_role": {"type": "str", "choices": ["server", "agent"]},
     "preflight_server_hosts": {"type": "list", "elements": "str"},
     "preflight_node_name": {"type": "str"},

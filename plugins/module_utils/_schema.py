@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.module_utils._observability_schema import OBSERVABILITY_VARIABLES
 from ansible_collections.rosops.fleet.plugins.module_utils._role_variables import ROLE_VARIABLES
 
 Schema = Mapping[str, Any]
@@ -193,6 +194,7 @@ FLEET_VARIABLES: dict[str, Schema] = {
         dict.fromkeys(("default", "defaultRequest", "max", "min", "maxLimitRequestRatio"), RESOURCES)
     ),
     "robot_namespace_pull_secrets": listing(PULL_SECRET),
+    **OBSERVABILITY_VARIABLES,
 }
 
 VARIABLES: dict[str, Schema] = {**ROLE_VARIABLES, **FLEET_VARIABLES}

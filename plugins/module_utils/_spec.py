@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._inventory import (
     mode_of,
     topology_problems,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._observability_checks import observability_problems
 from ansible_collections.rosops.fleet.plugins.module_utils._problem import Problem, join_path, shown, unique
 from ansible_collections.rosops.fleet.plugins.module_utils._robot_checks import (
     fleet_app_problems,
@@ -56,6 +57,7 @@ def check_fleet(fleet: Any) -> Report:
     wrong = [problem for name in hosts for problem in schema_problems(hosts[name], HOST, f"hosts.{name}")]
     problems += wrong
     problems += _token_problems(groups, modes, hosts)
+    problems += observability_problems(groups, modes, hosts, wrong)
     edge_count = len(members(groups, "edge"))
     robots = {robot: _sound_context(robot, hosts.get(robot, {}), wrong) for robot in modes}
     warnings: list[str] = []

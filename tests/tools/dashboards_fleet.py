@@ -103,7 +103,7 @@ def fleet() -> Json:
 
 def robot() -> Json:
     """One robot: its ROS graph, its apps' pods, its host."""
-    pods = 'namespace="robot-$robot", container!="", container!="POD"'
+    pods = 'namespace="robot-$robot", pod!=""'
     rows = [
         [
             stat("ROS master answers", "none", query(f"min(ros_master_up{{{R}}})"), steps=GREEN_ABOVE),

@@ -11,7 +11,7 @@ from dashboards_panels import Json, graph, label_variable, query, stat
 N = 'node=~"$node"'
 NODES = label_variable("node", "label_values(node_time_seconds, node)")
 IDLE = 'mode="idle"'
-CONTAINER = 'container!=""'
+CONTAINER = 'pod!=""'
 FAILED = 'result!="successful"'
 
 
@@ -103,7 +103,7 @@ def hosts() -> Json:
                 "Pods: memory",
                 "bytes",
                 query(
-                    f'topk(10, sum by (namespace, pod) (container_memory_working_set_bytes{{{N}, container!=""}}))',
+                    f'topk(10, sum by (namespace, pod) (container_memory_working_set_bytes{{{N}, pod!=""}}))',
                     "{{namespace}} {{pod}}",
                 ),
                 about="The ten largest.",

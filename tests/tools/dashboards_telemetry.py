@@ -166,7 +166,7 @@ def telemetry() -> Json:
                 "Memory of the stack",
                 "bytes",
                 query(
-                    'sum by (pod) (container_memory_working_set_bytes{namespace="observability", container!=""})',
+                    'sum by (pod) (container_memory_working_set_bytes{namespace="observability", pod!=""})',
                     "{{pod}}",
                 ),
             ),

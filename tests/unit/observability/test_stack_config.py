@@ -179,17 +179,17 @@ def test_containers(series: dict[str, str], robot: str, wanted: dict[str, str]) 
     assert {name: value for name, value in found.items() if name in ("robot", "app")} == wanted
 
 
-def test_cadvisor_keeps_containers_and_the_whole_host() -> None:
+def test_cadvisor_keeps_pods_and_the_whole_host() -> None:
     rules = job(prometheus_config(complete_spec({})), "cadvisor")["metric_relabel_configs"]
     memory = {"__name__": "container_memory_working_set_bytes"}
-    container = {**memory, "namespace": "robot-r1", "pod": "a-1", "container": "a", "id": "/kubepods/x"}
-    assert relabelled(rules, container) is not None
+    pod = {**memory, "namespace": "robot-r1", "pod": "a-1", "container": "", "id": "/kubepods/x"}
+    assert relabelled(rules, pod) is not None
     assert relabelled(rules, {**memory, "id": "/"}) is not None
     assert relabelled(rules, {**memory, "id": "/system.slice/ssh.service"}) is None
-    assert relabelled(rules, {**container, "container": ""}) is None
-    assert relabelled(rules, {**container, "__name__": "container_tasks_state"}) is None
-    network = {**container, "__name__": "container_network_receive_bytes_total", "container": ""}
-    assert relabelled(rules, network) is not None
+    assert relabelled(rules, {**pod, "container": "a", "id": "/kubepods/x/a"}) is None  # else sums count twice
+    assert relabelled(rules, {**pod, "__name__": "container_tasks_state"}) is None
+    assert relabelled(rules, {**pod, "__name__": "container_network_receive_bytes_total"}) is not None
+    assert relabelled(rules, {**pod, "__name__": "container_oom_events_total", "container": "a"}) is not None
 
 
 def test_keep_lists_are_regular_expressions() -> None:

@@ -1,0 +1,245 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The observability images: what the pins say, what they are made of, and the files in them."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import tarfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from lablib import observability
+from lablib.artifacts import Cache, file_sha256
+from lablib.errors import LabError
+from lablib.observability import Part, built, choose, part_with, program_path, recipe
+from lablib.observability_build import _configuration
+from lablib.observability_packages import pick
+from lablib.observability_tree import base_files, write_tree
+
+PARTS = observability.parts()
+OTELCOL = PARTS["otelcol"].module_directory
+FILES = ("lib*/ld-linux*.so.*", "lib/*/libc.so.6")
+
+
+# --- the pins ------------------------------------------------------------------------------------------------------
+
+
+def test_the_images_have_the_real_ones_names() -> None:
+    assert {part.image for part in PARTS.values()} == {
+        "docker.io/prom/prometheus:v3.2.1",
+        "docker.io/grafana/loki:3.4.6",
+        "docker.io/grafana/promtail:3.4.6",
+        "docker.io/otel/opentelemetry-collector-contrib:0.145.0",
+        "docker.io/prom/node-exporter:v1.9.1",
+        "docker.io/prom/alertmanager:v0.25.0",
+        "docker.io/victoriametrics/vmagent:v1.79.5",
+    }
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_tag_and_version_agree(name: str) -> None:
+    part = PARTS[name]
+    tag = part.image.rpartition(":")[2].removeprefix("v")
+    assert part.version in {tag, ""}
+    assert all(tag in package for package in part.packages)
+
+
+@pytest.mark.parametrize("name", [name for name, part in PARTS.items() if part.module])
+def test_the_pinned_module_is_what_go_builds(name: str) -> None:
+    part = PARTS[name]
+    module, _, version = part.module.partition("@")
+    go_mod = (part.module_directory / "go.mod").read_text()
+    assert re.search(rf"^\t?(require )?{re.escape(module)} {re.escape(version)}\b", go_mod, re.MULTILINE)
+    assert f"{module} {version} h1:" in (part.module_directory / "go.sum").read_text()
+    for package in {*part.programs.values(), *part.tools.values()} - {"."}:
+        assert re.search(rf"^(tool |\t){re.escape(package)}$", go_mod, re.MULTILINE), package
+
+
+def test_an_unknown_word_in_the_pins_is_an_error() -> None:
+    with pytest.raises(LabError, match="verion is none of"):
+        Part.of("x", {"image": "a:1", "programs": {}, "module": "m@v1", "verion": "1"})
+
+
+@pytest.mark.parametrize("made_of", [{}, {"module": "m@v1", "packages": ["p"]}])
+def test_a_part_is_made_of_one_thing(made_of: dict[str, Any]) -> None:
+    with pytest.raises(LabError, match="either `module` or `packages`"):
+        Part.of("x", {"image": "a:1", "programs": {}, **made_of})
+
+
+# --- the collector's parts -----------------------------------------------------------------------------------------
+
+
+def listed_modules() -> set[str]:
+    config = yaml.safe_load((OTELCOL / "builder.yaml").read_text())
+    kinds = ("receivers", "processors", "exporters", "extensions", "providers")
+    return {item["gomod"] for kind in kinds for item in config[kind]}
+
+
+def test_the_collectors_sources_are_made_of_the_list_beside_them() -> None:
+    go_mod = (OTELCOL / "go.mod").read_text()
+    generated = (OTELCOL / "components.go").read_text() + (OTELCOL / "main.go").read_text()
+    for module in listed_modules():
+        assert f"\t{module}\n" in go_mod
+        assert f'"{module}"' in generated
+    assert f'Version:     "{PARTS["otelcol"].version}"' in generated
+
+
+@pytest.mark.parametrize(
+    "needed",
+    [
+        "receiver/filelogreceiver",
+        "extension/storage/filestorage",
+        "processor/batchprocessor",
+        "processor/memorylimiterprocessor",
+        "processor/resourceprocessor",
+        "processor/attributesprocessor",
+        "processor/transformprocessor",
+        "processor/k8sattributesprocessor",
+        "exporter/otlphttpexporter",
+    ],
+)
+def test_the_collector_has_what_the_log_shipper_uses(needed: str) -> None:
+    assert any(f"/{needed} " in module for module in listed_modules())
+
+
+# --- which are built, and where ------------------------------------------------------------------------------------
+
+
+def test_none_named_means_all() -> None:
+    assert [part.name for part in choose([])] == list(PARTS)
+    assert [part.name for part in choose(["vmagent", "loki"])] == ["vmagent", "loki"]
+    with pytest.raises(LabError, match=r"grafana: no such part(.|\n)*prometheus, loki"):
+        choose(["loki", "grafana"])
+
+
+@pytest.mark.parametrize(
+    ("program", "part", "place"),
+    [
+        ("promtool", "prometheus", "root/bin/promtool"),
+        ("amtool", "alertmanager", "root/bin/amtool"),
+        ("lokitool", "loki", "tools/lokitool"),
+        ("promtail", "promtail", "root/usr/bin/promtail"),
+    ],
+)
+def test_a_programs_place(program: str, part: str, place: str) -> None:
+    found = part_with(program)
+    assert found.name == part
+    assert program_path(Path("/cache/x"), found, program) == Path("/cache/x") / place
+
+
+def test_an_unknown_program_is_an_error_that_names_the_known_ones() -> None:
+    with pytest.raises(LabError, match=r"grafana: no such program(.|\n)*promtool"):
+        part_with("grafana")
+
+
+def test_only_what_is_built_is_offered(tmp_path: Path) -> None:
+    cache = Cache(tmp_path)
+    assert built(cache) == {}
+    part = PARTS["loki"]
+    archive = cache.path(recipe(part)) / part.archive
+    archive.parent.mkdir(parents=True)
+    assert built(cache) == {}
+    archive.write_text("")
+    assert built(cache) == {
+        "observability_archives": [str(archive)],
+        "observability_images": {"docker.io/grafana/loki:3.4.6": str(archive)},
+    }
+    assert archive.name == "loki-3.4.6.tar"
+
+
+def test_a_changed_checksum_makes_another_artifact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(observability, "OBSERVABILITY", tmp_path)
+    (tmp_path / "loki").mkdir()
+    (tmp_path / "loki" / "go.sum").write_text("1")
+    before = {name: recipe(PARTS[name]).key() for name in ("loki", "promtail", "vmagent")}
+    (tmp_path / "loki" / "go.sum").write_text("2")
+    after = {name: recipe(PARTS[name]).key() for name in before}
+    assert [name for name in before if before[name] == after[name]] == ["vmagent"]
+
+
+# --- an image's files ----------------------------------------------------------------------------------------------
+
+
+def package_tree(target: Path, **links: str) -> Path:
+    """A tar as Debian's packages unpack: files hold their own names."""
+    with tarfile.open(target, "w") as tar:
+        for name in ("usr/bin/vmagent", "lib/x86_64-linux-gnu/libc.so.6", "lib/x86_64-linux-gnu/ld-linux-x86-64.so.2"):
+            entry = tarfile.TarInfo(f"./{name}")
+            entry.size = len(name)
+            tar.addfile(entry, io.BytesIO(name.encode()))
+        for name, leads_to in {
+            "lib64/ld-linux-x86-64.so.2": "/lib/x86_64-linux-gnu/ld-linux-x86-64.so.2",
+            **links,
+        }.items():
+            entry = tarfile.TarInfo(f"./{name}")
+            entry.type, entry.linkname = tarfile.SYMTYPE, leads_to
+            tar.addfile(entry)
+    return target
+
+
+def test_programs_and_what_they_need_are_picked_by_way_of_links(tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    pick(package_tree(tmp_path / "tree.tar"), root, {"/vmagent-prod": "usr/bin/vmagent"}, FILES)
+    files = {str(path.relative_to(root)): path.read_text() for path in root.rglob("*") if path.is_file()}
+    loader, libc = "lib/x86_64-linux-gnu/ld-linux-x86-64.so.2", "lib/x86_64-linux-gnu/libc.so.6"
+    assert files == {
+        "vmagent-prod": "usr/bin/vmagent",
+        loader: loader,
+        "lib64/ld-linux-x86-64.so.2": loader,
+        libc: libc,
+    }
+    assert os.access(root / "vmagent-prod", os.X_OK)
+
+
+@pytest.mark.parametrize(
+    ("programs", "files", "missing"),
+    [
+        ({"/x": "usr/bin/x"}, (), "no file usr/bin/x"),
+        ({}, ("usr/lib/*/libzstd.so.1",), "no file usr/lib/"),
+    ],
+)
+def test_what_the_packages_have_no_more_is_an_error(
+    tmp_path: Path, programs: dict[str, str], files: tuple[str, ...], missing: str
+) -> None:
+    with pytest.raises(LabError, match=re.escape(missing)):
+        pick(package_tree(tmp_path / "tree.tar"), tmp_path / "root", programs, files)
+
+
+def test_links_in_a_circle_end(tmp_path: Path) -> None:
+    tree = package_tree(tmp_path / "tree.tar", **{"usr/bin/a": "b", "usr/bin/b": "a"})
+    with pytest.raises(LabError, match="leads to no file"):
+        pick(tree, tmp_path / "root", {"/a": "usr/bin/a"}, ())
+
+
+def test_a_layer_says_nothing_of_when_and_where_it_was_made(tmp_path: Path) -> None:
+    digests = set()
+    for number in (1, 2):
+        root = tmp_path / str(number) / "root"
+        (root / "bin").mkdir(parents=True)
+        program = root / "bin" / "program"
+        program.write_text("x")
+        program.chmod(0o755)
+        base_files(root, ["/data", "/data/rules"], os.getuid())
+        os.utime(program, (number, number))
+        layer = write_tree(tmp_path / f"{number}.tar", root)
+        assert layer.digest == file_sha256(layer.tar)
+        digests.add(layer.digest)
+    assert len(digests) == 1
+    with tarfile.open(tmp_path / "1.tar") as tar:
+        modes = {entry.name: entry.mode for entry in tar}
+        owner = tar.getmember("data").uid
+    assert list(modes) == ["bin", "bin/program", "data", "data/rules", "etc", "etc/group", "etc/passwd", "tmp"]
+    assert (modes["tmp"], modes["bin/program"], owner) == (0o1777, 0o755, os.getuid())
+
+
+def test_an_image_runs_as_the_real_ones_user_by_number() -> None:
+    config = _configuration(PARTS["prometheus"])
+    assert (config["User"], config["Entrypoint"]) == ("65534", ["/bin/prometheus"])
+    assert config["WorkingDir"] == "/prometheus"
+    assert _configuration(PARTS["node-exporter"])["WorkingDir"] == "/"
