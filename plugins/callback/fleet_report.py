@@ -37,8 +37,8 @@ description:
 options:
   path:
     description:
-      - The JSON file of the last run. Relative to the directory of the ansible.cfg in use, or without one to the current
-        directory.
+      - The JSON file of the last run. Relative to the directory of the ansible.cfg in use, or without one to the
+        current directory.
       - Empty writes none.
     type: str
     default: reports/fleet-report.json
