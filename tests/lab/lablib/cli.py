@@ -14,10 +14,11 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 
-from . import k3s, state
+from . import k3s, observability, observability_build, state
 from .app_images import app_archives
 from .artifacts import Cache
 from .errors import LabError
+from .go import go_command, go_environment
 from .hosts import HostRunner
 from .images import host_image
 from .inventory import host_variables, inventory
@@ -94,7 +95,18 @@ def _parser() -> argparse.ArgumentParser:
 
     artifacts = commands.add_parser("artifacts", help="build what is missing: images, k3s, archives")
     artifacts.add_argument("--next-k3s", action="store_true", help="also labk3s's second version, for upgrades")
+    artifacts.add_argument(
+        "--observability",
+        nargs="*",
+        metavar="PART",
+        help=f"also the images that watch a fleet, all or some of {', '.join(observability.parts())}",
+    )
     artifacts.set_defaults(run=_artifacts)
+
+    program = commands.add_parser("program", help="print the path of promtool or another observability program")
+    program.add_argument("name")
+    program.add_argument("--no-build", action="store_true", help="fail where it is not built yet")
+    program.set_defaults(run=_program)
 
     go = commands.add_parser("go", help="run the pinned Go toolchain in tests/lab/labk3s, with the lab's caches")
     go.add_argument("arguments", nargs=argparse.REMAINDER)
@@ -195,14 +207,25 @@ def _artifacts(options: argparse.Namespace) -> None:
     }
     if options.next_k3s and choice == "labk3s":
         values["next_airgap_dir"] = str(k3s.airgap(cache, choice, following=True))
-    state.save_artifacts(values)
+    if options.observability is not None:
+        observability_build.ensure_all(cache, observability.choose(options.observability))
+    state.save_artifacts(values | observability.built(cache))
     say(f"artifacts are ready in {time.monotonic() - started:.1f} s")
+
+
+def _program(options: argparse.Namespace) -> None:
+    cache = _cache()
+    part = observability.part_with(options.name)
+    artifact = cache.path(observability.recipe(part))
+    if options.no_build and not artifact.is_dir():
+        raise LabError(f"{options.name} is not built", todo=f"run tests/lab/lab artifacts --observability {part.name}")
+    print(observability.program_path(observability_build.ensure(cache, part), part, options.name))
 
 
 def _go(options: argparse.Namespace) -> None:
     os.chdir(LABK3S)
-    go = k3s.go_command()
-    os.execve(go, [go, *options.arguments], {**os.environ, **k3s.go_environment()})  # noqa: S606 - no shell
+    go = go_command()
+    os.execve(go, [go, *options.arguments], {**os.environ, **go_environment()})  # noqa: S606 - no shell
 
 
 def _wipe(_options: argparse.Namespace) -> None:

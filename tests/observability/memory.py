@@ -1,0 +1,76 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What pods hold in memory: by their cgroups and by their processes, read on the hosts."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any, Iterable, NamedTuple
+
+# Runs on the host: each process with its cgroup and resident memory, and what each pod's cgroup counts. The working set is
+# what the kubelet acts upon: all that is charged, less file pages that could go at once.
+LOOK = r"""
+import json, pathlib, re
+def read(path):
+    try:
+        return pathlib.Path(path).read_text()
+    except OSError:
+        return ""
+def pod_of(text):
+    found = re.search(r"pod([0-9a-f]{8}[-_][0-9a-f_-]{27})", text)
+    return found.group(1).replace("_", "-") if found else ""
+pods = {}
+for process in pathlib.Path("/proc").glob("[0-9]*"):
+    pod = pod_of(read(process / "cgroup"))
+    status = dict(line.split(":", 1) for line in read(process / "status").splitlines() if ":" in line)
+    if pod and "VmRSS" in status:
+        one = pods.setdefault(pod, {"rss": 0, "processes": []})
+        one["rss"] += int(status["VmRSS"].split()[0]) * 1024
+        one["processes"].append([status["Name"].strip(), int(status["Pid"]), int(status["VmRSS"].split()[0]) * 1024])
+for kind in ("memory.stat", "memory.current"):
+    for path in pathlib.Path("/sys/fs/cgroup").glob("**/kubepods*/**/" + kind):
+        if path.parent.name.count("pod") and pod_of(path.parent.name) in pods:
+            one = pods[pod_of(path.parent.name)]
+            stat = dict(line.split() for line in read(path.parent / "memory.stat").splitlines())
+            used = read(path.parent / "memory.current") or read(path.parent / "memory.usage_in_bytes")
+            if used.strip():
+                idle = int(stat.get("total_inactive_file", stat.get("inactive_file", 0)))
+                one["cgroup"] = int(used) - idle
+print(json.dumps(pods))
+"""
+
+
+class Held(NamedTuple):
+    """Bytes of one pod."""
+
+    namespace: str
+    pod: str
+    app: str
+    cgroup: int
+    rss: int
+
+
+def parse(text: str, pods: Iterable[Any]) -> list[Held]:
+    """What LOOK printed, with the names that the API has for the pods."""
+    known = {}
+    for pod in pods:
+        # a mirror pod's files and cgroups carry the UID of the file that it comes from
+        known[(pod.metadata.annotations or {}).get("kubernetes.io/config.mirror", pod.metadata.uid)] = pod
+        known[pod.metadata.uid] = pod
+    found = []
+    for uid, seen in json.loads(text).items():
+        pod = known.get(uid)
+        if pod is not None:
+            labels = pod.metadata.labels or {}
+            app = labels.get("rosops.fleet/app", re.sub(r"-[a-z0-9]+(-[a-z0-9]{5})?$", "", pod.metadata.name))
+            found.append(
+                Held(pod.metadata.namespace, pod.metadata.name, app, int(seen.get("cgroup", 0)), int(seen["rss"]))
+            )
+    return sorted(found)
+
+
+def table(held: Iterable[Held]) -> list[str]:
+    """For people."""
+    return [f"{one.app:<16} cgroup {one.cgroup / 1e6:6.1f} MB   RSS {one.rss / 1e6:6.1f} MB" for one in held]

@@ -1,0 +1,138 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scenario's lab: a hub at the edge with one robot of its cluster, and a robot that stands alone."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import time
+from pathlib import Path
+from typing import Any, Callable
+
+import memory
+from cluster import Hosts
+from kubernetes import client, config
+from runs import Playbooks, Run, wait_until
+from watchers import Loki, Prometheus
+
+EDGE, MEMBER, ALONE = "edge1", "robot1", "robot2"
+ROBOTS = [MEMBER, ALONE]
+NAMESPACE = "observability"
+METRICS_PORT, LOGS_PORT = 30090, 30100  # the hub's
+INTERVAL = 10.0  # of scrapes
+RECORD = "robot-updates"
+GRAPH = """
+import json, sys, xmlrpc.client
+code, _text, state = xmlrpc.client.ServerProxy(sys.argv[1]).getSystemState("/rosops_test")
+print(json.dumps(dict(zip(("publishers", "subscribers", "services"), map(dict, state)))))
+"""
+
+
+class Watched:
+    """The fleet, and those who watch it."""
+
+    def __init__(self, lab: str, inventory: Path, output: Path) -> None:
+        self.hosts = Hosts(lab, ROBOTS)
+        self.playbooks = Playbooks(inventory, output)
+        self._directory = Path(self.hosts.variables["lab_dir"]) / "kube"
+        hub = self.hosts.address(EDGE)
+        self.prometheus = Prometheus(f"http://{hub}:{METRICS_PORT}")
+        self.loki = Loki(f"http://{hub}:{LOGS_PORT}")
+        self.figures: list[str] = []
+
+    def _api(self, host: str) -> Any:
+        """The API of the cluster that a host belongs to."""
+        name = ALONE if host == ALONE else "edge"
+        return config.new_client_from_config(str(self._directory / f"{name}.yaml"))
+
+    def core(self, host: str) -> Any:
+        return client.CoreV1Api(self._api(host))
+
+    def apps(self, host: str) -> Any:
+        return client.AppsV1Api(self._api(host))
+
+    def say(self, *lines: str) -> None:
+        """Figures, shown at the end of the tests."""
+        self.figures.extend(lines)
+
+    # --- what is there ----------------------------------------------------------------------------------------------
+
+    def pods(self, host: str, namespace: str = "", app: str = "") -> list[Any]:
+        """Pods of a host's cluster that are not on their way out."""
+        core = self.core(host)
+        selector = {"label_selector": f"rosops.fleet/app={app}"} if app else {}
+        found = (
+            core.list_namespaced_pod(namespace, **selector)
+            if namespace
+            else core.list_pod_for_all_namespaces(**selector)
+        )
+        return [pod for pod in found.items if pod.metadata.deletion_timestamp is None]
+
+    def memory(self, host: str) -> list[memory.Held]:
+        """What the pods on one host hold."""
+        text = self.hosts.ssh(host, f"python3 -c {shlex.quote(memory.LOOK)}")
+        return memory.parse(text, self.pods(host))
+
+    def graph(self, robot: str) -> dict[str, dict[str, list[str]]]:
+        """Who publishes, subscribes and serves, by the master's word."""
+        service = self.core(robot).read_namespaced_service("ros-master", f"robot-{robot}")
+        uri = f"http://{service.spec.cluster_ip}:11311"
+        answer = self.hosts.ssh(robot, f"python3 -c {shlex.quote(GRAPH)} {uri}")
+        return dict(json.loads(answer))
+
+    def processes(self, host: str, pod: Any) -> list[int]:
+        """Processes of a pod by its host's count, the one that keeps its namespaces left out."""
+        text = self.hosts.ssh(host, f"python3 -c {shlex.quote(memory.LOOK)}")
+        found = json.loads(text)[pod.metadata.uid]["processes"]
+        return [number for name, number, _rss in found if name != "pause"]
+
+    # --- what is done to it -----------------------------------------------------------------------------------------
+
+    def run(self, playbook: str, *arguments: str, **variables: Any) -> Run:
+        return self.playbooks.run(playbook, variables, *arguments)
+
+    def scale(self, robot: str, deployment: str, replicas: int) -> None:
+        self.apps(robot).patch_namespaced_deployment_scale(
+            deployment, f"robot-{robot}", {"spec": {"replicas": replicas}}
+        )
+
+    def record(self, robot: str) -> str:
+        """What the robot's record of updates holds; empty without one."""
+        try:
+            found = self.core(robot).read_namespaced_config_map(RECORD, f"robot-{robot}")
+        except client.ApiException as error:
+            if error.status == 404:
+                return ""
+            raise
+        return str((found.data or {}).get("updates.json", ""))
+
+    def write_record(self, robot: str, text: str) -> None:
+        """In place of what it holds; without text it goes."""
+        core, namespace = self.core(robot), f"robot-{robot}"
+        if not text:
+            core.delete_namespaced_config_map(RECORD, namespace)
+            return
+        body = {"metadata": {"name": RECORD}, "data": {"updates.json": text}}
+        try:
+            core.patch_namespaced_config_map(RECORD, namespace, body)
+        except client.ApiException as error:
+            if error.status != 404:
+                raise
+            core.create_namespaced_config_map(namespace, body)
+
+    # --- alerts -----------------------------------------------------------------------------------------------------
+
+    def wait_firing(self, alert: str, seconds: float, **labels: str) -> float:
+        """Until it fires; how long that took."""
+        return self._timed(lambda: bool(self.prometheus.firing(alert, **labels)), seconds, f"{alert} firing")
+
+    def wait_clear(self, alert: str, seconds: float, **labels: str) -> float:
+        """Until it does not fire any more; how long that took."""
+        return self._timed(lambda: not self.prometheus.firing(alert, **labels), seconds, f"the end of {alert}")
+
+    def _timed(self, look: Callable[[], bool], seconds: float, what: str) -> float:
+        began = time.monotonic()
+        wait_until(look, bool, seconds, what, pause=1)
+        return time.monotonic() - began
