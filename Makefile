@@ -28,6 +28,10 @@ help: ## List the targets
 setup: ## Install missing Debian packages, make .venv, link the collection
 	@$(LAB) setup
 
+.PHONY: setup-tests
+setup-tests: ## The same, with the Debian packages that only tests need (ROS nodes, a browser)
+	@$(LAB) setup --tests
+
 .PHONY: artifacts
 artifacts: setup ## Build what is missing of the lab's images and k3s
 	@$(LAB) artifacts
@@ -58,8 +62,8 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 
 .PHONY: test
 test: ## Every test; what CI runs
-	@"$$(tests/lab/find_python)" tests/run_stages.py setup artifacts \
-	    lint test-unit test-bad-input test-go test-ros sanity units molecule-default molecule-fleet molecule-update
+	@"$$(tests/lab/find_python)" tests/run_stages.py setup-tests artifacts \
+	    lint test-unit test-bad-input test-go test-ros sanity units test-browser molecule-default molecule-fleet molecule-update
 
 .PHONY: lint
 lint: ## ruff, mypy, ansible-lint

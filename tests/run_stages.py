@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-PREPARING = ("setup", "artifacts")
+PREPARING = ("setup-tests", "artifacts")
 CHECKOUT = Path(__file__).resolve().parent.parent
 
 

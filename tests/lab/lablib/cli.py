@@ -64,7 +64,8 @@ def _parser() -> argparse.ArgumentParser:
     lab.add_argument("--lab", default=name, help="which lab (default: $ROSOPS_LAB, else demo)")
 
     prepare = commands.add_parser("setup", help="install missing Debian packages, make .venv and the collections link")
-    prepare.set_defaults(run=lambda _options: setup(_cache()))
+    prepare.add_argument("--tests", action="store_true", help="also the packages that only tests need")
+    prepare.set_defaults(run=lambda options: setup(_cache(), options.tests))
 
     up = commands.add_parser("up", parents=[lab], help="start the hosts; mends or replaces what is broken")
     up.add_argument("--hosts", help=f"name:group,... (default: the lab's present hosts, else {DEFAULT_HOSTS})")

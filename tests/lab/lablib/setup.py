@@ -33,17 +33,29 @@ PACKAGES = {
     "runc": "runc",
     "stress-ng": "stress-ng",  # make bench
 }
+# What only tests need; without these they skip, and say so.
+TEST_PACKAGES = {
+    "chromium": "",  # tests/browser
+    "python3-actionlib": "",  # tests/ros: nodes on this machine, beside the lab's
+    "python3-rosmaster": "",
+    "python3-rospy": "",
+    "python3-std-msgs": "",
+    "python3-std-srvs": "",
+    "rosout": "",
+    "shellcheck": "",  # ansible-test sanity
+    "topic-tools": "",
+}
 VENV = CHECKOUT / ".venv"
 STAMP = VENV / ".requirements"
 LOGS = CHECKOUT / ".cache"
 LINK = CHECKOUT / ".ansible" / "collections" / "ansible_collections" / "rosops" / "fleet"
 
 
-def setup(cache: Cache) -> None:
+def setup(cache: Cache, tests: bool = False) -> None:
     """All of it; what is there already is left alone, what an interruption left half-done is done again."""
     LOGS.mkdir(exist_ok=True)
     with cache.lock(f"setup-{checkout_id(str(CHECKOUT))}", "another set-up of this checkout"):
-        _packages(cache)
+        _packages(cache, PACKAGES | TEST_PACKAGES if tests else PACKAGES)
         _venv()
         _link()
 
@@ -56,11 +68,11 @@ def _installed(names: list[str]) -> set[str]:
     return {line.split()[0] for line in listing.splitlines() if line.endswith(" installed")}
 
 
-def _packages(cache: Cache) -> None:
+def _packages(cache: Cache, wanted: dict[str, str]) -> None:
     if not shutil.which("dpkg-query"):
         _require_commands()
         return
-    missing = sorted(set(PACKAGES) - _installed(list(PACKAGES)))
+    missing = sorted(set(wanted) - _installed(list(wanted)))
     if not missing:
         return
     if os.geteuid() != 0:
