@@ -12,13 +12,8 @@ version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Lists the images of the robot's master and apps, overrides included.
+extends_documentation_fragment: [rosops.fleet._context]
 options:
-  _input:
-    description:
-      - A robot's context as the filter P(rosops.fleet.fleet_context#filter) builds it.
-      - Keys that are missing take their defaults.
-    type: dict
-    required: true
   placement:
     description: Only images of pods placed so.
     type: str

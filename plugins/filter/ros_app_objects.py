@@ -12,13 +12,7 @@ version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Builds one Deployment per item of C(ros_apps), and before them the ConfigMaps with the code that runs in their pods.
-options:
-  _input:
-    description:
-      - A robot's context as the filter P(rosops.fleet.fleet_context#filter) builds it.
-      - Keys that are missing take their defaults.
-    type: dict
-    required: true
+extends_documentation_fragment: [rosops.fleet._context]
 """
 
 EXAMPLES = r"""

@@ -18,13 +18,8 @@ description:
   - Its image is the master's. Its code, and the part of prometheus_client that it uses, are in the ConfigMap.
 requirements:
   - prometheus_client >= 0.20, < 0.22 on the control node
+extends_documentation_fragment: [rosops.fleet._context]
 options:
-  _input:
-    description:
-      - A robot's context as the filter P(rosops.fleet.fleet_context#filter) builds it.
-      - Keys that are missing take their defaults.
-    type: dict
-    required: true
   interval:
     description:
       - Seconds between two looks at the graph.

@@ -13,13 +13,7 @@ author: rosops.fleet contributors (@rosops)
 description:
   - Builds the ConfigMaps with the probes, the stop hook and the keeper, and with what those have to know of each app.
   - They are part of what P(rosops.fleet.ros_app_objects#filter) gives, too.
-options:
-  _input:
-    description:
-      - A robot's context as the filter P(rosops.fleet.fleet_context#filter) builds it.
-      - Keys that are missing take their defaults.
-    type: dict
-    required: true
+extends_documentation_fragment: [rosops.fleet._context]
 """
 
 EXAMPLES = r"""
