@@ -44,7 +44,7 @@ def _source(name: str, kind: str, **more: Any) -> dict[str, Any]:
     }
 
 
-def providers(folders: Mapping[str, str] = FOLDERS) -> dict[str, Any]:
+def providers(folders: Mapping[str, str] | None = None) -> dict[str, Any]:
     """dashboards.yml: read again every half minute, so that a changed dashboard restarts nothing."""
     return {
         "apiVersion": 1,
@@ -58,6 +58,6 @@ def providers(folders: Mapping[str, str] = FOLDERS) -> dict[str, Any]:
                 "updateIntervalSeconds": 30,
                 "options": {"path": path},
             }
-            for folder, path in folders.items()
+            for folder, path in (FOLDERS if folders is None else folders).items()
         ],
     }

@@ -59,8 +59,8 @@ def _rates(topics: Rows) -> str:
     # a row of each is too much to look at, and what one wants to see then is the robot that differs
     by_name = len(known) > MOST and robots > 1
     bars = _rates_by_name(known) if by_name else [_rate_bar(row) for row in known]
-    shown = sorted(bars, key=lambda bar: -bar.length)[:MOST]
-    axis, decades = axis_of([value for bar in shown for value in bar.spread or (bar.length,)], " Hz")
+    shown = sorted(bars, key=lambda one: -one.length)[:MOST]
+    axis, decades = axis_of([value for one in shown for value in one.spread or (one.length,)], " Hz")
     caption = "Messages per second" + (", a power of ten from line to line." if decades else ".")
     if by_name:
         caption += f" Each dot is the median of {robots} robots; the band reaches from the lowest to the highest."
@@ -100,7 +100,7 @@ def _steps(steps: Rows) -> str:
         )
         for row in kept
     ]
-    axis = linear_axis(max(bar.length for bar in bars), " s")
+    axis = linear_axis(max(one.length for one in bars), " s")
     drawing = plot("Steps of the last update", "The table Last update steps has the values.", bars, axis)
     there = dict.fromkeys(name for row in kept for name in row["phases"])
     names = [*(name for name in PHASES if name in there), *(name for name in there if name not in PHASES)]

@@ -101,7 +101,7 @@ def test_a_node_that_hangs_and_one_that_is_killed(scene: ExporterScene) -> None:
     for node in ("/talker", "/hanging", "/killed", "/adder"):
         scene.until("all nodes", "ros_node_up", 1, node=node)
     scene.until("the service", "ros_service_up", 1, service="/trigger", node="/adder")
-    assert not [labels for labels, _ in scene.scrape().all("ros_service_up") if "logger" in labels["service"]]
+    assert not [labels for labels, _value in scene.scrape().all("ros_service_up") if "logger" in labels["service"]]
     scene.kill("/hanging", signal.SIGSTOP)
     scene.kill("/killed")
     scene.kill("/adder")

@@ -89,10 +89,15 @@ def stat(title: str, unit: str, *targets: Json, about: str = "", steps: Steps = 
     return _panel("stat", title, targets, about, fieldConfig={"defaults": defaults, "overrides": []}, options=options)
 
 
-def states(title: str, *targets: Json, about: str = "", texts: Mapping[str, tuple[str, str]] = YES_NO) -> Json:
+def states(title: str, *targets: Json, about: str = "", texts: Mapping[str, tuple[str, str]] | None = None) -> Json:
     """A band per series: when it was up and when it was not."""
     custom = {"fillOpacity": 80, "lineWidth": 0}
-    defaults = {"unit": "none", "custom": custom, "mappings": _mappings(texts), "color": {"mode": "thresholds"}}
+    defaults = {
+        "unit": "none",
+        "custom": custom,
+        "mappings": _mappings(texts or YES_NO),
+        "color": {"mode": "thresholds"},
+    }
     defaults["thresholds"] = _thresholds(GREEN_ABOVE)
     options = {"mergeValues": True, "rowHeight": 0.8, "showValue": "never", "legend": {"showLegend": False}}
     config = {"defaults": defaults, "overrides": []}

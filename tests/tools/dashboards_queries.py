@@ -48,6 +48,7 @@ TEXT_NEEDS = {
     r"error\|fatal": "an error in the logs",
     r'event="update"': "an update",
     r'result!="successful"': "a probe that failed",
+    r"unless robot:up:max == 1": "a robot that is away",
     r"offset 3m": "a topic that has been known for 4 minutes",
 }
 

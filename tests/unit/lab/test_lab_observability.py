@@ -53,7 +53,7 @@ def test_tag_and_version_agree(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name, part in PARTS.items() if part.module])
 def test_the_pinned_module_is_what_go_builds(name: str) -> None:
     part = PARTS[name]
-    module, _, version = part.module.partition("@")
+    module, _at, version = part.module.partition("@")
     go_mod = (part.module_directory / "go.mod").read_text()
     assert re.search(rf"^\t?(require )?{re.escape(module)} {re.escape(version)}\b", go_mod, re.MULTILINE)
     assert f"{module} {version} h1:" in (part.module_directory / "go.sum").read_text()

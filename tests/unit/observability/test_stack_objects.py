@@ -120,6 +120,11 @@ def test_a_null_in_alertmanagers_file_stays() -> None:
     assert yaml.safe_load(base64.b64decode(secret["data"]["alertmanager.yml"])) == config
 
 
+def encode(text: str) -> str:
+    """As a Secret has it."""
+    return base64.b64encode(text.encode()).decode()
+
+
 @pytest.mark.parametrize(
     ("there", "given", "password"),
     [
@@ -132,7 +137,6 @@ def test_a_null_in_alertmanagers_file_stays() -> None:
     ],
 )
 def test_the_password_is_stable(there: tuple[str, str] | None, given: str, password: str) -> None:
-    encode = lambda text: base64.b64encode(text.encode()).decode()  # noqa: E731
     secrets = [] if there is None else [{"data": {"password": encode(there[0]), "version": encode(there[1])}}]
     admin = observability.grafana_admin(secrets, given, "VERSION1" + "RANDOM-" * 4)
     kept = there is not None and there[1] != "" and given in ("", there[0])

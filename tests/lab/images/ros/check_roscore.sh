@@ -1,3 +1,4 @@
+# shellcheck shell=sh
 # Run in the ROS image while it is built: a master must start, answer, and know rosout.
 roscore >/tmp/roscore.log 2>&1 &
 for _try in $(seq 100); do

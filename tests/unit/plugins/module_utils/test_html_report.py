@@ -11,7 +11,6 @@ import re
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.filter import status_html as html_filter
 from ansible_collections.rosops.fleet.plugins.module_utils._html_plots import MOST
 from ansible_collections.rosops.fleet.plugins.module_utils._html_report import UNFOLDED, status_html
 from ansible_collections.rosops.fleet.plugins.module_utils._status import fleet_status
@@ -236,8 +235,3 @@ def test_a_page_of_another_make_is_replaced(previous: str) -> None:
 
 def test_a_limited_run_says_so() -> None:
     assert "<code>robot1:&amp;x</code>" in status_html(STATUS, MADE, limit="robot1:&x")
-
-
-def test_the_filter() -> None:
-    made = html_filter.FilterModule().filters()["status_html"]
-    assert made(fleet_status({}), MADE).startswith("<!DOCTYPE html>")

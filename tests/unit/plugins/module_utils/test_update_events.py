@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.filter import update_events as events_filter
-from ansible_collections.rosops.fleet.plugins.filter import update_step_id as id_filter
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter_updates import Updates, families
 from ansible_collections.rosops.fleet.plugins.module_utils._update_events import CUT_OFF, step_id, update_events
 
@@ -164,8 +162,3 @@ def test_the_exporter_reads_what_is_written_here(tmp_path: Path) -> None:
     ]
     assert next(value for _labels, value in started.samples) == 1795252087.348
     assert [labels["app"] for labels, _time in finished.samples] == ["a", "b"]
-
-
-def test_the_filters() -> None:
-    made = events_filter.FilterModule().filters()["update_events"]([step("a")], "robot1")
-    assert told(made)[0]["id"] == id_filter.FilterModule().filters()["update_step_id"]("robot1", ["a"], str(STARTED))
