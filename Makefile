@@ -63,7 +63,8 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 .PHONY: test
 test: ## Every test; what CI runs
 	@"$$(tests/lab/find_python)" tests/run_stages.py setup-tests artifacts \
-	    lint test-unit test-bad-input test-go test-ros sanity units test-browser molecule-default molecule-fleet molecule-update
+	    lint test-unit test-bad-input test-go test-ros sanity units test-browser \
+	    molecule-default molecule-fleet molecule-update molecule-observability
 
 .PHONY: lint
 lint: ## ruff, mypy, ansible-lint
@@ -114,9 +115,16 @@ molecule-fleet: artifacts ## Molecule: three hosts
 molecule-update: artifacts ## Molecule: updates, bad versions, busy and absent robots, killed control nodes
 	molecule test --scenario-name update
 
+.PHONY: molecule-observability
+molecule-observability: artifacts ## Molecule: a fleet and what watches it (the first time builds Prometheus, Loki, ...: some ten minutes more)
+	@$(LAB) artifacts --observability
+	molecule test --scenario-name observability
+
 .PHONY: test-faults
-test-faults: artifacts ## As molecule-update, with the cases that take long (about an hour)
+test-faults: artifacts ## As molecule-update and molecule-observability, with the cases that take long (hours)
+	@$(LAB) artifacts --observability
 	ROSOPS_TEST_FAULTS=true molecule test --scenario-name update
+	ROSOPS_TEST_FAULTS=true molecule test --scenario-name observability
 
 .PHONY: bench
 bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hours; BENCH="--trials 1 --messages 10000" for minutes)

@@ -29,6 +29,9 @@ STATE_DIR = "/var/lib/rosops-fleet/log-shipper"
 NODE_ENV = "NODE_NAME"
 FEATURE_GATE = "stanza.synchronousLogEmitter"  # off, up to 100 ms of lines are marked as read before they are queued
 MEMORY_LIMIT_MIB = 48
+# Loki would keep with each line when it was read: no two lines would have the same labels then, and a line that is read
+# again after a kill would not be known for the same.
+NOT_WHEN_READ = "set(log.observed_time_unix_nano, 0)"
 FILE = 'attributes["log.file.path"]'
 # What containerd writes: time, stream, P for a part of a line or F for its end, text.
 CRI_LINE = r"\A(?P<time>[^ ]+) (?P<stream>stdout|stderr) (?P<logtag>[^ ]*) ?(?P<log>.*)\z"
@@ -40,13 +43,18 @@ def otelcol_config(spec: Spec, loki_url: str) -> dict[str, Any]:
         "extensions": {"file_storage/checkpoints": _storage("checkpoints"), "file_storage/queue": _storage("queue")},
         "receivers": {"filelog": _filelog(spec)},
         "processors": {
-            "memory_limiter": {"check_interval": "1s", "limit_mib": MEMORY_LIMIT_MIB, "spike_limit_mib": 12}
+            "memory_limiter": {"check_interval": "1s", "limit_mib": MEMORY_LIMIT_MIB, "spike_limit_mib": 12},
+            "transform": {"log_statements": [{"context": "log", "statements": [NOT_WHEN_READ]}]},
         },
         "exporters": {"otlphttp": _loki(spec, loki_url)},
         "service": {
             "extensions": ["file_storage/checkpoints", "file_storage/queue"],
             "pipelines": {
-                "logs": {"receivers": ["filelog"], "processors": ["memory_limiter"], "exporters": ["otlphttp"]}
+                "logs": {
+                    "receivers": ["filelog"],
+                    "processors": ["memory_limiter", "transform"],
+                    "exporters": ["otlphttp"],
+                }
             },
             "telemetry": {"logs": {"level": "warn"}, "metrics": _own_metrics()},
         },

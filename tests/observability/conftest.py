@@ -4,7 +4,7 @@
 """What watches a fleet: the real programs on loopback (test_programs, test_configs), and a lab's fleet that they watch.
 
 `molecule test --scenario-name observability` makes the lab and runs them. By hand, once it has converged:
-`pytest tests/observability [-k NAME]` (ROSOPS_LAB names another lab). The cases stand in the order in which they are run:
+`pytest tests/observability [-k NAME]` (ROSOPS_LAB names another lab). The cases are run in the order of their files:
 first what only looks, then what disturbs. What the playbooks printed is kept in reports/observability.
 """
 

@@ -9,8 +9,8 @@ import json
 import re
 from typing import Any, Iterable, NamedTuple
 
-# Runs on the host: each process with its cgroup and resident memory, and what each pod's cgroup counts. The working set is
-# what the kubelet acts upon: all that is charged, less file pages that could go at once.
+# Runs on the host: the processes of each pod with their resident memory, and what each pod's cgroup counts: its working
+# set, which is what the kubelet acts upon (all that is charged, less file pages that could go at once).
 LOOK = r"""
 import json, pathlib, re
 def read(path):
@@ -26,8 +26,9 @@ for process in pathlib.Path("/proc").glob("[0-9]*"):
     pod = pod_of(read(process / "cgroup"))
     status = dict(line.split(":", 1) for line in read(process / "status").splitlines() if ":" in line)
     if pod and "VmRSS" in status:
-        one = pods.setdefault(pod, {"rss": 0, "processes": []})
+        one = pods.setdefault(pod, {"rss": 0, "own": 0, "processes": []})
         one["rss"] += int(status["VmRSS"].split()[0]) * 1024
+        one["own"] += (int(status["RssAnon"].split()[0]) + int(status["RssShmem"].split()[0])) * 1024
         one["processes"].append([status["Name"].strip(), int(status["Pid"]), int(status["VmRSS"].split()[0]) * 1024])
 for kind in ("memory.stat", "memory.current"):
     for path in pathlib.Path("/sys/fs/cgroup").glob("**/kubepods*/**/" + kind):
@@ -43,13 +44,15 @@ print(json.dumps(pods))
 
 
 class Held(NamedTuple):
-    """Bytes of one pod."""
+    """Bytes of one pod. `rss` is what `ps` shows. `own` of it is the processes' own; the rest are pages of programs and
+    libraries as they are on disk, which the kernel drops when somebody needs the room."""
 
     namespace: str
     pod: str
     app: str
     cgroup: int
     rss: int
+    own: int
 
 
 def parse(text: str, pods: Iterable[Any]) -> list[Held]:
@@ -66,11 +69,21 @@ def parse(text: str, pods: Iterable[Any]) -> list[Held]:
             labels = pod.metadata.labels or {}
             app = labels.get("rosops.fleet/app", re.sub(r"-[a-z0-9]+(-[a-z0-9]{5})?$", "", pod.metadata.name))
             found.append(
-                Held(pod.metadata.namespace, pod.metadata.name, app, int(seen.get("cgroup", 0)), int(seen["rss"]))
+                Held(
+                    pod.metadata.namespace,
+                    pod.metadata.name,
+                    app,
+                    int(seen.get("cgroup", 0)),
+                    int(seen["rss"]),
+                    int(seen["own"]),
+                )
             )
     return sorted(found)
 
 
 def table(held: Iterable[Held]) -> list[str]:
     """For people."""
-    return [f"{one.app:<16} cgroup {one.cgroup / 1e6:6.1f} MB   RSS {one.rss / 1e6:6.1f} MB" for one in held]
+    return [
+        f"{one.app:<16} cgroup {one.cgroup / 1e6:6.1f} MB   own {one.own / 1e6:6.1f} MB   RSS {one.rss / 1e6:6.1f} MB"
+        for one in held
+    ]

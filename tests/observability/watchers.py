@@ -16,18 +16,18 @@ Series = dict[str, Any]
 TIMEOUT = 30
 
 
-class Refused(Exception):
+class RefusedError(Exception):
     """A query that is none."""
 
 
 def ask(url: str, **parameters: Any) -> Any:
-    """The answer's `data`; Refused with the server's words."""
+    """The answer's `data`; RefusedError with the server's words."""
     query = urllib.parse.urlencode(parameters)
     try:
         with urllib.request.urlopen(f"{url}?{query}", timeout=TIMEOUT) as answer:  # noqa: S310 - the lab's own hub
             return json.load(answer)["data"]
     except urllib.error.HTTPError as error:
-        raise Refused(f"{error.code}: {error.read().decode(errors='replace')[:500]}") from None
+        raise RefusedError(f"{error.code}: {error.read().decode(errors='replace')[:500]}") from None
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,9 @@ class Loki:
 
     def streams(self, selector: str, begin: float, end: float) -> list[dict[str, str]]:
         """The labels of streams, without what is kept with a line."""
-        return list(ask(f"{self.url}/loki/api/v1/series", **{"match[]": selector}, start=f"{begin:.3f}", end=f"{end:.3f}"))
+        return list(
+            ask(f"{self.url}/loki/api/v1/series", **{"match[]": selector}, start=f"{begin:.3f}", end=f"{end:.3f}")
+        )
 
     def lines(self, selector: str, begin: float, end: float, page: int = 4000) -> list[str]:
         """Every line, the oldest first, page by page; a line of the same time as a page's last is not lost."""

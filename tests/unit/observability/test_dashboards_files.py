@@ -177,5 +177,6 @@ def test_variables_are_filled_in_and_needs_are_told() -> None:
     assert filled('{namespace="robot-$robot"}', "r1") == '{namespace="robot-r1"}'
     assert needs("sum(ros_master_up)") == []
     assert needs("up == 0") == ["something that is down"]
+    assert needs("max_over_time(robot:up:max[6h]) == 1 unless robot:up:max == 1") == ["a robot that is away"]
     assert needs("count(up == 0) or vector(0)") == []
     assert needs("rate(promtail_sent_entries_total[1m])") == ["log shipper promtail"]

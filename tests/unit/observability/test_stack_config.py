@@ -257,8 +257,14 @@ def test_the_collector_loses_nothing() -> None:
     assert exporter["retry_on_failure"]["max_elapsed_time"] == receiver["retry_on_failure"]["max_elapsed_time"] == "0s"
     # a batch, or a line, in memory alone would be lost with the process
     assert "container" not in [one["type"] for one in receiver["operators"]]
-    assert config["service"]["pipelines"]["logs"]["processors"] == ["memory_limiter"]
+    assert config["service"]["pipelines"]["logs"]["processors"] == ["memory_limiter", "transform"]
     assert receiver["start_at"] == "beginning"
+
+
+def test_the_collector_does_not_tell_when_it_read_a_line() -> None:
+    """Loki would keep that with each line: no two would be alike in labels, and one that is read twice would be two."""
+    [statements] = otelcol_config(complete_spec({}), LOKI)["processors"]["transform"]["log_statements"]
+    assert statements == {"context": "log", "statements": ["set(log.observed_time_unix_nano, 0)"]}
 
 
 def test_a_robots_own_cluster_names_the_robot() -> None:

@@ -1,0 +1,42 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the watchers hold in memory: by their cgroups, which is what the kubelet acts upon, and by their processes.
+
+The budgets are of what is taken from others: cgroups' working sets, and the processes' own memory. The resident size
+that `ps` shows is printed, too: it has the pages of programs' files, which stay while nobody else needs the room.
+"""
+
+from __future__ import annotations
+
+import memory
+from watched import ALONE, EDGE, NAMESPACE, Watched
+
+MB = 1_000_000
+ROBOT_BUDGET = 90 * MB  # beside the apps
+STANDALONE_BUDGET = 600 * MB  # without Grafana
+
+
+def measured(fleet: Watched, what: str, held: list[memory.Held], budget: int) -> None:
+    """Say it and hold it against the budget."""
+    cgroup, own, rss = (sum(getattr(one, key) for one in held) for key in ("cgroup", "own", "rss"))
+    fleet.say(
+        *memory.table(held),
+        f"{what}: cgroup {cgroup / MB:.1f} MB, own {own / MB:.1f} MB, RSS {rss / MB:.1f} MB (budget {budget / MB:.0f})",
+    )
+    assert min(one.cgroup for one in held) > 0, "a cgroup that was not read"
+    assert max(cgroup, own) <= budget
+
+
+def test_robot(fleet: Watched) -> None:
+    """All that watching costs a robot that stands alone: the stack's pods, and the exporter beside its master."""
+    watching = [one for one in fleet.memory(ALONE) if one.namespace == NAMESPACE or one.app == "ros-exporter"]
+    assert {one.app for one in watching} == {"vmagent", "log-shipper", "node-exporter", "ros-exporter"}
+    measured(fleet, f"profile robot on {ALONE}", watching, ROBOT_BUDGET)
+
+
+def test_standalone_without_grafana(fleet: Watched) -> None:
+    """On a hub, which does all that `standalone` does and takes a robot's samples and lines as well."""
+    watching = [one for one in fleet.memory(EDGE) if one.namespace == NAMESPACE]
+    assert {one.app for one in watching} == {"prometheus", "loki", "log-shipper", "node-exporter"}
+    measured(fleet, f"profile hub on {EDGE}", watching, STANDALONE_BUDGET)

@@ -1,0 +1,41 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Another log shipper: one variable, the same labels, and no line is lost or there twice."""
+
+from __future__ import annotations
+
+import time
+
+import gaps
+import pytest
+from runs import wait_until
+from watched import ROBOTS, Watched
+
+STREAM = {"robot", "namespace", "app", "pod", "placement"}
+BEGAN = 1500.0  # so far back lines are looked at: both shippers have read them
+
+
+def counted(fleet: Watched, robot: str) -> tuple[gaps.Numbers, float]:
+    """The numbered lines, and how many seconds they are behind."""
+    now = time.time()
+    found = gaps.numbers(fleet.loki.lines(f'{{robot="{robot}",app="counter"}}', now - BEGAN, now))
+    run = max(found)
+    return found[run], now - (float(run) + found[run].last / 10)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("shipper", ["promtail", "otelcol"])
+def test_the_other_shipper(fleet: Watched, shipper: str) -> None:
+    """There, and back again to what the inventory says."""
+    run = fleet.run("site", "--tags", "observability", observability_log_shipper=shipper)
+    assert run.status == 0, run
+    assert run.changed > 0, run
+    for robot in ROBOTS:
+        wait_until(lambda: counted(fleet, robot)[1], lambda late: late < 15, 90, f"new lines of {robot}", pause=2)  # noqa: B023
+        lines, _late = counted(fleet, robot)
+        assert (lines.missing, lines.twice) == (0, 0), f"{robot}: {lines}"
+        now = time.time()
+        streams = fleet.loki.streams(f'{{robot="{robot}",app="counter"}}', now - 20, now)
+        assert [set(labels) for labels in streams] == [STREAM], streams
+        fleet.say(f"{robot}: {lines.last - lines.first + 1} lines after the change to {shipper}, each there once")

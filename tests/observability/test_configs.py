@@ -1,0 +1,178 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the role renders, read by the programs it is for; and both shippers give the same lines the same labels."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from contextlib import ExitStack
+from functools import partial
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, Iterator
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.filter.observability_objects import observability_objects
+from loopback import eventually, free_port, program, running
+from watchers import Loki
+
+PROFILES: dict[str, dict[str, Any]] = {
+    "standalone": {"remote_nodes": ["edge1"]},
+    "hub": {"profile": "hub", "remote_nodes": ["edge1"]},
+    "robot": {"profile": "robot", "robot": "robot2", "hub": {"url": "http://127.0.0.1"}},
+}
+GATE = "--feature-gates=stanza.synchronousLogEmitter"
+PARTS = 3  # of a long line
+# Namespace, pod and container of log files, and the stream that their lines belong to.
+PODS = {
+    ("robot-robot1", "add-two-ints-6c8b9d7f5c-x2x4z", "node"): {
+        **{"robot": "robot1", "namespace": "robot-robot1", "app": "add-two-ints"},
+        **{"pod": "add-two-ints-6c8b9d7f5c-x2x4z", "placement": "local"},
+    },
+    ("observability", "node-exporter-b7k9q", "node-exporter"): {
+        **{"namespace": "observability", "app": "node-exporter", "pod": "node-exporter-b7k9q", "placement": "local"},
+    },
+}
+
+
+def rendered(profile: str, shipper: str = "otelcol") -> dict[str, str]:
+    """File -> text, of every ConfigMap."""
+    spec = {**PROFILES[profile], "log_shipper": shipper}
+    maps = [one for one in observability_objects(spec) if one["kind"] == "ConfigMap"]
+    return {f"{one['metadata']['name']}/{name}": text for one in maps for name, text in one.get("data", {}).items()}
+
+
+def accepted(directory: Path, text: str, name: str, *arguments: str) -> None:
+    """The program ends well with the file; `arguments` name it FILE."""
+    path = directory / "config.yml"
+    path.write_text(text, encoding="utf-8")
+    command = [program(name), *(one.replace("FILE", str(path)) for one in arguments)]
+    environment = {**os.environ, "NODE_NAME": "robot1"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=60)  # noqa: S603
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_collector_reads_it(tmp_path: Path, profile: str) -> None:
+    accepted(
+        tmp_path, rendered(profile)["log-shipper/otelcol.yml"], "otelcol-contrib", "validate", "--config=FILE", GATE
+    )
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_promtail_reads_it(tmp_path: Path, profile: str) -> None:
+    text = rendered(profile, "promtail")["log-shipper/promtail.yml"]
+    accepted(tmp_path, text, "promtail", "-check-syntax", "-config.expand-env=true", "-config.file=FILE")
+
+
+@pytest.mark.parametrize("profile", ["standalone", "hub"])
+def test_loki_reads_it(tmp_path: Path, profile: str) -> None:
+    accepted(tmp_path, rendered(profile)["loki/loki.yml"], "loki", "-verify-config", "-config.file=FILE")
+
+
+@pytest.mark.parametrize("profile", ["standalone", "hub"])
+def test_prometheus_reads_it(tmp_path: Path, profile: str) -> None:
+    text = rendered(profile)["prometheus/prometheus.yml"]
+    accepted(tmp_path, text, "promtool", "check", "config", "--syntax-only", "FILE")
+
+
+@pytest.mark.parametrize("name", ["prometheus-rules/ros.yml", "prometheus-rules/recording.yml"])
+def test_promtool_reads_the_rules(tmp_path: Path, name: str) -> None:
+    accepted(tmp_path, rendered("standalone")[name], "promtool", "check", "rules", "FILE")
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as programs:
+        yield programs
+
+
+def cri(texts: list[str]) -> str:
+    """As containerd writes them; every third line is cut in parts."""
+    lines, began = [], time.time_ns() - len(texts) * 1_000_000
+    for index, text in enumerate(texts):
+        nanoseconds = began + index * 1_000_000
+        when = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(nanoseconds // 10**9)) + f".{nanoseconds % 10**9:09d}Z"
+        size = len(text) // PARTS
+        parts = [text[:size], text[size : 2 * size], text[2 * size :]] if index % 3 == 0 else [text]
+        lines += [f"{when} stdout {'F' if part is parts[-1] else 'P'} {part}" for part in parts]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def moved(value: Any, words: dict[str, str]) -> Any:
+    """The configuration with directories and ports of the test's own."""
+    if isinstance(value, dict):
+        return {key: moved(item, words) for key, item in value.items()}
+    if isinstance(value, list):
+        return [moved(item, words) for item in value]
+    if isinstance(value, str):
+        for word, other in words.items():
+            value = value.replace(word, other)
+    return value
+
+
+@pytest.mark.parametrize("shipper", ["otelcol", "promtail"])
+def test_lines_and_labels(tmp_path: Path, stack: ExitStack, shipper: str) -> None:
+    """What the role renders, with other directories: every line once, whole, under exactly these labels."""
+    http, own = free_port(), free_port()
+    texts = [f"number {index} " + "x" * 40 for index in range(30)]
+    pods = tmp_path / "pods"
+    for namespace, pod, container in PODS:
+        log = pods / f"{namespace}_{pod}_0a1b2c3d-0000-4000-8000-000000000000" / container / "0.log"
+        log.parent.mkdir(parents=True)
+        log.write_text(cri(texts))
+    loki_config = yaml.safe_load(rendered("standalone")["loki/loki.yml"])
+    loki_config["server"].update(
+        http_listen_port=http,
+        http_listen_address="127.0.0.1",
+        grpc_listen_port=free_port(),
+        grpc_listen_address="127.0.0.1",
+    )
+    loki_config = moved(loki_config, {"/loki": str(tmp_path / "loki"), "/etc/loki-rules": str(tmp_path / "rules")})
+    (tmp_path / "rules").mkdir()
+    path = tmp_path / "loki.yml"
+    path.write_text(yaml.safe_dump(loki_config))
+    server = stack.enter_context(running(tmp_path / "run", http, program("loki"), f"-config.file={path}"))
+    server.ready("/ready")
+
+    config = yaml.safe_load(rendered("standalone", shipper)[f"log-shipper/{shipper}.yml"])
+    words = {
+        "http://loki.observability:3100": f"http://127.0.0.1:{http}",
+        "/var/log/pods": str(pods),
+        "/var/lib/rosops-fleet/log-shipper": str(tmp_path / "state"),
+        "${NODE_NAME}": "robot1",
+    }
+    config = moved(config, words)
+    path = tmp_path / f"{shipper}.yml"
+    if shipper == "otelcol":
+        [reader] = config["service"]["telemetry"]["metrics"]["readers"]
+        reader["pull"]["exporter"]["prometheus"].update(host="127.0.0.1", port=own)
+        command = [program("otelcol-contrib"), f"--config={path}", GATE]
+    else:
+        (tmp_path / "state").mkdir()
+        config["server"].update(http_listen_address="127.0.0.1", http_listen_port=own)
+        command = [program("promtail"), f"-config.file={path}"]
+    path.write_text(yaml.safe_dump(config))
+    stack.enter_context(pytest.MonkeyPatch.context()).setenv("NODE_NAME", "robot1")
+    brought = stack.enter_context(running(tmp_path / "shipper", own, *command))
+
+    loki = Loki(f"http://127.0.0.1:{http}")
+    began = time.time() - 600
+
+    def all_of(selector: str) -> list[str]:
+        found = loki.lines(selector, began, time.time())
+        return found if len(found) >= len(texts) else []
+
+    for labels in PODS.values():
+        selector = "{" + ",".join(f'{key}="{value}"' for key, value in labels.items()) + "}"
+        lines = eventually(f"lines of {selector}\n{brought.tail}", partial(all_of, selector))
+        assert lines == texts
+        for stream in loki.over(selector, began, time.time()):
+            beside = set(stream["stream"]) - set(labels)
+            assert {"container", "stream"} <= beside <= {"container", "stream", "detected_level"}, stream["stream"]
+    streams = loki.streams('{namespace!=""}', began, time.time())
+    assert sorted(streams, key=itemgetter("pod")) == sorted(PODS.values(), key=itemgetter("pod"))
