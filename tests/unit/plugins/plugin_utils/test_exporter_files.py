@@ -7,7 +7,6 @@ from __future__ import annotations
 import ast
 import io
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -28,6 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import (
     hook_files,
     relative_imports,
 )
+from pythons import pythons
 
 FILES = exporter_files()
 CONFIG_MAP_LIMIT = 1 << 20
@@ -109,14 +109,6 @@ def mounted(tmp_path: Path) -> Path:
         (real / name).write_bytes(data)
         (tmp_path / "exporter" / name).symlink_to(f"..data/{name}")
     return tmp_path / "exporter"
-
-
-def pythons() -> list[str]:
-    """The oldest Python that is meant, where it is here, and the one of this run."""
-    oldest = shutil.which("python3.8")  # which may be a version manager's shim without that version
-    script = "import sys; print(sys.executable)"
-    real = subprocess.run([oldest, "-c", script], capture_output=True, text=True, check=False).stdout if oldest else ""  # noqa: S603
-    return [sys.executable, *real.split()]
 
 
 SCRAPE = """

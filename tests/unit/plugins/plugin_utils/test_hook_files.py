@@ -7,7 +7,6 @@ from __future__ import annotations
 import ast
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils import _hook_run
 from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import MODULE_UTILS, hook_files, relative_imports
+from pythons import pythons
 
 FILES = hook_files()
 ETCD_LIMIT = 1 << 20  # a ConfigMap holds no more
@@ -54,14 +54,6 @@ def mounted(tmp_path: Path) -> Path:
         (real / name).write_text(text)
         (tmp_path / "hooks" / name).symlink_to(f"..data/{name}")
     return tmp_path / "hooks"
-
-
-def pythons() -> list[str]:
-    """The oldest Python that is meant, where it is here, and the one of this run."""
-    oldest = shutil.which("python3.8")  # which may be a version manager's shim without that version
-    script = "import sys; print(sys.executable)"
-    real = subprocess.run([oldest, "-c", script], capture_output=True, text=True, check=False).stdout if oldest else ""  # noqa: S603
-    return [sys.executable, *real.split()]
 
 
 def run(mounted: Path, word: str, python: str = sys.executable) -> tuple[int, str]:
