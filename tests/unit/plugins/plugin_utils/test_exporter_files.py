@@ -27,7 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import (
     hook_files,
     relative_imports,
 )
-from pythons import pythons
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
 
 FILES = exporter_files()
 CONFIG_MAP_LIMIT = 1 << 20

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils import _hook_run
 from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import MODULE_UTILS, hook_files, relative_imports
-from pythons import pythons
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
 
 FILES = hook_files()
 ETCD_LIMIT = 1 << 20  # a ConfigMap holds no more
