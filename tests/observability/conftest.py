@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Iterator
 
 import pytest
 
@@ -28,30 +28,14 @@ sys.path[:0] = [
 from watched import Watched  # noqa: E402 - found through the lines above
 
 INVENTORY = CHECKOUT / "molecule" / "observability" / "inventory"
-FIGURES = pytest.StashKey[list[str]]()
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--faults", action="store_true", help="also the cases that take long")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.stash[FIGURES] = []
-    config.addinivalue_line("markers", "faults: a case that takes long; only with --faults")
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if not config.getoption("--faults"):
-        chosen = [item for item in items if not item.get_closest_marker("faults")]
-        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-        items[:] = chosen
+pytest_plugins = ["lab_cases"]
 
 
 @pytest.fixture(scope="session")
-def standing_fleet(pytestconfig: pytest.Config) -> Iterator[Watched]:
+def standing_fleet(figures: list[str]) -> Iterator[Watched]:
     """The lab's fleet, as converge or the test before left it."""
     made = Watched(os.environ.get("ROSOPS_LAB", "mol-obs"), INVENTORY, CHECKOUT / "reports" / "observability")
-    made.figures = pytestconfig.stash[FIGURES]
+    made.figures = figures
     yield made
 
 
@@ -60,10 +44,3 @@ def fleet(standing_fleet: Watched, request: pytest.FixtureRequest) -> Watched:
     """The same; figures stand under the case's name."""
     standing_fleet.say(f"{request.node.name}:")
     return standing_fleet
-
-
-def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """What every case measured."""
-    terminalreporter.section("what was measured")
-    for line in config.stash[FIGURES]:
-        terminalreporter.write_line(line if line.endswith(":") else f"    {line}")

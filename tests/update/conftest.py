@@ -13,41 +13,25 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Iterator
 
 import pytest
 
 HERE = Path(__file__).resolve().parent
 CHECKOUT = HERE.parents[1]
-sys.path[:0] = [str(HERE), str(CHECKOUT / "tests" / "apps")]
+sys.path[:0] = [str(HERE), *(str(CHECKOUT / "tests" / name) for name in ("apps", "tools"))]
 
 from fleet import Fleet  # noqa: E402 - found through the lines above
 
 INVENTORY = CHECKOUT / "molecule" / "update" / "inventory"
-FIGURES = pytest.StashKey[list[str]]()
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--faults", action="store_true", help="also the cases that take long")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.stash[FIGURES] = []
-    config.addinivalue_line("markers", "faults: a case that takes long; only with --faults")
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if not config.getoption("--faults"):
-        chosen = [item for item in items if not item.get_closest_marker("faults")]
-        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-        items[:] = chosen
+pytest_plugins = ["lab_cases"]
 
 
 @pytest.fixture(scope="session")
-def standing_fleet(pytestconfig: pytest.Config) -> Iterator[Fleet]:
+def standing_fleet(figures: list[str]) -> Iterator[Fleet]:
     """The lab's fleet, as converge or the test before left it."""
     made = Fleet(os.environ.get("ROSOPS_LAB", "mol-update"), INVENTORY, CHECKOUT / "reports" / "update")
-    made.figures = pytestconfig.stash[FIGURES]
+    made.figures = figures
     yield made
 
 
@@ -57,10 +41,3 @@ def fleet(standing_fleet: Fleet, request: pytest.FixtureRequest) -> Fleet:
     standing_fleet.settle()
     standing_fleet.figures.append(f"{request.node.name}:")
     return standing_fleet
-
-
-def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """What every case counted."""
-    terminalreporter.section("what the apps noticed")
-    for line in config.stash[FIGURES]:
-        terminalreporter.write_line(line if line.endswith(":") else f"    {line}")
