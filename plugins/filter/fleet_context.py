@@ -14,7 +14,7 @@ description:
   - Picks the fleet's variables of one robot and fills in every default.
 options:
   _input:
-    description: The robot's variables, C(hostvars[inventory_hostname]).
+    description: The magic variable C(hostvars). The robot's values may refer to it in their turn.
     type: dict
     required: true
   robot:
@@ -26,7 +26,7 @@ options:
 EXAMPLES = r"""
 - name: Show the objects
   ansible.builtin.debug:
-    msg: "{{ hostvars[inventory_hostname] | rosops.fleet.fleet_context(inventory_hostname) }}"
+    msg: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
 """
 
 RETURN = r"""
@@ -35,10 +35,11 @@ _value:
   type: dict
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
 from ansible_collections.rosops.fleet.plugins.module_utils._context import fleet_context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._host_variables import HostVariables
 
 
 class FilterModule:
@@ -46,4 +47,8 @@ class FilterModule:
 
     def filters(self) -> dict[str, Callable[..., Any]]:
         """Name to function."""
-        return filter_module(fleet_context=fleet_context)
+        return filter_module(fleet_context=_context)
+
+
+def _context(hostvars: Mapping[str, Any], robot: str) -> dict[str, Any]:
+    return fleet_context(HostVariables(hostvars)[robot], robot)

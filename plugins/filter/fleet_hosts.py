@@ -15,7 +15,7 @@ description:
   - Secrets are replaced by a number each, equal for equal secrets, so that they can be compared but not read.
 options:
   _input:
-    description: The magic variable C(hostvars).
+    description: The magic variable C(hostvars). A host's values may refer to it in their turn.
     type: dict
     required: true
   names:
@@ -41,10 +41,11 @@ _value:
   type: dict
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Iterable, Mapping
 
 from ansible_collections.rosops.fleet.plugins.module_utils._hosts import fleet_hosts
 from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._host_variables import HostVariables
 
 
 class FilterModule:
@@ -52,4 +53,8 @@ class FilterModule:
 
     def filters(self) -> dict[str, Callable[..., Any]]:
         """Name to function."""
-        return filter_module(fleet_hosts=fleet_hosts)
+        return filter_module(fleet_hosts=_hosts)
+
+
+def _hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    return fleet_hosts(HostVariables(hostvars), names)

@@ -26,7 +26,7 @@ EXAMPLES = r"""
   ansible.builtin.debug:
     msg: "{{ context | rosops.fleet.fleet_images }}"
   vars:
-    context: "{{ hostvars[inventory_hostname] | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
 """
 
 RETURN = r"""

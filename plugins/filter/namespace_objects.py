@@ -20,7 +20,7 @@ EXAMPLES = r"""
   ansible.builtin.debug:
     msg: "{{ context | rosops.fleet.namespace_objects }}"
   vars:
-    context: "{{ hostvars[inventory_hostname] | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
 """
 
 RETURN = r"""

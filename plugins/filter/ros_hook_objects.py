@@ -21,7 +21,7 @@ EXAMPLES = r"""
   ansible.builtin.debug:
     msg: "{{ context | rosops.fleet.ros_hook_objects }}"
   vars:
-    context: "{{ hostvars[inventory_hostname] | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
 """
 
 RETURN = r"""

@@ -58,7 +58,7 @@ def test_object_filters(name: str, kinds: list[str]) -> None:
 def test_other_filters() -> None:
     assert filter_of("ros_conditions")(CTX)["nodes"] == ["/a"]
     assert filter_of("fleet_images")(CTX, "remote") == ["a:1"]
-    assert filter_of("fleet_context")({"robot_mode": "standalone"}, "r")["mode"] == "standalone"
+    assert filter_of("fleet_context")({"r": {"robot_mode": "standalone"}}, "r")["mode"] == "standalone"
     assert filter_of("fleet_topology")({"edge": ["e"], "robots": ["r"]}, {"r": {}})["r"]["role"] == "agent"
 
 

@@ -1,0 +1,53 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A host's variables as its own tasks see them, seen from elsewhere."""
+
+from __future__ import annotations
+
+from typing import Any, Iterator, Mapping
+
+from ansible.template import Templar
+from ansible.vars.hostvars import HostVars
+
+
+class HostVariables(Mapping[str, Mapping[str, Any]]):
+    """`hostvars`, but a host's value may refer to `hostvars` in its turn: an address of the hub, a master elsewhere.
+
+    Ansible's own leaves `hostvars` out where it templates another host's variables (HostVars.raw_get of
+    ansible/vars/hostvars.py), although the same value is good in that host's own tasks. A plain mapping stays as it is.
+    """
+
+    def __init__(self, hostvars: Mapping[str, Mapping[str, Any]]) -> None:
+        self._hostvars = hostvars
+
+    def __getitem__(self, host: str) -> Mapping[str, Any]:
+        if host not in self._hostvars:
+            raise KeyError(host)
+        if not isinstance(self._hostvars, HostVars):
+            return self._hostvars[host]
+        # there is no public way to the loader, which knows where the inventory's files are
+        return _Templated({**self._hostvars.raw_get(host), "hostvars": self._hostvars}, self._hostvars._loader)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._hostvars)
+
+    def __len__(self) -> int:
+        return len(self._hostvars)
+
+
+class _Templated(Mapping[str, Any]):
+    """Variables of one host, each templated when it is asked for."""
+
+    def __init__(self, variables: dict[str, Any], loader: Any) -> None:
+        self._variables = variables
+        self._templar = Templar(loader=loader, variables=variables)
+
+    def __getitem__(self, name: str) -> Any:
+        return self._templar.template(self._variables[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._variables)
+
+    def __len__(self) -> int:
+        return len(self._variables)
