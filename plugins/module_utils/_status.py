@@ -52,6 +52,11 @@ def _chosen_labels(obj: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
+def nodes_off(nodes: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Names of the nodes that are not ready, or have never said so: their hosts are off, away or broken."""
+    return [name_of(node) for node in nodes if condition(node, "Ready").get("status") != "True"]
+
+
 def node_rows(nodes: Iterable[Mapping[str, Any]]) -> list[Row]:
     rows = []
     for node in nodes:
