@@ -60,6 +60,7 @@ from typing import Any, Callable
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible import context
+from ansible.playbook.role_include import IncludeRole
 from ansible.plugins.callback import CallbackBase
 from ansible_collections.rosops.fleet.plugins.module_utils._report import (
     BUSY,
@@ -104,6 +105,13 @@ def stage_of(task: Any) -> str:
     """The role that the task belongs to, without its collection; empty outside of roles."""
     role = getattr(task, "_role", None)
     return str(role.get_name()).rpartition(".")[2] if role else ""
+
+
+def name_of(task: Any) -> str:
+    """The task's name, after its role's without the collection."""
+    # one that includes a role has its name alone, and takes no word about it
+    name = task.get_name() if isinstance(task, IncludeRole) else task.get_name(include_role_fqcn=False)
+    return str(name).strip()
 
 
 def secret_free(result: Any) -> dict[str, Any]:
@@ -157,8 +165,9 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     def _begin(self, task: Any) -> None:
         for_all = task.run_once is True or task.any_errors_fatal is True
-        name = task.get_name(include_role_fqcn=False).strip()
-        self.report.task(task._uuid, TaskInfo(name, str(task.action), stage_of(task), for_all), time.monotonic())
+        self.report.task(
+            task._uuid, TaskInfo(name_of(task), str(task.action), stage_of(task), for_all), time.monotonic()
+        )
 
     def _host(self, result: Any) -> str:
         name = str(result.host.get_name())

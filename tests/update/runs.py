@@ -142,6 +142,7 @@ class Running:
         except subprocess.TimeoutExpired:
             self.kill()
             raise AssertionError(f"{self._name} ran for more than {seconds:g} s:\n{self.output[-3000:]}") from None
+        assert "[WARNING]: fleet_report: " not in self.output, f"the report is incomplete:\n{self.output[-3000:]}"
         report = json.loads(self._report.read_text(encoding="utf-8")) if self._report.exists() else {"hosts": []}
         return Run(self._name, status, self.output, report, self.began, time.time())
 

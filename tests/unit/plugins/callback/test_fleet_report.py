@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 from ansible import constants, context
 from ansible.executor.stats import AggregateStats
+from ansible.playbook.role_include import IncludeRole
+from ansible.playbook.task import Task
 from ansible.utils.context_objects import CLIArgs
 from ansible_collections.rosops.fleet.plugins.callback import fleet_report
 
@@ -116,6 +118,19 @@ def test_nothing_that_goes_wrong_ends_the_run(callback: Any) -> None:
     callback.v2_playbook_on_stats(None)
     assert len(callback._display.warnings) == 1
     assert "v2_playbook_on_play_start" in callback._display.warnings[0]
+
+
+def test_a_task_of_any_kind_has_a_name(callback: Any) -> None:
+    plain, role = Task(), IncludeRole()
+    plain.name, role.name = "Look", "Bring it"
+    unnamed = IncludeRole()
+    unnamed.action, unnamed._role_name = "include_role", "rosops.fleet.k3s"
+    for one in (plain, role, unnamed):
+        callback.v2_playbook_on_task_start(one, False)
+    assert [fleet_report.name_of(one) for one in (plain, role, unnamed)] == [
+        "Look", "Bring it", "include_role : rosops.fleet.k3s"
+    ]  # fmt: skip
+    assert not callback._display.warnings
 
 
 def test_an_unwritable_path_is_a_warning(callback: Any, tmp_path: Path) -> None:
