@@ -20,10 +20,10 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+from lab_environment import CHECKOUT, environment
+
 LAB = CHECKOUT / "tests" / "lab" / "lab"
 KEPT = CHECKOUT / "reports" / "bench-site"
 READY_TO_BARE = 0.25  # the most that a run on ready hosts may take of the one on bare hosts
@@ -115,20 +115,6 @@ def result(runs: Mapping[str, Run], about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 # --- the lab and the playbook --------------------------------------------------------------------------------------
-
-
-def environment(lab: str) -> dict[str, str]:
-    """This checkout's tools and settings, also without make; the lab's inventory; a machine's speed only."""
-    return {
-        **os.environ,
-        "PATH": f"{CHECKOUT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}",
-        "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
-        "ANSIBLE_HOME": str(CHECKOUT / ".ansible"),
-        "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
-        "ANSIBLE_NOCOLOR": "1",
-        "LC_ALL": "C.UTF-8",
-        "ROSOPS_LAB": lab,
-    }
 
 
 class Bench:

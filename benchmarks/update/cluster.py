@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from kubernetes import client, config
+from lab_environment import environment
 
 from .errors import BenchError
 from .paths import CHECKOUT, LAB
@@ -25,20 +26,6 @@ STORAGE = "/var/lib/rancher/k3s/storage"
 # robot's work; what it starts on the hosts does not.
 NICE = 10
 CONTROL = ("nice", "-n", str(NICE))
-
-
-def environment(lab: str) -> dict[str, str]:
-    """This checkout's tools and settings, also without make."""
-    return {
-        **os.environ,
-        "PATH": f"{CHECKOUT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}",
-        "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
-        "ANSIBLE_HOME": str(CHECKOUT / ".ansible"),
-        "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
-        "ANSIBLE_NOCOLOR": "1",
-        "LC_ALL": "C.UTF-8",
-        "ROSOPS_LAB": lab,
-    }
 
 
 class Cluster:

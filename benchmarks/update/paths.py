@@ -5,9 +5,9 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
-CHECKOUT = Path(__file__).resolve().parents[2]
+from lab_environment import CHECKOUT
+
 LAB = CHECKOUT / "tests" / "lab" / "lab"
 RESULTS = CHECKOUT / "benchmarks" / "results"
 

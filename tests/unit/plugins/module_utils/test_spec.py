@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import copy
 import datetime
-import importlib.util
 import json
 from pathlib import Path
 from typing import Any
@@ -27,20 +26,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._workloads import (
     ros_master_objects,
     storage_objects,
 )
+from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 
-TABLE = Path(__file__).resolve().parents[2] / "bad_input" / "table.py"
-
-
-def _table() -> Any:
-    spec = importlib.util.spec_from_file_location("bad_input_table", TABLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-table = _table()
+GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "cases"
 CASES: list[dict[str, Any]] = table.load_cases()
 
 
@@ -220,7 +208,7 @@ def test_mutated_cases_are_refused_or_can_be_built() -> None:
     """Golden cases with one value broken: no crash, and from what passes objects can be built."""
     mutants: list[Any] = [None, True, -1, 7, 1.5, "", "x", "A_b/", "~", [], ["x"], [5], {}, {"name": "x"}, {"x": {}}]
     accepted = refused = 0
-    for path in sorted((TABLE.parents[1] / "golden" / "cases").glob("*.yml")):
+    for path in sorted(GOLDEN.glob("*.yml")):
         case = yaml.safe_load(path.read_text("utf-8"))
         for number in range(len(_places(case["variables"]))):
             for mutant in mutants:

@@ -4,28 +4,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.modules import fleet_config
+from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 
-TABLE = Path(__file__).resolve().parents[2] / "bad_input" / "table.py"
-
-
-def _table() -> Any:
-    spec = importlib.util.spec_from_file_location("bad_input_table", TABLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-table = _table()
 CASES: list[dict[str, Any]] = table.load_cases()
 # What the module is given has come through JSON, which has no dates, no numbers as keys and no NaN.
 JSON_LESS = ("date-for-a-text", "number-for-a-key", "not-a-number")
