@@ -19,6 +19,7 @@ from ._exporter_poll import Poller
 from ._exporter_ros import Observer
 from ._exporter_samples import Family
 
+ENDING = (signal.SIGTERM, signal.SIGINT)
 OPTIONS: Mapping[str, str] = {
     "--port": str(PORT),
     "--address": "",
@@ -77,15 +78,13 @@ class Sources:
 
 
 def main(words: list[str]) -> int:
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # waited for below; threads inherit it, so before any starts
     chosen = options(words)
     sources = Sources(chosen)
     address = (chosen["--address"], int(chosen["--port"]))
     server = Server(address, sources.families, sources.poller.scraped, sources.poller.healthy)
     sources.start()
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
     threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 60.0}, daemon=True).start()
     tell(f"metrics of {sources.poller.observer.uri} every {sources.poller.interval:g} s at port {address[1]}")
-    stop.wait()
+    signal.sigwait(ENDING)
     return 0

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import threading
 import time
 from typing import Any, Callable, Mapping
 
@@ -21,6 +20,7 @@ from ._slave import Slave
 NAME = "/ros_keeper"
 PORT = 11411
 TIMEOUT = 2.0
+ENDING = (signal.SIGTERM, signal.SIGINT)
 
 
 def tell(line: str) -> None:
@@ -39,6 +39,9 @@ def options(words: list[str]) -> dict[str, str]:
 
 
 def main(words: list[str]) -> int:
+    # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
+    # thread starts, because it inherits what is blocked.
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     chosen = options(words)
     record = Record(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
@@ -52,17 +55,14 @@ def main(words: list[str]) -> int:
     goals.slave.start()
     goals.resume(record.load("goals") or [])
     keeper = Keeper(ros, record, tell)
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {goals.slave.uri}")
-    while not stop.is_set():
+    pause = 0.0
+    while signal.sigtimedwait(ENDING, pause) is None:
         try:
             pause = keeper.step()
         except Exception as error:  # whatever one look brings, the next one may be better
             tell(f"error: {type(error).__name__}: {error}")
             pause = 1.0
-        stop.wait(pause)
     tell("stopped")
     return 0
 

@@ -240,3 +240,10 @@ def test_updates_are_metrics_and_lines(scene: ExporterScene, tmp_path: Path) -> 
         ("update", "0123456789ab", "running"),
         ("update", "0123456789ab", "updated"),
     ]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_ends_when_it_is_told_to(scene: ExporterScene, number: int) -> None:
+    exporter = scene.start_exporter()
+    exporter.send_signal(number)
+    assert exporter.wait(5) == 0

@@ -10,6 +10,7 @@ import signal
 import time
 from pathlib import Path
 
+import pytest
 from scene import SUCCEEDED, Scene, until
 
 NODES = ("/talker", "/listener", "/adder", "/worker", "/boss")
@@ -142,3 +143,12 @@ def test_what_it_costs_at_idle(scene: Scene) -> None:
 def cpu_seconds(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_ends_when_it_is_told_to(scene: Scene, number: int) -> None:
+    scene.start_master()
+    keeper = scene.start_keeper()
+    keeper.send_signal(number)
+    assert keeper.wait(5) == 0
+    assert scene.said().endswith("stopped\n")
