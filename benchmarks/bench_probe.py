@@ -26,8 +26,8 @@ from typing import Any
 CHECKOUT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections"), str(CHECKOUT / "tests" / "ros")]
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod_hooks import app_probes  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import hook_files  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_hooks import app_probes  # noqa: E402
 from scene import PYTHON, Scene, until  # noqa: E402 - found through the lines above
 
 SHARE = 0.02  # of one core, at the readiness probe's own period
@@ -46,7 +46,7 @@ class Pod:
         self.name = f"bench_{scene.port}"
         self.hooks = scene.directory / "hooks"
         self.hooks.mkdir()
-        for file, text in hook_files().items():
+        for file, text in app_files().items():
             (self.hooks / file).write_text(text)
 
     def settings(self, contract: dict[str, Any] | None = None, **changes: Any) -> None:

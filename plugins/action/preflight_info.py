@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._preflight import clock_offset
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import clock_offset
 
 
 class ActionModule(ActionBase):  # type: ignore[misc]

@@ -13,9 +13,9 @@ from typing import Any
 
 from ansible.plugins.action import ActionBase
 from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._kube import Kube, resolve_auth
-from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import ROLLOUT_ARGS, run, settings_from
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, resolve_auth
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import ROLLOUT_ARGS, run, settings_from
 
 display = Display()
 

@@ -62,7 +62,7 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible import context
 from ansible.playbook.role_include import IncludeRole
 from ansible.plugins.callback import CallbackBase
-from ansible_collections.rosops.fleet.plugins.module_utils._report import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
     BUSY,
     FAILED,
     HIDDEN,

@@ -62,9 +62,9 @@ _value:
 from pathlib import Path
 from typing import Any, Callable, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._dashboards import checked
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import checked
 
 
 def dashboards_checked(paths: Sequence[str], own: Sequence[str] = (), base: str = "") -> list[dict[str, str]]:

@@ -37,9 +37,9 @@ _value:
 
 from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._context import fleet_context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import fleet_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 
 
 class FilterModule:

@@ -43,9 +43,9 @@ _value:
 
 from typing import Any, Callable, Iterable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._hosts import fleet_hosts
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 
 
 class FilterModule:

@@ -44,8 +44,8 @@ _value:
 
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._observability import grafana_admin
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.stack import grafana_admin
 
 
 class FilterModule:

@@ -38,8 +38,8 @@ _value:
 
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._images import images_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.images import images_problems
 
 
 class FilterModule:

@@ -41,8 +41,8 @@ _value:
 
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s_plan import plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
 
 
 class FilterModule:

@@ -39,8 +39,8 @@ _value:
 
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s_config import wrong_tokens
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.config import wrong_tokens
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
 
 
 class FilterModule:

@@ -40,8 +40,8 @@ _value:
 
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._status import nodes_off
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import nodes_off
 
 
 class FilterModule:

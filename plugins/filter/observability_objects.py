@@ -39,9 +39,9 @@ _value:
 
 from typing import Any, Callable, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils import _observability
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability_files import own_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as _observability
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import own_files
 
 
 def observability_objects(

@@ -64,10 +64,10 @@ _value:
 
 from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils import _exporter_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._client_archive import client_archive
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import exporter_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import exporter as _exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.client_archive import client_archive
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 
 
 def ros_exporter_objects(

@@ -67,8 +67,8 @@ _value:
 
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._update_plan import rollback_plan, update_plan
-from ansible_collections.rosops.fleet.plugins.plugin_utils._filter import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import rollback_plan, update_plan
 
 
 def plan(ctx: Any, deployments: Any, updates: Any, *, to: str = "", **limits: Any) -> Any:

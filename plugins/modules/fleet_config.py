@@ -100,8 +100,8 @@ robots:
 import traceback
 
 from ansible.module_utils.basic import AnsibleModule, missing_required_lib
-from ansible_collections.rosops.fleet.plugins.module_utils._secrets import redact
-from ansible_collections.rosops.fleet.plugins.module_utils._spec import check_fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
 
 try:
     import jsonschema  # noqa: F401  # pylint: disable=unused-import  # the checks need it

@@ -77,8 +77,8 @@ removed:
 from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._k3s_remove import Remover
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_remove import Remover
 
 
 def main() -> None:

@@ -119,7 +119,8 @@ kubeconfig_sha256:
 import os
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._k3s import (
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import (
     BINARY,
     CONFIG_DIR,
     DATA_DIR,
@@ -128,7 +129,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._k3s import (
     K3sHost,
     token_verdict,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._poll import PASS
 
 ARGUMENTS = {
     "role": {"type": "str", "choices": ["server", "agent"], "required": True},

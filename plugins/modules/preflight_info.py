@@ -111,7 +111,7 @@ facts:
 import time
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._host_facts import Host, collect
+from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host, collect
 
 
 def main() -> None:

@@ -129,9 +129,9 @@ elapsed:
 import os
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._kube import Kube, resolve_auth
-from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import ROLLOUT_ARGS, run, settings_from
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, resolve_auth
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import ROLLOUT_ARGS, run, settings_from
 
 
 def main() -> None:

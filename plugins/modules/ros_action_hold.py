@@ -124,15 +124,15 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils._action_hold import Held, hold_when_idle
-from ..module_utils._conditions import Conditions, conditions_from
-from ..module_utils._errors import FleetError, RosError
-from ..module_utils._gate import Look, look
-from ..module_utils._keeper_calls import KeeperCalls
-from ..module_utils._peers import Api, Deadline
-from ..module_utils._poll import FAIL, PASS, Seen
-from ..module_utils._ros_master import ROS_ARGS, RosMaster
-from ..module_utils._ros_writer import MASTER, RosWriter
+from ..module_utils._common.errors import FleetError, RosError
+from ..module_utils._common.poll import FAIL, PASS, Seen
+from ..module_utils._host.idle_hold import Held, hold_when_idle
+from ..module_utils._ros.client import ROS_ARGS, RosMaster
+from ..module_utils._ros.conditions import Conditions, conditions_from
+from ..module_utils._ros.gate import Look, look
+from ..module_utils._ros.keeper_client import KeeperCalls
+from ..module_utils._ros.registrar import MASTER, RosWriter
+from ..module_utils._ros.rpc import Api, Deadline
 
 CALLER = "/rosops_fleet_step"
 HOLD_ARGS: dict[str, dict[str, Any]] = {

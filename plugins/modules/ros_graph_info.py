@@ -142,10 +142,10 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils._errors import FleetError
-from ..module_utils._graph import Extras, everything
-from ..module_utils._ros_master import ROS_ARGS, RosMaster
-from ..module_utils._service_connections import ServiceConnections
+from ..module_utils._common.errors import FleetError
+from ..module_utils._host.service_sockets import ServiceConnections
+from ..module_utils._ros.client import ROS_ARGS, RosMaster
+from ..module_utils._ros.graph import Extras, everything
 
 INFO_ARGS = {
     "rates": {"type": "bool", "default": False},

@@ -146,11 +146,11 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils._conditions import GATE_ARGS, WAIT_ARGS, conditions_from
-from ..module_utils._errors import FleetError
-from ..module_utils._gate import Look, look
-from ..module_utils._poll import PASS, Polled, Seen, poll
-from ..module_utils._ros_master import ROS_ARGS, RosMaster
+from ..module_utils._common.errors import FleetError
+from ..module_utils._common.poll import PASS, Polled, Seen, poll
+from ..module_utils._ros.client import ROS_ARGS, RosMaster
+from ..module_utils._ros.conditions import GATE_ARGS, WAIT_ARGS, conditions_from
+from ..module_utils._ros.gate import Look, look
 
 
 def result_of(ended: Polled) -> dict[str, Any]:

@@ -109,11 +109,11 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils import _registrations as registrations
-from ..module_utils._errors import FleetError, SpecError
-from ..module_utils._registrations import Entry, Plan
-from ..module_utils._ros_master import ROS_ARGS
-from ..module_utils._ros_writer import RosWriter
+from ..module_utils._common.errors import FleetError, SpecError
+from ..module_utils._ros import registrations
+from ..module_utils._ros.client import ROS_ARGS
+from ..module_utils._ros.registrar import RosWriter
+from ..module_utils._ros.registrations import Entry, Plan
 
 REGISTRATION_ARGS: dict[str, dict[str, Any]] = {
     "state": {"type": "str", "choices": ["present", "absent"], "default": "present"},

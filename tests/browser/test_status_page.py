@@ -15,8 +15,8 @@ from typing import Any
 
 import chromium
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._html_report import status_html
-from ansible_collections.rosops.fleet.plugins.module_utils._status import fleet_status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.html import status_html
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import fleet_status
 
 HERE = Path(__file__).resolve().parent
 SHOTS = HERE.parent / "output" / "browser"

@@ -11,8 +11,8 @@ import urllib.request
 from pathlib import Path
 from typing import Any, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._client_archive import client_archive
-from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import exporter_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.client_archive import client_archive
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from scene import PYTHON, Scene, free_port, until
 

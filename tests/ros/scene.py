@@ -14,9 +14,9 @@ import xmlrpc.client
 from pathlib import Path
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._registrations import Entry
-from ansible_collections.rosops.fleet.plugins.module_utils._ros_writer import RosWriter
-from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import hook_files
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import RosWriter
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 
 NODES = Path(__file__).with_name("nodes.py")
 PYTHON = "/usr/bin/python3"  # Debian's ROS packages are for this one
@@ -74,7 +74,7 @@ class Scene:
     def start_keeper(self) -> subprocess.Popen[bytes]:
         code = self.directory / "hooks"
         code.mkdir(exist_ok=True)
-        for name, text in hook_files().items():
+        for name, text in app_files().items():
             (code / name).write_text(text)
         process = self._start(
             "keeper",

@@ -11,9 +11,9 @@ import time
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._graph import BUSY_STATES
-from ansible_collections.rosops.fleet.plugins.module_utils._peers import Api, Deadline
-from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import RosMaster
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import RosMaster
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import BUSY_STATES
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Api, Deadline
 from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
 from run_module import Run
 from scene import LOST, RECALLED, SUCCEEDED, Scene, until

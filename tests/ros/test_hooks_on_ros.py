@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Iterator
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._hook_files import hook_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from scene import PYTHON, SUCCEEDED, Scene, until
 
 SETTINGS = {
@@ -31,7 +31,7 @@ class Pod:
         self.node = f"/{self.name}"
         self.hooks = scene.directory / f"pod_{name}" / "hooks"
         self.hooks.mkdir(parents=True)
-        for file, text in hook_files().items():
+        for file, text in app_files().items():
             (self.hooks / file).write_text(text)
         (self.hooks / "app-app.json").write_text(json.dumps({**SETTINGS, "node": f"/{name}", **settings}))
 

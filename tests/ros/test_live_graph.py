@@ -17,11 +17,11 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CHECKOUT / ".ansible" / "collections"))
 
-from ansible_collections.rosops.fleet.plugins.module_utils._conditions import conditions_from  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._contract import conditions, record  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._gate import Look, look  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._poll import Seen, poll  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._ros_master import RosMaster  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen, poll  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import RosMaster  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read  # noqa: E402
 
 PYTHON, MASTER, RELAY = "/usr/bin/python3", Path("/usr/bin/rosmaster"), Path("/usr/lib/topic_tools/relay")

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._role_variables import OPAQUE, OPTIONS, STRICT_TEXT
-from ansible_collections.rosops.fleet.plugins.module_utils._schema import FLEET_VARIABLES
-from ansible_collections.rosops.fleet.plugins.module_utils._secrets import is_secret
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import is_secret
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import OPAQUE, OPTIONS, STRICT_TEXT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import FLEET_VARIABLES
 
 ROLES = Path(__file__).resolve().parents[2] / "roles"
 NAMES = sorted(path.name for path in ROLES.iterdir() if (path / "tasks").is_dir())

@@ -19,8 +19,8 @@ HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
-from ansible_collections.rosops.fleet.plugins.module_utils import _workloads as workloads  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._context import fleet_context  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import fleet_context  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import workloads  # noqa: E402
 
 
 def built(case: dict[str, Any]) -> dict[str, Any]:

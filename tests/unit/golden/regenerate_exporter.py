@@ -18,7 +18,7 @@ FILES = HERE / "exporter"
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter_objects import (  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import (  # noqa: E402 - after the path
     Settings,
     exporter_objects,
 )

@@ -17,7 +17,7 @@ HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
-from ansible_collections.rosops.fleet.plugins.module_utils import _observability as observability  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability  # noqa: E402
 
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = {

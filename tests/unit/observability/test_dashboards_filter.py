@@ -12,9 +12,9 @@ from typing import Any, Callable
 import pytest
 import yaml
 from ansible.errors import AnsibleFilterError
-from ansible_collections.rosops.fleet.plugins.module_utils import _dashboards
-from ansible_collections.rosops.fleet.plugins.module_utils._dashboards import LARGEST, checked
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import dashboards as _dashboards
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import LARGEST, checked
 
 
 def page(uid: Any = "arm", title: Any = "Arm", **more: Any) -> str:

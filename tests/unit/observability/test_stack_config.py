@@ -10,15 +10,26 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils import _observability as observability
-from ansible_collections.rosops.fleet.plugins.module_utils import _prometheus_relabel as relabel
-from ansible_collections.rosops.fleet.plugins.module_utils._loki_config import loki_config
-from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import complete_spec
-from ansible_collections.rosops.fleet.plugins.module_utils._otelcol_config import otelcol_config
-from ansible_collections.rosops.fleet.plugins.module_utils._pod_labels import APP_OF_POD, PATH, STREAM_LABELS
-from ansible_collections.rosops.fleet.plugins.module_utils._prometheus_config import prometheus_config, vmagent_config
-from ansible_collections.rosops.fleet.plugins.module_utils._prometheus_keep import APISERVER, CADVISOR, KUBELET
-from ansible_collections.rosops.fleet.plugins.module_utils._promtail_config import promtail_config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import prometheus_relabel as relabel
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.loki_config import loki_config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.otelcol import otelcol_config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import (
+    APP_OF_POD,
+    PATH,
+    STREAM_LABELS,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.prometheus_config import (
+    prometheus_config,
+    vmagent_config,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.prometheus_keep import (
+    APISERVER,
+    CADVISOR,
+    KUBELET,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promtail import promtail_config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import complete_spec
 
 ROBOT = {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}}
 LOKI = "http://loki.observability:3100"

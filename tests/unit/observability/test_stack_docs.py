@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._observability_schema import SEED
-from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import DEFAULTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import DEFAULTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability_schema import SEED
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 TOOL = CHECKOUT / "tests" / "tools" / "observability_docs.py"

@@ -13,11 +13,11 @@ from typing import Any
 import kubernetes_validate
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils import _observability as observability
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._grafana_objects import map_name
-from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import bytes_of as size_in_bytes
-from ansible_collections.rosops.fleet.plugins.module_utils._observability_spec import complete_spec, retention_size
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.grafana import map_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import bytes_of as size_in_bytes
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import complete_spec, retention_size
 
 HERE = Path(__file__).resolve().parent
 UNITS = {"MB": 2**20}

@@ -10,8 +10,8 @@ from typing import Any, Mapping
 import pytest
 from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import NotReadyError
-from ansible_collections.rosops.fleet.plugins.module_utils._rollout_wait import Settings
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings
 
 TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
 

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 import yaml
 from ansible.errors import AnsibleFilterError
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._hosts import fleet_hosts
-from ansible_collections.rosops.fleet.plugins.module_utils._spec import check_fleet
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 
 PLUGINS = Path(__file__).resolve().parents[4] / "plugins" / "filter"
 NAMES = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from ansible_collections.rosops.fleet.plugins.filter import status_html, update_events, update_step_id
-from ansible_collections.rosops.fleet.plugins.module_utils._status import fleet_status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import fleet_status
 
 STARTED = 1795252087.347614
 STEP = {"name": "a", "apps": ["a"], "handoff": "overlap", "outcome": "updated", "started": STARTED}

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
-from ansible_collections.rosops.fleet.plugins.module_utils._checks import Check
-from ansible_collections.rosops.fleet.plugins.module_utils._gate import Look
-from ansible_collections.rosops.fleet.plugins.module_utils._poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
 from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
 
 KEEPER = "http://10.43.0.18:11411"

@@ -8,8 +8,8 @@ from typing import Any, Iterable, Mapping
 import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._graph import Graph, MasterState, Questions, Rate, build
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate, build
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 

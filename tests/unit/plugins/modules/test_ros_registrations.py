@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
-from ansible_collections.rosops.fleet.plugins.module_utils._errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._registrations import (
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
     DEAD,
     UNKNOWN,

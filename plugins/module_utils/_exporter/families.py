@@ -1,0 +1,147 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A snapshot -> metric families with their samples. Pure; the text is made by prometheus_client.
+
+Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+from typing import Iterable, Mapping, NamedTuple, Sequence, Tuple
+
+from .snapshot import REASONS, Ros, Snapshot
+
+GAUGE, COUNTER = "gauge", "counter"
+Sample = Tuple[Mapping[str, str], float]
+
+
+class Family(NamedTuple):
+    """A metric by its name as it is queried; a counter's ends in _total."""
+
+    name: str
+    kind: str
+    help: str
+    samples: Sequence[Sample]
+
+
+def families(snapshot: Snapshot) -> list[Family]:
+    """Everything that comes from the polls. What is not known has no sample, rather than a zero."""
+    return [*_ros(snapshot.ros), *_own(snapshot)]
+
+
+def _ros(ros: Ros) -> list[Family]:
+    """The graph's metrics."""
+    master: list[Sample] = [] if ros.master is None else [({}, float(ros.master))]
+    flows = [(node, flow, count) for node, counts in ros.counts.items() for flow, count in counts.items()]
+    return [
+        Family("ros_master_up", GAUGE, "Whether the ROS master answers", master),
+        Family(
+            "ros_node_up",
+            GAUGE,
+            "Whether a registered node answers at its address",
+            [({"node": name}, float(up)) for name, up in sorted(ros.nodes.items())],
+        ),
+        Family(
+            "ros_topic_messages_total",
+            COUNTER,
+            "Messages of a topic by the node's own count: published (each once, however many subscribe) or received",
+            [(_flow(node, *flow), float(count.messages)) for node, flow, count in flows],
+        ),
+        Family(
+            "ros_topic_bytes_total",
+            COUNTER,
+            "Bytes of a topic on all connections of the node",
+            [(_flow(node, *flow), float(count.bytes)) for node, flow, count in flows],
+        ),
+        Family("ros_topic_publishers", GAUGE, "Registered publishers", _by("topic", ros.publishers)),
+        Family("ros_topic_subscribers", GAUGE, "Registered subscribers", _by("topic", ros.subscribers)),
+        Family(
+            "ros_topic_connections",
+            GAUGE,
+            "Open connections of a topic by the node's word",
+            [(_flow(node, topic, way), float(n)) for (topic, node, way), n in sorted(ros.connections.items())],
+        ),
+        Family(
+            "ros_service_up",
+            GAUGE,
+            "Whether a service answers the handshake of a client",
+            [({"service": name, "node": node}, float(up)) for (name, node), up in sorted(ros.services.items())],
+        ),
+        Family(
+            "ros_action_goals",
+            GAUGE,
+            "Goals in an action's status by state",
+            [
+                ({"action": action, "state": state}, float(number))
+                for action, states in sorted(ros.goals.items())
+                for state, number in states.items()
+            ],
+        ),
+    ]
+
+
+def _flow(node: str, topic: str, direction: str) -> dict[str, str]:
+    return {"topic": topic, "node": node, "direction": direction}
+
+
+def _by(label: str, numbers: Mapping[str, float]) -> list[Sample]:
+    return [({label: name}, float(number)) for name, number in sorted(numbers.items())]
+
+
+def _own(snapshot: Snapshot) -> list[Family]:
+    """The exporter's metrics of itself."""
+    polled = snapshot.polls > 0
+    return [
+        Family(
+            "ros_exporter_scrape_errors_total",
+            COUNTER,
+            "Questions to the master or a node that got no usable answer",
+            [({"reason": why}, float(snapshot.errors.get(why, 0))) for why in REASONS],
+        ),
+        Family("ros_exporter_polls_total", COUNTER, "Looks at the graph", [({}, float(snapshot.polls))]),
+        Family(
+            "ros_exporter_poll_duration_seconds",
+            GAUGE,
+            "How long the last look took",
+            [({}, snapshot.duration)] if polled else [],
+        ),
+        Family(
+            "ros_exporter_last_poll_timestamp_seconds",
+            GAUGE,
+            "When the last look began",
+            [({}, snapshot.at)] if polled else [],
+        ),
+    ]
+
+
+def claim_families(used: Mapping[str, int], capacity: Mapping[str, int]) -> list[Family]:
+    """Persistent claims: what their directories hold, and what they were made for."""
+    return [
+        Family("rosops_claim_used_bytes", GAUGE, "Bytes on disk in a claim's directory", _by("claim", used)),
+        Family(
+            "rosops_claim_capacity_bytes",
+            GAUGE,
+            "Size that a claim asks for; nothing enforces it on a node's disk",
+            _by("claim", {name: capacity[name] for name in used if name in capacity}),
+        ),
+    ]
+
+
+def statistics_families(rows: Iterable[tuple[tuple[str, str, str], float, int]]) -> list[Family]:
+    """Latency and drops by (topic, publisher, subscriber)."""
+    found = [({"topic": key[0], "publisher": key[1], "subscriber": key[2]}, age, lost) for key, age, lost in rows]
+    return [
+        Family(
+            "ros_topic_latency_seconds",
+            GAUGE,
+            "Mean age of messages by their stamp when they came in, by the subscriber's word",
+            [(labels, age) for labels, age, _lost in found],
+        ),
+        Family(
+            "ros_topic_dropped_messages_total",
+            COUNTER,
+            "Messages that the subscriber missed, by its own word",
+            [(labels, float(lost)) for labels, _age, lost in found],
+        ),
+    ]

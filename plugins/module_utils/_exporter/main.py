@@ -1,0 +1,91 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The exporter's process: `run.py exporter [--name value]..`. Runs on Python 3.8 with the standard library, in pods."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+from typing import Any, Mapping
+
+from . import families as _exporter_samples
+from . import updates as _exporter_updates
+from .claims import Claims
+from .families import Family
+from .http import PORT, Server
+from .observer import Observer
+from .poller import Poller
+
+ENDING = (signal.SIGTERM, signal.SIGINT)
+OPTIONS: Mapping[str, str] = {
+    "--port": str(PORT),
+    "--address": "",
+    "--interval": "10",
+    "--timeout": "2",
+    "--updates": _exporter_updates.FILE,
+    "--claims": "",  # the directory of the storage class, where it is mounted
+    "--capacities": "{}",  # bytes by claim, as JSON
+    "--namespace": "",
+    "--statistics": "off",
+}
+
+
+def tell(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def options(words: list[str]) -> dict[str, str]:
+    """`--name value` pairs."""
+    found = dict(OPTIONS)
+    for name, value in zip(words[::2], words[1::2]):
+        if name not in found:
+            raise SystemExit(f"usage: exporter [{'] ['.join(f'{known} VALUE' for known in found)}]")
+        found[name] = value
+    return found
+
+
+class Sources:
+    """Everything that a scrape shows."""
+
+    def __init__(self, chosen: Mapping[str, str]) -> None:
+        uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+        self.updates = _exporter_updates.Updates(chosen["--updates"])
+        self.poller = Poller(Observer(uri, float(chosen["--timeout"])), float(chosen["--interval"]), self.updates, tell)
+        self.claims = Claims(chosen["--claims"], chosen["--namespace"]) if chosen["--claims"] else None
+        self.capacities: dict[str, int] = json.loads(chosen["--capacities"])
+        self.statistics: Any = None
+        if chosen["--statistics"] == "on":
+            from .statistics import Statistics  # noqa: PLC0415 - it costs memory that few have a use for
+
+            self.statistics = Statistics(uri, float(chosen["--timeout"]))
+
+    def start(self) -> None:
+        for thread in (self.poller, self.claims, self.statistics):
+            if thread is not None:
+                thread.start()
+
+    def families(self) -> list[Family]:
+        found = [*_exporter_samples.families(self.poller.snapshot), *_exporter_updates.families(self.updates.entries)]
+        if self.claims is not None:
+            found += _exporter_samples.claim_families(self.claims.used, self.capacities)
+        if self.statistics is not None:
+            found += _exporter_samples.statistics_families(self.statistics.rows())
+        return found
+
+
+def main(words: list[str]) -> int:
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # waited for below; threads inherit it, so before any starts
+    chosen = options(words)
+    sources = Sources(chosen)
+    address = (chosen["--address"], int(chosen["--port"]))
+    server = Server(address, sources.families, sources.poller.scraped, sources.poller.healthy)
+    sources.start()
+    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 60.0}, daemon=True).start()
+    tell(f"metrics of {sources.poller.observer.uri} every {sources.poller.interval:g} s at port {address[1]}")
+    signal.sigwait(ENDING)
+    return 0

@@ -1,0 +1,176 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One look at a whole ROS graph for the exporter: the master, then all nodes, a few at a time.
+
+It registers nothing and subscribes to nothing. Its only data connections: the handshake that a service's client makes,
+and one message of an action's status topic. Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+import queue
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Callable, Iterable
+
+from .._common.errors import RosError
+from .._ros import bus_stats as _bus_stats
+from .._ros import graph as _graph
+from .._ros import tcpros as _tcpros
+from .._ros.client import MAX_STATUS, RosMaster
+from .._ros.graph import MasterState
+from .._ros.rpc import Api, Deadline, address_of, connect, handshake, in_parallel, read_frame
+from . import snapshot as _exporter_snapshot
+from .snapshot import Answer, RefusalError
+
+CALLER = "/ros_exporter"
+AT_ONCE = 8  # nodes asked at the same time
+
+
+@dataclass(frozen=True)
+class Errand:
+    """What to ask one node, or the error that stands in its address' place."""
+
+    name: str
+    uri: str | RosError
+    services: tuple[tuple[str, Any], ...] = ()
+    actions: tuple[str, ...] = ()
+
+
+class Observer(RosMaster):
+    """A ROS master's graph, looked at again and again."""
+
+    def __init__(self, uri: str, timeout: float) -> None:
+        super().__init__(uri, timeout, CALLER)
+        self.late: set[str] = set()  # nodes that did not answer last time
+
+    def graph(self) -> MasterState:
+        """The registrations; raises what went wrong, as it came."""
+        return _graph.master_state(_exporter_snapshot.value(self._alone(lambda api: api.raw("getSystemState", CALLER))))
+
+    def _alone(self, call: Callable[[Api], Any]) -> Any:
+        """A call of the master, in a thread of its own: a name look-up would not end with the deadline."""
+
+        def task() -> Any:
+            with Api(self.uri, CALLER, Deadline(self.timeout)) as api:
+                return call(api)
+
+        result: Any = in_parallel({"master": task}, self.timeout, lambda _key, error: error)["master"]
+        if isinstance(result, BaseException):
+            raise result
+        return result
+
+    def errands(self, state: MasterState) -> list[Errand]:
+        """Every registered node with what there is to ask it; those that were late last time come last."""
+        names = state.nodes()
+        watched = _exporter_snapshot.watched(state)
+        calls = [*(("lookupNode", name) for name in names), *(("lookupService", name) for name in watched)]
+        found = dict(zip(calls, self._alone(lambda api: api.calls(calls)) if calls else []))
+        actions = _graph.action_names(state)
+        servers = {action: _graph.action_of(state, action).servers for action in actions}
+        made = []
+        for name in sorted(names, key=lambda name: (name in self.late, name)):
+            uri = found["lookupNode", name]
+            made.append(
+                Errand(
+                    name,
+                    uri if isinstance(uri, (str, RosError)) else RosError("it has no address"),
+                    tuple((one, found["lookupService", one]) for one, nodes in watched.items() if name in nodes),
+                    tuple(action for action in actions if name in servers[action]),
+                )
+            )
+        return made
+
+    def answers(self, errands: Iterable[Errand]) -> dict[str, Answer]:
+        """What the nodes say. A node that hangs costs one time-out, and holds up one of AT_ONCE."""
+        todo: queue.SimpleQueue[Errand] = queue.SimpleQueue()
+        wanted = list(errands)
+        for errand in wanted:
+            todo.put(errand)
+        answers = {errand.name: Answer(errors=("timeout",)) for errand in wanted}
+        open_still = [True]
+
+        def work() -> None:
+            while open_still[0]:
+                try:
+                    errand = todo.get_nowait()
+                except queue.Empty:
+                    return
+                answer = self.ask_node(errand)
+                if open_still[0]:
+                    answers[errand.name] = answer
+
+        # twice: a node's own questions, then its services and actions
+        seconds = 2 * self.timeout * -(-len(wanted) // AT_ONCE)
+        workers = dict.fromkeys(range(min(AT_ONCE, len(wanted))), work)
+        in_parallel(workers, seconds, lambda _key, _error: None)
+        open_still[0] = False
+        found = dict(answers)
+        self.late = {name for name, answer in found.items() if answer.pid is None}
+        return found
+
+    def ask_node(self, errand: Errand) -> Answer:
+        """All questions to one node, whatever it answers."""
+        if not isinstance(errand.uri, str):
+            return Answer(errors=("fault",))
+        try:
+            answer = self._calls(errand.uri)
+        except Exception as error:  # whatever an untrusted peer provokes is that peer's result
+            return Answer(errand.uri, errors=(_exporter_snapshot.reason(error),))
+        deadline = Deadline(self.timeout)
+        services, actions, errors = {}, {}, list(answer.errors)
+        for service, uri in errand.services:
+            up, why = _tried(partial(self._greet, service, uri, deadline))
+            services[service] = why is None and bool(up)
+            errors += [why] if why else []
+        for action in errand.actions:
+            goals, why = _tried(partial(self._goals, errand.uri, action, deadline))
+            if why is None:
+                actions[action] = goals
+            errors += [why] if why else []
+        return replace(answer, services=services, actions=actions, errors=tuple(errors))
+
+    def _calls(self, uri: str) -> Answer:
+        """The process id, which tells that it lives; without one of the others only that part is unknown."""
+        with Api(uri, CALLER, Deadline(self.timeout)) as api:
+            pid = _exporter_snapshot.value(api.raw("getPid", CALLER))
+            if not isinstance(pid, int):
+                raise RosError("its process id is not a number")
+            info, why_info = _tried(lambda: _exporter_snapshot.value(api.raw("getBusInfo", CALLER)))
+            stats, why_stats = _tried(lambda: _bus_stats.stats(api.raw("getBusStats", CALLER)))
+        links = tuple(link for link in _graph.connections(info) if link.peer != CALLER) if why_info is None else None
+        errors = tuple(why for why in (why_info, why_stats) if why)
+        return Answer(uri, pid, stats, links, own_connections(info), errors=errors)
+
+    def _greet(self, service: str, uri: Any, deadline: Deadline) -> bool:
+        """Shake hands as a client does before a call; the service itself is not called."""
+        if not isinstance(uri, str):
+            raise RefusalError(f"the master has no address of {service}")
+        with connect(*address_of(uri, "rosrpc"), deadline) as sock:
+            handshake(sock, {"callerid": CALLER, "service": service, "md5sum": "*", "probe": "1"})
+        return True
+
+    def _goals(self, uri: str, action: str, deadline: Deadline) -> tuple[int, ...]:
+        """The goals in one status message, over a connection that the master does not know."""
+        sock, header = self._subscribe(uri, f"{action}/status", deadline)
+        with sock:
+            if header.get("type", _graph.STATUS_TYPE) != _graph.STATUS_TYPE:
+                raise RosError(f"{action}/status carries {header['type']}, not {_graph.STATUS_TYPE}")
+            return _tcpros.decode_status(read_frame(sock, MAX_STATUS))
+
+
+def own_connections(info: Any) -> tuple[int, ...]:
+    """Ids of the connections in a getBusInfo value that lead to the exporter: its look at a status may linger."""
+    rows = info if isinstance(info, (list, tuple)) else ()
+    return tuple(
+        row[0] for row in rows if isinstance(row, (list, tuple)) and len(row) > 1 and row[1] == CALLER
+    )  # fmt: skip
+
+
+def _tried(call: Callable[[], Any]) -> tuple[Any, str | None]:
+    """A call's result, or None and the reason why there is none."""
+    try:
+        return call(), None
+    except Exception as error:  # whatever an untrusted peer provokes is that peer's result
+        return None, _exporter_snapshot.reason(error)

@@ -1,0 +1,189 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the exporter knows at one moment, and how it follows from the graph's answers. Pure.
+
+A snapshot is never changed: a scrape renders one while the next is being made.
+Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+import socket
+import xmlrpc.client
+from dataclasses import dataclass, field
+from typing import Any, Mapping
+
+from .._common.errors import RosError
+from .._ros import bus_stats as _bus_stats
+from .._ros import graph as _graph
+from .._ros.bus_stats import Counted, Flow, Stats
+from .._ros.graph import MasterState
+
+REASONS = ("timeout", "refused", "unreachable", "fault", "malformed", "overflow")
+FORGET_POLLS = 30  # a node that is gone for so long starts from nothing when it comes back
+# Every node has these two; they say nothing that ros_node_up does not.
+OWN_SERVICES = ("/get_loggers", "/set_logger_level")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What one node said in one poll. `errors` are reasons; without a `pid` it did not answer at all."""
+
+    uri: str = ""
+    pid: int | None = None
+    stats: Stats | None = None
+    links: tuple[_graph.Connection, ...] | None = None
+    ours: tuple[int, ...] = ()  # ids of connections that the exporter itself had open
+    services: Mapping[str, bool] = field(default_factory=dict)
+    actions: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    errors: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What outlives a poll: the counts of nodes, and for how many polls they were not in the graph."""
+
+    counted: Mapping[str, Counted] = field(default_factory=dict)
+    absent: Mapping[str, int] = field(default_factory=dict)
+    seen: frozenset[str] = frozenset()  # nodes that were there at the poll before, answering or not
+    began: bool = False  # there was such a poll
+    errors: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(REASONS, 0))
+    polls: int = 0
+
+
+@dataclass(frozen=True)
+class Ros:
+    """The graph of one poll, as metrics need it. `master` None: not asked yet."""
+
+    master: bool | None = None
+    nodes: Mapping[str, bool] = field(default_factory=dict)
+    counts: Mapping[str, Mapping[Flow, _bus_stats.Count]] = field(default_factory=dict)
+    publishers: Mapping[str, int] = field(default_factory=dict)
+    subscribers: Mapping[str, int] = field(default_factory=dict)
+    connections: Mapping[tuple[str, str, str], int] = field(default_factory=dict)  # topic, node, direction
+    services: Mapping[tuple[str, str], bool] = field(default_factory=dict)  # service, node
+    goals: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    ros: Ros = Ros()
+    errors: Mapping[str, int] = field(default_factory=dict)
+    polls: int = 0
+    duration: float = 0.0
+    at: float = 0.0
+
+
+def reason(error: BaseException) -> str:
+    """One of REASONS."""
+    if isinstance(error, xmlrpc.client.Fault):
+        return "overflow" if _bus_stats.is_overflow(str(error.faultString)) else "fault"
+    if isinstance(error, RefusalError) or (isinstance(error, RosError) and str(error).startswith("refused")):
+        return "fault"  # by a code, or in a handshake's field `error`
+    kinds: list[tuple[Any, str]] = [
+        ((socket.timeout, TimeoutError), "timeout"),  # two classes before Python 3.10
+        (ConnectionRefusedError, "refused"),
+        ((OSError, UnicodeError), "unreachable"),
+    ]
+    return next((word for kind, word in kinds if isinstance(error, kind)), "malformed")
+
+
+class RefusalError(RosError):
+    """A well-formed reply that says no."""
+
+
+def value(reply: Any) -> Any:
+    """The value of a reply as the slave API has it; RefusalError where its code is not 1."""
+    try:
+        return _graph.unwrap(reply)
+    except RosError as error:
+        shaped = isinstance(reply, (list, tuple)) and len(reply) >= 3 and isinstance(reply[0], int)
+        raise RefusalError(str(error)) if shaped else error from None
+
+
+def is_stale(state: MasterState, name: str, answer: Answer) -> bool:
+    """Whether a node that answers at an address of two nodes is the other one: it lacks what this one registered."""
+    if answer.stats is None:
+        return False
+    own = {topic for topic, _direction in answer.stats.flows}
+    registered = (*state.of(name, state.publishers), *state.of(name, state.subscribers))
+    return any(topic not in own for topic in registered)
+
+
+def master_away(memory: Memory, why: str) -> tuple[Ros, Memory]:
+    """Nothing is known of the nodes; what was counted so far stays for when they are back."""
+    errors = dict(memory.errors)
+    errors[why] += 1
+    kept = Memory(memory.counted, memory.absent, memory.seen, memory.began, errors, memory.polls + 1)
+    return Ros(master=False), kept
+
+
+def next_poll(state: MasterState, answers: Mapping[str, Answer], memory: Memory) -> tuple[Ros, Memory]:
+    """The graph of this poll, and what the next one has to know."""
+    doubtful = _graph.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
+    up, errors = {}, dict(memory.errors)
+    counted, counts = dict(memory.counted), {}
+    for name, answer in answers.items():
+        for why in answer.errors:
+            errors[why] += 1
+        up[name] = answer.pid is not None and not (name in doubtful and is_stale(state, name, answer))
+        if not up[name] or answer.pid is None or answer.stats is None:
+            continue
+        fresh = memory.began and name not in memory.seen
+        process = (answer.uri, answer.pid)
+        before = counted.get(name)
+        # another process under a name that was there before has begun since, too
+        fresh = fresh or (before is not None and before.process != process)
+        counted[name] = _bus_stats.advance(before, process, answer.stats, fresh, answer.ours)
+        counts[name] = counted[name].totals
+    absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in answers}
+    counted = {name: one for name, one in counted.items() if absent.get(name, 0) <= FORGET_POLLS}
+    answering = {name: answers[name] for name in up if up[name]}
+    ros = Ros(
+        True,
+        up,
+        counts,
+        {topic: len(names) for topic, names in state.publishers.items()},
+        {topic: len(names) for topic, names in state.subscribers.items()},
+        _connections(answering),
+        {
+            (service, node): up.get(node, False) and answers[node].services.get(service, False)
+            for service, providers in watched(state).items()
+            for node in providers
+            if node in answers
+        },
+        _goals(answering),
+    )
+    return ros, Memory(counted, absent, frozenset(answers), True, errors, memory.polls + 1)
+
+
+def watched(state: MasterState) -> dict[str, tuple[str, ...]]:
+    """The services that are worth a look, with their providers."""
+    return {name: nodes for name, nodes in state.services.items() if not name.endswith(OWN_SERVICES)}
+
+
+def _connections(answers: Mapping[str, Answer]) -> dict[tuple[str, str, str], int]:
+    """Connections by topic, node and direction; 0 for a topic of the node that has none."""
+    found: dict[tuple[str, str, str], int] = {}
+    for name, answer in answers.items():
+        for topic, direction in answer.stats.flows if answer.stats is not None else ():
+            found[(topic, name, direction)] = 0
+        for link in answer.links or ():
+            if link.connected:
+                # "b", a connection for both directions, is in no client library's code
+                key = (link.topic, name, _bus_stats.IN if link.direction == "i" else _bus_stats.OUT)
+                found[key] = found.get(key, 0) + 1
+    return found
+
+
+def _goals(answers: Mapping[str, Answer]) -> dict[str, dict[str, int]]:
+    """Goals by action and state, every state with its zero, so that a state that ends is seen to end."""
+    found: dict[str, dict[str, int]] = {}
+    for answer in answers.values():
+        for action, goals in answer.actions.items():
+            states = found.setdefault(action, {word.lower(): 0 for word in _graph.GOAL_STATES.values()})
+            for state in goals:
+                if state in _graph.GOAL_STATES:
+                    states[_graph.GOAL_STATES[state].lower()] += 1
+    return found

@@ -1,0 +1,108 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Latency and drops out of the topic /statistics: only where it was asked for, as it has to be read all the time.
+
+Subscribers publish it when /enable_statistics was true as they started. Its messages come over connections that are
+not registered with the master. Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from typing import Any
+
+from .._common.errors import RosError
+from .._ros import tcpros as _tcpros
+from .._ros.raw_node import Stream
+from .observer import CALLER, Observer
+
+TOPIC, TYPE = "/statistics", "rosgraph_msgs/TopicStatistics"
+PERIOD = 10.0  # between looks for new publishers
+MAX_AGE = 60.0  # nodes publish ten times a second to once in ten seconds; after this, it is over
+
+
+def decode(body: bytes) -> tuple[tuple[str, str, str], float, int]:
+    """(topic, publisher, subscriber), mean age in seconds and drops of one rosgraph_msgs/TopicStatistics.
+
+    Layout: string topic, node_pub, node_sub; time window_start, window_stop; int32 delivered, dropped, traffic;
+    duration period mean, stddev, max; duration stamp_age mean, stddev, max.
+    """
+    reader = _tcpros.Reader(body)
+    key = (reader.text(), reader.text(), reader.text())
+    reader.take(16 + 4)
+    dropped = _signed(reader)
+    reader.take(4 + 24)
+    return key, _signed(reader) + _signed(reader) / 1e9, dropped
+
+
+def _signed(reader: _tcpros.Reader) -> int:
+    return int.from_bytes(reader.take(4), "little", signed=True)
+
+
+class Totals:
+    """Drops summed up, and the latest age, by topic, publisher and subscriber. Pure but for the lock."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.found: dict[tuple[str, str, str], tuple[float, int, float]] = {}
+
+    def add(self, body: bytes, at: float) -> None:
+        try:
+            key, age, dropped = decode(body)
+        except RosError:
+            return
+        with self.lock:
+            before = self.found.get(key, (0.0, 0, 0.0))[1]
+            self.found[key] = (age, before + max(0, dropped), at)
+
+    def rows(self, now: float) -> list[tuple[tuple[str, str, str], float, int]]:
+        with self.lock:
+            return [(key, age, lost) for key, (age, lost, at) in sorted(self.found.items()) if now - at < MAX_AGE]
+
+
+class Statistics(threading.Thread):
+    """Keeps a stream of every publisher of /statistics."""
+
+    def __init__(self, uri: str, timeout: float) -> None:
+        super().__init__(daemon=True, name="statistics")
+        self.observer = Observer(uri, timeout)
+        self.totals = Totals()
+        self.streams: dict[str, Stream] = {}
+
+    def rows(self) -> list[tuple[tuple[str, str, str], float, int]]:
+        return self.totals.rows(time.monotonic())
+
+    def run(self) -> None:
+        while True:
+            with contextlib.suppress(Exception):  # the poller counts what is wrong with the graph
+                self.connect()
+            time.sleep(PERIOD)
+
+    def connect(self) -> None:
+        """A stream to each publisher that has none."""
+        state = self.observer.graph()
+        wanted: dict[str, Any] = {}
+        for errand in self.observer.errands(state):
+            if errand.name in state.publishers.get(TOPIC, ()) and isinstance(errand.uri, str):
+                wanted[errand.name] = errand.uri
+        for name, stream in list(self.streams.items()):
+            if not stream.open or wanted.get(name) != stream.uri:
+                stream.close()
+                del self.streams[name]
+        for name, uri in wanted.items():
+            if name not in self.streams:
+                self._open(name, uri)
+
+    def _open(self, name: str, uri: str) -> None:
+        stream = Stream(CALLER, TOPIC, uri, lambda body: self.totals.add(body, time.monotonic()))
+        try:
+            stream.connect(self.observer.timeout)
+        except Exception:  # a publisher that hangs, or is gone: again at the next look
+            return
+        if stream.header.get("type", TYPE) == TYPE:
+            self.streams[name] = stream
+        else:
+            stream.close()

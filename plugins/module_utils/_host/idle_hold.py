@@ -1,0 +1,88 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hold back an action's new goals at a moment when none is under way. No I/O: the world is handed in.
+
+Between "idle" and the end of a server there is time for a goal to come. So goals are held first, and then it is looked
+again: one that slipped in before shows itself, and is left to finish. Runs on Python 3.8 with the standard library.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, Callable, Mapping, Protocol
+
+from .._common.poll import PASS, WAIT, Seen, poll
+
+CONSECUTIVE = 2  # a goal that is on its way stands in no list yet
+SECOND_LOOK = 2.0  # seconds for a short goal that slipped in; the clients of held ones wait meanwhile
+INTERVAL = 0.1
+
+
+class World(Protocol):
+    """What is asked and done; the module ros_action_hold has the real one."""
+
+    def look(self) -> Seen:
+        """Whether all actions are idle; what was observed is handed on."""
+
+    def hold(self, action: str, server: str) -> str:
+        """Why the goals are not held, or nothing."""
+
+    def isolate(self, action: str, server: str) -> None:
+        """Tell the server that nobody sends it goals."""
+
+    def release(self, action: str) -> str:
+        """Why the goals may not have been let go, or nothing."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """How it ended: the verdict of the last look, what it saw, and what is held now."""
+
+    verdict: str
+    last: Any
+    elapsed: float
+    held: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+    called_off: int = 0  # how often goals were held and let go, because one had slipped in
+
+
+def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that never wait
+    world: World,
+    servers: Mapping[str, str],
+    timeout: float,
+    interval: float,
+    now: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Held:
+    """Wait until all actions are idle, and hold the goals of those in `servers` (action -> its server's node).
+
+    What cannot be held is told and is no reason to wait: without a keeper an idle action is the best there is.
+    """
+    start, called_off = now(), 0
+    while True:
+        left = max(interval, start + timeout - now())  # never less than two looks, whoever does not want to wait
+        # before a hold once is enough: what counts is the look after it
+        ended = poll(world.look, left, interval, 1 if servers else CONSECUTIVE, now=now, sleep=sleep)
+        if ended.verdict != PASS or not servers:
+            return Held(ended.verdict, ended.last, now() - start, called_off=called_off)
+        refused = {action: world.hold(action, server) for action, server in servers.items()}
+        held = {action: server for action, server in servers.items() if not refused[action]}
+        problems = [f"goals of {action} are not held: {why}" for action, why in refused.items() if why]
+        again = poll(_isolated(world, held), SECOND_LOOK, INTERVAL, CONSECUTIVE, now=now, sleep=sleep)
+        if again.verdict == PASS:
+            return Held(PASS, again.last, now() - start, tuple(held), tuple(problems), called_off)
+        problems += [why for why in (world.release(action) for action in held) if why]
+        called_off += 1
+        if again.verdict != WAIT or now() - start >= timeout:
+            return Held(again.verdict, again.last, now() - start, (), tuple(problems), called_off)
+
+
+def _isolated(world: World, held: Mapping[str, str]) -> Callable[[], Seen]:
+    def probe() -> Seen:
+        for action, server in held.items():  # at every look: the master tells the server of each new client
+            world.isolate(action, server)
+        return world.look()
+
+    return probe

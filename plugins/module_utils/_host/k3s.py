@@ -1,0 +1,205 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What k3s is on this host, what it was started with, and whether it serves.
+
+Runs on the host: Python 3.8 and the standard library. Decisions are functions of text; `K3sHost` is the only I/O.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from pathlib import Path
+from typing import Any, Callable, Iterable
+
+from .._common.poll import FAIL, PASS, WAIT, Seen
+
+BINARY = "/usr/local/bin/k3s"
+CONFIG_DIR = "/etc/rancher/k3s"
+DATA_DIR = "/var/lib/rancher/k3s"
+KUBECONFIG = f"{CONFIG_DIR}/k3s.yaml"
+SERVICES = {"server": "k3s", "agent": "k3s-agent"}
+# The unit writes here what it was started with (templates/k3s.service.j2).
+STARTED_WITH = "/run/rosops-fleet-{service}.started"
+SHOWN = ("LoadState", "ActiveState", "SubState", "UnitFileState", "NeedDaemonReload", "NRestarts", "Result")
+RESTARTS_ALLOWED = 3
+FULL_TOKEN = re.compile(r"^K10[0-9a-f]{64}::")
+SECRETS = (
+    re.compile(r"K10[0-9a-f]{64}::[^\s\"']+"),
+    re.compile(r"(?i)((?:token|password|secret)[\w-]*[\"']?\s*[=:]\s*)([^\s\"',]{6,})"),
+)
+TROUBLE = re.compile(r"^[EF]\d{4} |level=(error|fatal|panic)|^panic:|\"level\":\"(error|fatal|panic)\"|^error:", re.I)
+LONGEST_LINE = 300
+
+Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard output, standard error)
+
+
+def token_password(token: str) -> str:
+    """The part of a token that is the secret: the full form `K10<hash of the CA>::<user>:<password>` has more."""
+    text = token.strip()
+    if FULL_TOKEN.match(text):
+        text = text.split("::", 1)[1].partition(":")[2]
+    return text
+
+
+def token_verdict(given: str, kept: str, cluster: str) -> str:
+    """How the token that was asked for stands to the one there is.
+
+    `kept` is what our file holds, `cluster` what k3s itself wrote once it ran. `absent`: there is none yet; `lost`: the
+    cluster has one, our file is gone and none was given; `restore`: the given one is the cluster's, our file is gone;
+    `same`; `differs`.
+    """
+    known = [token_password(token) for token in (kept, cluster) if token.strip()]
+    if not known:
+        return "absent"
+    if given and any(token_password(given) != password for password in known):
+        return "differs"
+    if not kept.strip():
+        return "restore" if given else "lost"
+    return "differs" if len(set(known)) > 1 else "same"
+
+
+def redact(text: str, secrets: Iterable[str] = ()) -> str:
+    """The text without tokens and passwords: it goes into an error message."""
+    for secret in sorted(
+        {token_password(secret) for secret in secrets if len(secret.strip()) > 3}, key=len, reverse=True
+    ):
+        text = text.replace(secret, "********")
+    text = SECRETS[0].sub("********", text)
+    return SECRETS[1].sub(r"\1********", text)
+
+
+def worth_telling(journal: list[str], count: int) -> list[str]:
+    """The last lines of errors, each cut to a readable length; k3s writes much, and most of it is no news."""
+    errors = [line for line in journal if TROUBLE.search(line)]
+    return [line[:LONGEST_LINE] for line in (errors or journal)[-count:]]
+
+
+def properties(text: str) -> dict[str, str]:
+    """`systemctl show`'s lines as a mapping."""
+    return dict(line.partition("=")[::2] for line in text.splitlines() if "=" in line)
+
+
+def version_of(text: str) -> str:
+    """`v1.34.2+k3s1` out of `k3s version v1.34.2+k3s1 (sha)`."""
+    found = re.search(r"\bv\d+\.\d+\.\d+\S*", text)
+    return found.group(0) if found else ""
+
+
+def service_verdict(shown: dict[str, str], restarts_before: int) -> Seen:
+    """What systemd says about the unit: up, not yet, or hopeless."""
+    state = f"{shown.get('ActiveState', '')} ({shown.get('SubState', '')})"
+    restarts = int(shown.get("NRestarts") or 0) - restarts_before
+    if shown.get("LoadState") != "loaded":
+        return Seen(FAIL, f"the unit is {shown.get('LoadState') or 'unknown'}")
+    if shown.get("ActiveState") == "failed":
+        return Seen(FAIL, f"the unit failed: {shown.get('Result')}")
+    if restarts >= RESTARTS_ALLOWED:
+        return Seen(FAIL, f"the unit keeps ending: started {restarts} times again, last result {shown.get('Result')}")
+    return Seen(PASS if shown.get("ActiveState") == "active" else WAIT, f"the unit is {state}")
+
+
+def member_verdict(node: dict[str, Any]) -> Seen:
+    """Whether this server has a vote in etcd. A learner has none yet: the next server must not be touched before.
+
+    k3s puts the condition EtcdIsVoter on its own Node; a datastore of another kind has no such condition.
+    """
+    for condition in node.get("status", {}).get("conditions", []):
+        if condition.get("type") == "EtcdIsVoter" and condition.get("status") != "True":
+            return Seen(WAIT, f"etcd member has no vote yet: {condition.get('message', '')}")
+    return Seen(PASS, "etcd member has a vote")
+
+
+class K3sHost:
+    """Reads of one host's k3s. Files are read below `root`, so tests can hand in a tree."""
+
+    def __init__(self, run: Run, root: str = "/") -> None:
+        self.run = run
+        self.root = Path(root)
+
+    def path(self, name: str) -> Path:
+        return self.root / name.lstrip("/")
+
+    def read(self, name: str) -> str:
+        try:
+            return self.path(name).read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return ""
+
+    def describe(self, name: str) -> dict[str, Any]:
+        """Digest, size and mode of a file; `exists: false` and empty values for one that is not there."""
+        path = self.path(name)
+        try:
+            stat = path.stat()
+            digest = hashlib.sha256()
+            with path.open("rb") as file:
+                for block in iter(lambda: file.read(1 << 20), b""):
+                    digest.update(block)
+        except OSError:
+            return {"exists": False, "sha256": "", "size": 0, "mode": ""}
+        return {
+            "exists": True,
+            "sha256": digest.hexdigest(),
+            "size": stat.st_size,
+            "mode": f"{stat.st_mode & 0o7777:04o}",
+        }
+
+    def sizes(self, directory: str) -> dict[str, int]:
+        try:
+            return {entry.name: entry.stat().st_size for entry in self.path(directory).iterdir()}
+        except OSError:
+            return {}
+
+    def version(self) -> str:
+        if not self.path(BINARY).exists():
+            return ""
+        return version_of(self.run([str(self.path(BINARY)), "--version"])[1])
+
+    def show(self, service: str) -> dict[str, str]:
+        arguments = [argument for name in SHOWN for argument in ("-p", name)]
+        return properties(self.run(["systemctl", "show", service, *arguments])[1])
+
+    def stale(self, service: str, files: list[str]) -> bool:
+        """Whether the running process was started with other files than those that are there now.
+
+        This is asked of the host, not remembered from this run's changes: a run that was interrupted between writing a
+        file and restarting would otherwise never be made good.
+        """
+        now = set()
+        for name in files:
+            try:
+                stat = self.path(name).stat()
+            except OSError:
+                continue
+            now.add(f"{name} {stat.st_ino} {stat.st_size} {stat.st_mtime_ns // 10**9}")
+        return now != set(self.read(STARTED_WITH.format(service=service)).splitlines())
+
+    def journal(self, service: str, lines: int, since: float, secrets: Iterable[str]) -> str:
+        """The last lines that say something is wrong; of a unit that says nothing of the kind, the last lines."""
+        command = ["journalctl", "-u", service, "--since", f"@{int(since)}", "-n", "500", "-o", "cat", "--no-pager"]
+        text = redact(str(self.run(command)[1]), secrets)
+        return "\n".join(worth_telling(text.splitlines(), lines))
+
+    def secrets(self) -> list[str]:
+        return [self.read(f"{CONFIG_DIR}/{name}") for name in ("token", "agent-token")]
+
+    def api(self, path: str) -> tuple[bool, str]:
+        """GET below the local API server, with the administrator's certificate that k3s made."""
+        kubectl = [BINARY, "kubectl", "--kubeconfig", KUBECONFIG, "--request-timeout", "5s"]
+        code, out, err = self.run([*kubectl, "get", "--raw", path])
+        return code == 0, (out if code == 0 else err).strip()
+
+    def look(self, role: str, member: str = "", restarts_before: int = 0) -> Seen:
+        """One look: the unit is up; on a server the API is ready and, if `member` names its Node, etcd counts it."""
+        seen = service_verdict(self.show(SERVICES[role]), restarts_before)
+        if seen.verdict != PASS or role != "server":
+            return seen
+        ready, text = self.api("/readyz")
+        if not ready:
+            return Seen(WAIT, f"/readyz: {text}")
+        if not member:
+            return seen
+        found, text = self.api(f"/api/v1/nodes/{member}")
+        return member_verdict(json.loads(text)) if found else Seen(WAIT, f"Node {member}: {text}")

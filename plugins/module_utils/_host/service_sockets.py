@@ -1,0 +1,196 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who holds a connection to a service, which no ROS API tells: read from the kernel's tables of sockets.
+
+A client with a persistent proxy does not connect again by itself when the service moves, so an update wants to know of
+it before. The provider's pod runs on this host in a network namespace of its own, and its sockets stand in
+/proc/<pid>/net/tcp of any of its processes: the app itself is not touched. A client library listens for services and
+topics at the same port, so the connections that the node knows as its topics' are taken off. What is left and still
+there half a second later is no single call.
+
+Runs on Python 3.8 with the standard library. Other processes' namespaces can be read by root only.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import re
+import socket
+import struct
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Callable, Iterator, Mapping, NamedTuple, Tuple
+
+from .._common.errors import RosError
+from .._ros.graph import Connection, Graph
+from .._ros.rpc import address_of, in_parallel
+
+PERSISTENT_SECONDS = 0.5  # a plain call takes milliseconds
+RESOLVE_SECONDS = 2.0
+
+_ESTABLISHED, _LISTEN = "01", "0A"
+_REMOTE = re.compile(r" to \[(?P<host>[^\s\]]+):(?P<port>\d+) on socket ")
+_MAPPED = "0000000000000000FFFF0000"  # what an IPv6 socket has in front of an IPv4 address, as the kernel prints it
+
+End = Tuple[str, int]
+
+
+class Row(NamedTuple):
+    """One TCP socket."""
+
+    local: End
+    remote: End
+    state: str
+    inode: str
+
+
+@dataclass(frozen=True)
+class Namespace:
+    """The TCP sockets of one network namespace, and the addresses that are its own."""
+
+    key: str
+    addresses: frozenset[str]
+    rows: frozenset[Row]
+
+    def listens(self, port: int) -> bool:
+        return any(row.state == _LISTEN and row.local[1] == port for row in self.rows)
+
+    def connected(self, port: int) -> frozenset[Row]:
+        return frozenset(row for row in self.rows if row.state == _ESTABLISHED and row.local[1] == port)
+
+
+# ---- the kernel's tables
+
+
+def _end(text: str) -> End:
+    """'0100007F:2B67' -> ('127.0.0.1', 11111): words in the machine's own byte order."""
+    address, _colon, port = text.partition(":")
+    if len(address) == 32 and address.startswith(_MAPPED):
+        address = address[len(_MAPPED) :]
+    words = [int(address[at : at + 8], 16) for at in range(0, len(address), 8)]
+    packed = struct.pack(f"={len(words)}I", *words)
+    return str(ipaddress.ip_address(packed)), int(port, 16)
+
+
+def tcp_rows(text: str) -> Iterator[Row]:
+    """The rows of /proc/<pid>/net/tcp or tcp6."""
+    for line in text.splitlines()[1:]:
+        fields = line.split()
+        if len(fields) >= 10:
+            yield Row(_end(fields[1]), _end(fields[2]), fields[3], fields[9])
+
+
+def local_addresses(text: str) -> Iterator[str]:
+    """The namespace's own IPv4 addresses, from /proc/<pid>/net/fib_trie."""
+    address = ""
+    for line in text.splitlines():
+        if "|-- " in line:
+            address = line.rpartition(" ")[2]
+        elif "/32 host LOCAL" in line:
+            yield address
+
+
+def _namespace(process: Path, key: str) -> Namespace:
+    net = process / "net"
+    tables = [net / "tcp", *([net / "tcp6"] if (net / "tcp6").exists() else [])]
+    rows = [row for table in tables for row in tcp_rows(table.read_text())]
+    return Namespace(key, frozenset(local_addresses((net / "fib_trie").read_text())), frozenset(rows))
+
+
+def namespaces(proc: Path) -> dict[str, Namespace]:
+    """Every network namespace that may be read, one process of each asked; our own comes first."""
+    numbers = sorted((one for one in proc.iterdir() if one.name.isdigit()), key=lambda one: int(one.name))
+    found: dict[str, Namespace] = {}
+    for process in [proc / "self", *numbers]:
+        try:
+            key = os.readlink(process / "ns" / "net")  # Path.readlink came with Python 3.9
+            if key not in found:
+                found[key] = _namespace(process, key)
+        except (OSError, ValueError):
+            continue  # it ended meanwhile, or is not ours to look at
+    return found
+
+
+# ---- what they say of a service
+
+
+def topic_ends(connections: tuple[Connection, ...] | None) -> frozenset[End] | None:
+    """The far ends of a node's topic connections; None where the node does not tell them all."""
+    if connections is None:
+        return None
+    ends = set()
+    for one in connections:
+        if one.direction == "i" or one.transport != "TCPROS":
+            continue
+        remote = _REMOTE.search(one.info)
+        if not remote:
+            return None
+        ends.add((remote["host"], int(remote["port"])))
+    return frozenset(ends)
+
+
+def persistent(
+    before: Mapping[str, Namespace], after: Mapping[str, Namespace], at: End, topics: frozenset[End]
+) -> int | None:
+    """How many connections at that address stood in both looks and are no topic's; None where it is not here."""
+    address, port = at
+    # every namespace has the loopback addresses: that one which this process would reach is its own
+    here = list(after.values())[:1] if ipaddress.ip_address(address).is_loopback else after.values()
+    for namespace in here:
+        if address in namespace.addresses and namespace.listens(port) and namespace.key in before:
+            kept = namespace.connected(port) & before[namespace.key].connected(port)
+            return sum(row.remote not in topics for row in kept)
+    return None
+
+
+class ServiceConnections:
+    """Make it before the graph is read, count after: what the graph does not know as a topic's is not newer than it."""
+
+    def __init__(
+        self,
+        proc: Path = Path("/proc"),
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.proc, self.now, self.sleep = proc, now, sleep
+        self.before = namespaces(proc)
+        self.at = now()
+
+    def count(self, graph: Graph) -> dict[str, int]:
+        """By service; one whose provider is not on this host, or does not tell its topics' connections, is left out."""
+        left = self.at + PERSISTENT_SECONDS - self.now()
+        if left > 0:
+            self.sleep(left)
+        after = namespaces(self.proc)
+        uris = {name: service.probe.uri for name, service in graph.services.items() if service.probe}
+        ends = _resolved({name: uri for name, uri in uris.items() if uri})
+        found = {}
+        for name, end in ends.items():
+            service = graph.services[name]
+            provider = (service.probe.provider if service.probe else "") or (*service.providers, "")[0]
+            topics = topic_ends(graph.nodes[provider].connections) if provider in graph.nodes else None
+            number = persistent(self.before, after, end, topics) if topics is not None else None
+            if number is not None:
+                found[name] = number
+        return found
+
+
+def _resolved(uris: Mapping[str, str]) -> dict[str, End]:
+    """The IPv4 address and port of each service; what does not resolve is left out."""
+
+    def resolve(uri: str) -> End:
+        host, port = address_of(uri, "rosrpc")
+        return socket.gethostbyname(host), port
+
+    def failed(_uri: str, error: BaseException) -> End:
+        if not isinstance(error, (OSError, UnicodeError, RosError)):
+            raise error
+        return "", 0
+
+    # many services share an address, and a name's look-up may hang
+    found = in_parallel({uri: partial(resolve, uri) for uri in set(uris.values())}, RESOLVE_SECONDS, failed)
+    return {name: found[uri] for name, uri in uris.items() if found[uri][0]}

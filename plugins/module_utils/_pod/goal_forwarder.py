@@ -1,0 +1,325 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One action's hold on the network: what _goal_hold decides, done. Runs on Python 3.8, in pods.
+
+How a client's goals are made to come here only: the client's publisher is the one that sends, so nothing said to the
+server keeps a goal from it. rospy's publishers have one connection per subscriber name; one that connects under the
+server's name takes the server's place, and the server is not told to come back until it is sent the list of publishers.
+roscpp's publishers keep both connections, but roscpp's servers hang up when told that nobody publishes (the stop hook
+does that). Only a rospy server with a roscpp client keeps getting goals until it ends; those it lists are its own.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from typing import Any, Callable, Mapping, Protocol
+
+from .._common.errors import RosError
+from .._ros import graph as _graph
+from .._ros.goal_messages import (
+    CANCEL_DEFINITION,
+    CANCEL_MD5SUM,
+    CANCEL_TYPE,
+    cancel_id,
+    encode_cancel,
+    goal_id,
+    status_ids,
+)
+from .._ros.raw_node import Slave, Stream
+from .._ros.registrar import MASTER, RosWriter
+from .._ros.rpc import Api, Deadline, reason
+from . import goals as hold_rules
+from .goals import Do, Goal, Hold, Sight
+
+TICK = 0.05
+LOOK = 0.1  # between looks at the master while goals are held
+CONNECT = 2.0
+AGAIN = 0.3  # between attempts to connect to the same publisher
+INTRODUCE = 1.0  # between tellings of a server whose clients are still missing
+FIELDS = ("type", "md5sum", "message_definition")
+CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
+
+# roles of streams
+GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
+
+
+class Scene:
+    """Who takes part in an action, by the master's word: name -> address."""
+
+    def __init__(self, action: str, ros: RosWriter, own: str) -> None:
+        state = ros.state()
+        published, subscribed = state.publishers, state.subscribers
+        names = {part: published.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
+        everyone = sorted({name for found in names.values() for name in found} - {own})
+        found = ros.master([("lookupNode", ros.caller, name) for name in everyone])
+        uris = {name: uri for name, uri in zip(everyone, found) if isinstance(uri, str)}
+        self.clients, self.cancellers, self.status = (
+            {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
+        )
+        whole = set(subscribed.get(f"{action}/goal", ())) & set(subscribed.get(f"{action}/cancel", ()))
+        self.servers = {name: uri for name, uri in self.status.items() if name in whole}
+        self.listed = own in published.get(f"{action}/goal", ())
+        self.hears = {
+            topic: set(subscribed.get(topic, ())) & set(self.clients)
+            for topic in (f"{action}/result", f"{action}/status")
+        }
+
+
+class Owner(Protocol):
+    """Whom a hold belongs to: _goal_keeper.GoalKeeper."""
+
+    ros: RosWriter
+    slave: Slave
+    name: str
+    lock: Any
+    log: Callable[[str], None]
+
+    def save(self) -> None: ...
+
+    def ended(self, holding: Holding) -> None: ...
+
+
+class Holding(threading.Thread):
+    """One action's hold. `changed` is called whenever the record has to be written, `ended` once it is over."""
+
+    def __init__(self, hold: Hold, header: Mapping[str, str], keeper: Owner) -> None:
+        super().__init__(daemon=True, name=f"hold {hold.action}")
+        self.hold, self.header, self.keeper = hold, dict(header), keeper
+        self.ros, self.slave = keeper.ros, keeper.slave
+        self.lock = keeper.lock  # one for all: whoever saves the record reads every hold
+        self.wake = threading.Event()
+        self.streams: dict[tuple[str, str], Stream] = {}
+        self.tried: dict[tuple[str, str], float] = {}
+        self.pending: set[tuple[str, str]] = set()
+        self.complained: set[tuple[str, str]] = set()
+        self.scene: Scene | None = None
+        self.advertised = False
+        self.over = self.dirty = False
+        self.introduced = 0.0
+        self.senders: frozenset[str] = frozenset()  # clients that the server of now is connected to
+
+    def log(self, text: str) -> None:
+        self.keeper.log(f"goals of {self.hold.action}: {text}")
+
+    # ---- streams
+
+    def wanted(self) -> dict[tuple[str, str], tuple[str, str, str]]:
+        """Streams that there should be: (role, address) -> caller id, topic, publisher's name."""
+        scene, action = self.scene, self.hold.action
+        if scene is None:
+            return {}
+        own, found = self.keeper.name, {}
+        for name, uri in scene.clients.items():
+            found[GOALS, uri] = (own, f"{action}/goal", name)
+            # first in our own name: from then on nothing can pass us by
+            if self.hold.taking and self.is_open((GOALS, uri)):
+                found[TAKEN, uri] = (self.hold.node, f"{action}/goal", name)
+        found.update({(CANCELS, uri): (own, f"{action}/cancel", name) for name, uri in scene.cancellers.items()})
+        found.update({(STATUS, uri): (own, f"{action}/status", name) for name, uri in scene.status.items()})
+        return found
+
+    def is_open(self, key: tuple[str, str]) -> bool:
+        return key in self.streams and self.streams[key].open
+
+    def connect(self) -> int:
+        """Start to open what is missing, forget what has ended; how many clients are not wholly connected yet."""
+        wanted, now = self.wanted(), time.monotonic()
+        for key in [key for key, stream in self.streams.items() if not stream.open]:
+            del self.streams[key]
+            self.tried.pop(key, None)
+        for key, (caller, topic, _name) in wanted.items():
+            if key in self.streams or key in self.pending or now - self.tried.get(key, -AGAIN) < AGAIN:
+                continue
+            self.pending.add(key)
+            self.tried[key] = now
+            threading.Thread(target=self._connect, args=(key, caller, topic), daemon=True).start()
+        clients = self.scene.clients.values() if self.scene else ()
+        return sum(not (self.is_open((GOALS, uri)) and self.is_open((TAKEN, uri))) for uri in clients)
+
+    def _connect(self, key: tuple[str, str], caller: str, topic: str) -> None:
+        role, uri = key
+        stream = Stream(caller, topic, uri, partial(self._received, role, uri))
+        try:
+            stream.connect(CONNECT)
+        except Exception as error:  # whatever a publisher provokes, the next look tries it again
+            if key not in self.complained:
+                self.complained.add(key)
+                self.log(f"{topic} of {uri} is not to be had: {reason(error, uri, CONNECT)}")
+        with self.lock:
+            self.pending.discard(key)
+            if self.over:
+                stream.close()
+            elif stream.open:
+                self.streams[key] = stream
+                if role == GOALS:
+                    self.header = {field: stream.header.get(field, "") for field in FIELDS}
+                if role == TAKEN and not self.hold.taking:
+                    self.introduced = 0.0  # too late, and the server has just lost this client: tell it again
+        self.wake.set()
+
+    def _received(self, role: str, uri: str, body: bytes) -> None:
+        """A message: decoded before the lock is taken, as a busy server's status is long."""
+        now = time.time()
+        try:
+            if role == STATUS:
+                listed = status_ids(body)
+            elif role == CANCELS:
+                identity, stamp = cancel_id(body)
+            else:
+                identity, stamp = goal_id(body)
+        except RosError as error:
+            self.log(f"{uri} sent what is none of actionlib's messages: {error}")
+            return
+        with self.lock:
+            if role == STATUS:
+                changed = bool(self.hold.status(uri, listed, now))
+            elif role == CANCELS:
+                meant = self.hold.cancel(identity, stamp)
+                changed = bool(meant)
+                for goal in meant:
+                    self.log(f"{goal} was cancelled while it is held")
+            else:
+                alone = bool(self.hold.server) and uri not in self.senders
+                changed = self.hold.goal(Goal(identity, stamp, body, now, uri, alone))
+            self.dirty = self.dirty or changed
+
+    # ---- the server
+
+    def sight(self, now: float) -> Sight:
+        """What the network shows of the server that goals should go to."""
+        scene, action = self.scene, self.hold.action
+        if scene is None:
+            return Sight()
+        living = {name: uri for name, uri in scene.servers.items() if self.is_open((STATUS, uri))}
+        server = self.hold.pick(living, now)
+        if not server:
+            return Sight()
+        name = next(name for name, uri in living.items() if uri == server)
+        listening = all(name in self.slave.callers(f"{action}/{part}") for part in ("goal", "cancel"))
+        try:
+            with Api(server, self.keeper.name, Deadline(CONNECT)) as api:
+                edges = _graph.connections(api.call("getBusInfo"))
+        except Exception as error:
+            self.log(f"{name} does not say whom it is connected to: {reason(error, server, CONNECT)}")
+            return Sight(server, listening)
+        out = {(edge.topic, edge.peer) for edge in edges if edge.direction != "i" and edge.connected}
+        into = {edge.peer for edge in edges if edge.direction == "i" and edge.topic == f"{action}/goal"}
+        living_clients = {client for client, uri in scene.clients.items() if self.is_open((GOALS, uri))}
+        ready = all((topic, peer) in out for topic, peers in scene.hears.items() for peer in peers & living_clients)
+        ready = ready and not any(role == TAKEN for role, _uri in self.pending)
+        direct = all(scene.clients[client] in into for client in living_clients)
+        return Sight(server, listening, ready, direct, frozenset(into))
+
+    def _advertise(self) -> None:
+        """Let the server come: it hears of us through the master, as of any client."""
+        listed = self.scene is not None and self.scene.listed  # not by a master that was restarted meanwhile
+        if (self.advertised and listed) or not self.header.get("md5sum"):
+            return
+        self.advertised = True
+        topics = {f"{self.hold.action}/goal": self.header, f"{self.hold.action}/cancel": CANCEL_HEADER}
+        for topic, header in topics.items():
+            self.slave.advertise(topic, header)
+        own = self.keeper.name
+        self.ros.master([("registerPublisher", own, topic, topics[topic]["type"], self.slave.uri) for topic in topics])
+
+    def _unadvertise(self) -> None:
+        if not self.advertised:
+            return
+        self.advertised = False
+        topics = [f"{self.hold.action}/{part}" for part in ("goal", "cancel")]
+        try:
+            self.ros.master([("unregisterPublisher", self.keeper.name, topic, self.slave.uri) for topic in topics])
+        except RosError as error:
+            self.log(f"not unregistered: {error}")
+        for topic in topics:
+            self.slave.unadvertise(topic)
+
+    def _introduce(self, server: str) -> None:
+        """Give the clients back: the server connects to whom it is told publishes."""
+        scene = self.scene
+        self.introduced = time.monotonic()
+        if scene is None:
+            return
+        uris = [*scene.clients.values(), *([self.slave.uri] if self.advertised else [])]
+        if not uris:
+            return
+        try:
+            with Api(server, MASTER, Deadline(CONNECT)) as api:
+                api.call("publisherUpdate", f"{self.hold.action}/goal", uris)
+        except Exception as error:
+            self.log(f"the server was not told of its clients: {reason(error, server, CONNECT)}")
+
+    def do(self, todo: Do) -> None:
+        goal, action = todo.goal, self.hold.action
+        if todo.kind == hold_rules.ADVERTISE:
+            self._advertise()
+        elif todo.kind == hold_rules.OPEN:
+            self.log(f"a server is up at {self.hold.server}, {len(self.hold.goals)} goals to forward")
+            self._introduce(self.hold.server)
+        elif todo.kind == hold_rules.CANCEL and goal is not None:
+            self.slave.publish(f"{action}/cancel", encode_cancel(goal.id))
+            self.log(f"told the server that {goal.id} is cancelled")
+        elif todo.kind == hold_rules.SEND and goal is not None:
+            reached = self.slave.publish(f"{action}/goal", goal.body)
+            if reached:
+                self.log(f"forwarded {goal.id}, {time.time() - goal.arrived:.2f} s after it came")
+            else:
+                goal.sent = None
+        elif todo.kind == hold_rules.WARN:
+            self.log(f"no new server yet; {len(self.hold.goals)} goals are kept for {hold_rules.KEEP:.0f} s more")
+        elif todo.kind == hold_rules.GIVE_UP and goal is not None:
+            self.log(f"gave up {goal.id}: no server came")
+        elif todo.kind == hold_rules.FINISH:
+            self.log(f"let go, {self.hold.forwarded} forwarded")
+            self._unadvertise()  # under the lock: the next hold of this action may begin right after
+            self.over = True
+
+    # ---- the loop
+
+    def look(self) -> None:
+        scene = Scene(self.hold.action, self.ros, self.keeper.name)
+        with self.lock:
+            self.scene = scene
+
+    def run(self) -> None:
+        looked = 0.0
+        while not self.over:
+            self.wake.wait(TICK)
+            self.wake.clear()
+            try:
+                if time.monotonic() - looked >= LOOK:
+                    looked = time.monotonic()
+                    self.look()
+                self.tick()
+            except RosError as error:
+                self.log(f"the master is away: {error}")
+                time.sleep(1.0)
+        self.finish()
+
+    def tick(self) -> None:
+        with self.lock:
+            self.connect()
+        now = time.time()
+        sight = self.sight(now)
+        with self.lock:
+            if sight.server != self.hold.server:
+                self._unadvertise()  # connections of a former server are no way to this one
+                sight = replace(sight, connected=False)
+            self.senders = sight.senders
+            for todo in self.hold.step(sight, now):
+                self.do(todo)
+            if self.dirty:
+                self.dirty = False
+                self.keeper.save()
+        if self.hold.opened and not sight.direct and time.monotonic() - self.introduced > INTRODUCE:
+            self._introduce(self.hold.server)
+
+    def finish(self) -> None:
+        self.keeper.ended(self)
+        with self.lock:
+            for stream in self.streams.values():
+                stream.close()

@@ -1,0 +1,214 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper at work: look at the master again and again, do what its memory says. Runs on Python 3.8, in pods."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, Callable, Iterable, Mapping
+
+from .._common.errors import RosError
+from .._ros import registrations
+from .._ros.graph import MasterState, master_state
+from .._ros.registrar import RosWriter
+from .._ros.registrations import Answer, Call, Entry
+from . import keeper_memory as memory_rules
+from . import keeper_params as params
+from .keeper_record import Record
+
+LOOK = 1.0  # seconds between looks at the master,
+AWAY = 0.2  # while it does not answer
+ADDRESSES = 5.0  # seconds after which addresses are looked up although no name has changed
+PARAMETERS = 15.0
+ASK = 1.0  # seconds for nodes to answer before a replay: one that is late is asked again, the others do not wait for it
+PROBE = 5.0  # an address that is no more: its host finds that out by three ARP requests, one second each
+TOGETHER = 3  # names in a line of the log
+
+
+class Keeper:
+    """Keeps one graph's registrations and parameters."""
+
+    def __init__(
+        self, ros: RosWriter, record: Record, log: Callable[[str], None], now: Callable[[], float] = time.time
+    ) -> None:
+        self.ros, self.record, self.log, self.now = ros, record, log, now
+        self.memory = memory_rules.from_dict(record.load("registrations"))
+        self.saved: Any = None
+        self.params: str = str(record.load("parameters") or "")
+        self.params_at = 0.0
+        self.away = ""
+        self.state: MasterState | None = None
+        self.present: dict[str, Entry] = {}
+        self.looked_up = 0.0
+        self.probing: threading.Thread | None = None
+        self.probed: tuple[dict[str, Entry], dict[str, Answer]] | None = None
+
+    def step(self) -> float:
+        """One look; seconds until the next one."""
+        try:
+            self._look()
+        except RosError as error:
+            if not self.away:
+                self.log(f"the master is away: {error}")
+            self.away = str(error)
+            self.state = None
+            return AWAY
+        self._save()
+        return LOOK
+
+    # ---- the look
+
+    def _look(self) -> None:
+        caller, now = self.ros.caller, self.now()
+        requests = [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id"), ("getSystemState", caller)]
+        *identity, system = self.ros.master(requests)
+        if isinstance(system, RosError):
+            raise system
+        master = tuple(None if isinstance(part, RosError) else part for part in identity)
+        if self.away:
+            self.log("the master is back")
+            self.away = ""
+        restarted = bool(self.memory.master) and master != self.memory.master
+        self.memory.master = master
+        self._register(system, now, restarted)
+        if restarted:
+            self._replay(now)
+        else:
+            self._mend(now)
+            self._probe(now)
+            if now - self.params_at >= PARAMETERS:
+                self._read_params(now)
+
+    def _register(self, system: Any, now: float, anew: bool) -> None:
+        """Take up what the master has; addresses and types are asked for only where names changed, or now and then."""
+        state = master_state(system)
+        known = self.state
+        changed = (
+            known is None
+            or anew
+            or (state.publishers, state.subscribers, state.services)
+            != (
+                known.publishers,
+                known.subscribers,
+                known.services,
+            )
+        )
+        if changed or now - self.looked_up >= ADDRESSES:
+            self.state = self.ros.state()
+            self.present = self._without_us(self.ros.snapshot(self.state))
+            self.looked_up = now
+            unknown = self.memory.unknown(self.present)
+            answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
+            self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
+
+    def _without_us(self, entries: Mapping[str, Entry]) -> dict[str, Entry]:
+        return {node: entry for node, entry in entries.items() if node != self.ros.caller}
+
+    # ---- what was lost
+
+    def _replay(self, now: float) -> None:
+        """After a restart of the master: parameters first, which nodes that start now will read."""
+        start = time.monotonic()
+        wanted = params.tree_of(self.params)
+        tree = self.ros.master([("getParam", self.ros.caller, "/")])[0]
+        todo = list(params.absent(wanted, tree))
+        for (name, _value), result in zip(
+            todo, self.ros.master([("setParam", self.ros.caller, name, value) for name, value in todo])
+        ):
+            if isinstance(result, RosError):
+                self.log(f"parameter {name} was not set: {result}")
+        calls = self._restore(self.memory.lost(self.present, now, at_once=True), now)
+        self.params_at = now
+        nodes = {call.node for call in calls}
+        self.log(
+            f"the master was restarted: {len(calls)} registrations of {len(nodes)} nodes and {len(todo)} parameters "
+            f"restored in {(time.monotonic() - start) * 1000:.0f} ms"
+        )
+
+    def _mend(self, now: float) -> None:
+        """What the master lost without a restart, such as a service whose last provider left while an earlier lives."""
+        need = self.memory.lost(self.present, now)
+        if need:
+            calls = self._restore(need)
+            if calls:
+                self.log(f"restored {said(calls)}")
+
+    def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
+        if not need:
+            return ()
+        plan = self.memory.settle(need, self.present, self.ros.ask(need, ASK), restarted)
+        if plan.calls:
+            self.ros.apply(plan.calls)
+            self.state = None  # look up all of it next time
+        return plan.calls
+
+    # ---- who is gone
+
+    def _probe(self, now: float) -> None:
+        """Nodes are looked at beside the loop: one that hangs must not delay it."""
+        if self.probed is not None:
+            asked, answers = self.probed
+            self.probed = None
+            gone, back = self.memory.judge(asked, answers, now)
+            for node in gone:
+                self._reap(node, answers[node], now)
+            for node in back:
+                self._revive(node, answers[node])
+        if self.probing is not None and self.probing.is_alive():
+            return
+        due = self.memory.due(self.present, now)
+        if due:
+            self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
+            self.probing.start()
+
+    def _ask(self, entries: dict[str, Entry]) -> None:
+        self.probed = (entries, self.ros.ask(entries, PROBE, own_word=False))
+
+    def _reap(self, node: str, answer: Answer, now: float) -> None:
+        entry = self.memory.nodes[node]
+        registered = self.ros.snapshot().get(node)
+        if registered is None or registered.uri != entry.uri:
+            return  # a newer process has the name
+        plan = registrations.remove({node: registered}, [{node: replaced(answer)}])
+        self.ros.apply(plan.calls)
+        self.memory.bury(node, now)
+        self.state = None
+        self.log(f"removed {said(plan.calls)}: {registrations.alive(entry, answer)}")
+
+    def _revive(self, node: str, answer: Answer) -> None:
+        self.present = self._without_us(self.ros.snapshot())
+        need = registrations.missing({node: self.memory.revive(node)}, self.present)
+        calls = self._restore(need)
+        self.log(f"{node} is back, process {answer.pid}: restored {said(calls)}")
+
+    # ---- parameters and the record
+
+    def _read_params(self, now: float) -> None:
+        self.params_at = now
+        tree = self.ros.master([("getParam", self.ros.caller, "/")])[0]
+        if isinstance(tree, RosError):
+            return
+        text = params.recorded(tree)
+        if text != self.params:
+            self.params = text
+            self.record.save("parameters", text)
+
+    def _save(self) -> None:
+        content = self.memory.as_dict()
+        if content != self.saved:
+            self.record.save("registrations", content)
+            self.saved = content
+
+
+def replaced(answer: Answer) -> Answer:
+    """The answer of somebody else at a node's address, as what it means for the node."""
+    return answer if answer.verdict == registrations.DEAD else Answer(registrations.DEAD, answer.reason)
+
+
+def said(calls: Iterable[Call]) -> str:
+    """Registrations in words, the first few."""
+    words = [f"{call.node} {call.kind} {call.name}" for call in calls]
+    more = f" and {len(words) - TOGETHER} more" if len(words) > TOGETHER else ""
+    return (", ".join(words[:TOGETHER]) or "nothing") + more

@@ -1,0 +1,71 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper's process: `run.py keeper --record DIRECTORY`. Runs on Python 3.8 with the standard library, in pods."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from typing import Any, Callable, Mapping
+
+from .._ros.raw_node import Slave
+from .._ros.registrar import RosWriter
+from .goal_api import GoalKeeper
+from .keeper import Keeper
+from .keeper_record import Record
+
+NAME = "/ros_keeper"
+PORT = 11411
+TIMEOUT = 2.0
+ENDING = (signal.SIGTERM, signal.SIGINT)
+
+
+def tell(line: str) -> None:
+    sys.stdout.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {line}\n")
+    sys.stdout.flush()
+
+
+def options(words: list[str]) -> dict[str, str]:
+    """`--name value` pairs."""
+    found = {"--record": "/tmp/ros-keeper", "--port": str(PORT)}  # noqa: S108 - for a run by hand
+    for name, value in zip(words[::2], words[1::2]):
+        if name not in found:
+            raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
+        found[name] = value
+    return found
+
+
+def main(words: list[str]) -> int:
+    # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
+    # thread starts, because it inherits what is blocked.
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    chosen = options(words)
+    record = Record(chosen["--record"])
+    uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+    ros = RosWriter(uri, TIMEOUT, NAME)
+    host = os.environ.get("ROS_IP", "")
+
+    def slave(methods: Mapping[str, Callable[..., Any]]) -> Slave:
+        return Slave(NAME, host, int(chosen["--port"]), uri, methods)
+
+    goals = GoalKeeper(ros, slave, lambda content: record.save("goals", content), tell)
+    goals.slave.start()
+    goals.resume(record.load("goals") or [])
+    keeper = Keeper(ros, record, tell)
+    tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {goals.slave.uri}")
+    pause = 0.0
+    while signal.sigtimedwait(ENDING, pause) is None:
+        try:
+            pause = keeper.step()
+        except Exception as error:  # whatever one look brings, the next one may be better
+            tell(f"error: {type(error).__name__}: {error}")
+            pause = 1.0
+    tell("stopped")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,151 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pod's own node: where it is, and what is said to it through its slave API.
+
+Only a process of this very pod is ever spoken to: a registration may be stale, and its address another node's by now.
+Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import xmlrpc.client
+from pathlib import Path
+from typing import Any, Mapping
+from urllib.parse import urlsplit
+
+from .._common.errors import RosError
+from .._ros.client import RosMaster
+from .._ros.graph import Node, Questions, StatusReading, connections
+from .._ros.rpc import Api, Deadline, reason
+from .sockets import established
+from .state import load_state, save_state
+
+TIMEOUT = 2.0
+CALLER = "/rosops_fleet_hook"
+REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
+
+
+def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> RosMaster:
+    return RosMaster(environ.get("ROS_MASTER_URI", "http://localhost:11311"), timeout, CALLER)
+
+
+def is_here(uri: str) -> bool:
+    """Whether the address is one of this pod: only an own one can be bound."""
+    try:
+        host = urlsplit(uri).hostname or ""
+        family, kind, protocol, _name, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as sock:
+            sock.bind(address)
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def state_of(node: Node, services: Mapping[str, str]) -> dict[str, Any]:
+    """What later calls need to know without a master."""
+    return {"node": node.name, "uri": node.uri, "pid": node.pid, "services": dict(services)}
+
+
+def find_node(settings: Mapping[str, Any]) -> tuple[OwnNode | None, str]:
+    """The own node where an earlier call found it, else where the master says; or why there is none."""
+    name = settings["node"]
+    known = load_state(name)
+    if known.get("uri"):
+        node = OwnNode(name, known["uri"], known.get("services") or {})
+        if node.process() == known.get("pid"):
+            return node, ""
+    ros = ros_of(os.environ)
+    try:
+        state = ros.state()
+        if name not in state.nodes():
+            return None, f"node {name}: not registered with the master"
+        services = state.of(name, state.services)
+        graph = ros.ask(state, Questions({name: frozenset()}, services))
+    except RosError as error:
+        return None, str(error)
+    found = graph.nodes[name]
+    if not found.reachable:
+        return None, f"node {name}: registered, but down: {found.error}"
+    if not is_here(found.uri):
+        return None, f"node {name}: registered from {found.uri}, which is not this pod"
+    uris = service_uris(graph.services, services)
+    save_state(name, state_of(found, uris))
+    return OwnNode(name, found.uri, uris), ""
+
+
+def service_uris(found: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, str]:
+    return {name: found[name].probe.uri for name in names if found[name].probe and found[name].probe.uri}
+
+
+class OwnNode:
+    """A living node of this pod."""
+
+    def __init__(self, name: str, uri: str, services: Mapping[str, str]) -> None:
+        self.name = name
+        self.uri = uri
+        self.services = services
+
+    def _call(self, method: str, *args: Any) -> Any:
+        with Api(self.uri, CALLER, Deadline(TIMEOUT)) as api:
+            return api.call(method, *args)
+
+    def process(self) -> int | None:
+        """Its process id; None if it does not answer as a node does."""
+        try:
+            found = self._call("getPid")
+        except Exception:  # whatever answers there is not our node
+            return None
+        return found if isinstance(found, int) else None
+
+    def unregister(self, ros: RosMaster) -> None:
+        """Take everything of it out of the master. That compares addresses, so nobody else's registration is meant."""
+        state = ros.state()
+        calls = [("unregisterService", name, uri) for name, uri in self.services.items() if name in state.services]
+        calls += [("unregisterPublisher", topic, self.uri) for topic in state.of(self.name, state.publishers)]
+        calls += [("unregisterSubscriber", topic, self.uri) for topic in state.of(self.name, state.subscribers)]
+        with Api(ros.uri, self.name, Deadline(TIMEOUT)) as api:
+            api.calls(calls)
+
+    def actions(self, ros: RosMaster, expected: list[str]) -> list[str]:
+        """The actions that it serves: as the graph shows it, or as expected where there is no master to ask."""
+        try:
+            state = ros.state()
+        except RosError:
+            return expected
+        published = state.of(self.name, state.publishers)
+        names = [topic[: -len("/status")] for topic in published if topic.endswith("/status")]
+        return [name for name in names if self.name in state.subscribers.get(f"{name}/goal", ())]
+
+    def status(self, ros: RosMaster, action: str) -> StatusReading:
+        """Two statuses of an action that it serves, read from itself."""
+        try:
+            return ros.status(action, self.uri)
+        except Exception as error:
+            return StatusReading(error=reason(error, self.uri, ros.timeout))
+
+    def isolate(self, action: str) -> None:
+        """Cut it off from everybody who sends it goals: as if the master had said that nobody does."""
+        self._call("publisherUpdate", f"{action}/goal", [])
+
+    def connections(self) -> int:
+        """Open connections of clients to its services, which come to the same port as its topics' subscribers."""
+        ports = {urlsplit(uri).port or 0 for uri in self.services.values()}
+        edges = connections(self._call("getBusInfo"))
+        streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
+        tables = [path.read_text("ascii") for path in (Path("/proc/net/tcp"), Path("/proc/net/tcp6")) if path.exists()]
+        return max(0, established(tables, ports) - streams)
+
+    def shut_down(self) -> None:
+        """Ask it to end, and do not wait: rospy answers when it has ended, or never.
+
+        Whoever ends within a process 1 that ends takes part in its end: Kubernetes would say that the hook has failed.
+        """
+        body = xmlrpc.client.dumps((CALLER, "stopped by rosops.fleet"), "shutdown").encode()
+        with contextlib.suppress(OSError), Api(self.uri, CALLER, Deadline(TIMEOUT)) as api:
+            api.http.request("POST", api.path, body, {"Content-Type": "text/xml"})
+            select.select([api.http.sock], [], [], REPLY)

@@ -1,0 +1,139 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A node's getBusStats replies, one after the other -> how many messages and bytes went over its topics. Pure.
+
+Both client libraries count per connection and from its beginning, in differing shapes:
+
+    rospy   [1, "", [pubs, subs, services]]   pub [topic, bytes, [[id, bytes, messages, connected], ..]]
+    roscpp  [pubs, subs]                      pub [topic, [[id, bytes, data bytes, messages, 0], ..]]
+    both                                      sub [topic, [[id, bytes, messages, drops, connected], ..]]
+
+roscpp casts its counts to int32, so they wrap; it names one connection of a subscription only, the last one. rospy does
+not wrap: past 2^31-1 its whole call faults. Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Iterable, Mapping, Tuple
+
+from . import graph as _graph
+
+OUT, IN = "out", "in"
+WRAP = 1 << 32
+# A count that went down has wrapped if it is then not far from where it was. Half of the range in one interval of ten
+# seconds would be 200 MB/s; a restarted count, on the other hand, seldom looks like a small step.
+WRAP_STEP = 1 << 31
+
+Flow = Tuple[str, str]  # topic, direction
+Link = Tuple[str, str, int]  # topic, direction, connection
+
+
+@dataclass(frozen=True)
+class Count:
+    messages: int = 0
+    bytes: int = 0
+
+
+@dataclass(frozen=True)
+class Stats:
+    """One reply: the counts of every connection, and the topics that the node has, with or without connections."""
+
+    links: Mapping[Link, Count]
+    flows: frozenset[Flow]
+    wraps: bool
+
+
+@dataclass(frozen=True)
+class Counted:
+    """What was counted of one node so far. `process` tells its process from a later one under the same name."""
+
+    process: tuple[str, int]
+    totals: Mapping[Flow, Count] = field(default_factory=dict)
+    links: Mapping[Link, Count] = field(default_factory=dict)
+    highest: int = -1  # connection so far: both libraries number them upwards
+
+
+def stats(reply: Any) -> Stats:
+    """A raw reply of either library; RosError where it is neither."""
+    publishers, subscribers = _graph.bus_stats(reply)
+    bare = not (reply and isinstance(reply[0], int))
+    links: dict[Link, Count] = {}
+    flows = set()
+    for direction, entries in ((OUT, publishers), (IN, subscribers)):
+        for entry in entries if isinstance(entries, (list, tuple)) else ():
+            if not (isinstance(entry, (list, tuple)) and len(entry) > 1 and isinstance(entry[0], str)):
+                continue
+            flows.add((entry[0], direction))
+            # the connections come last, whatever stands before them
+            for row in entry[-1] if isinstance(entry[-1], (list, tuple)) else ():
+                found = _row(row, direction)
+                if found is not None:
+                    links[(entry[0], direction, found[0])] = found[1]
+    return Stats(links, frozenset(flows), bare)
+
+
+def _row(row: Any, direction: str) -> tuple[int, Count] | None:
+    """Connection and counts of one row; None where it makes no sense."""
+    if not isinstance(row, (list, tuple)) or len(row) < 4:
+        return None
+    # the fourth of five fields of a publisher is roscpp's count, after the bytes without headers
+    messages = row[3] if direction == OUT and len(row) > 4 else row[2]
+    if not all(isinstance(value, int) for value in (row[0], row[1], messages)):
+        return None
+    return row[0], Count(messages, row[1])
+
+
+def _step(before: int, now: int, wraps: bool) -> int:
+    """By how much one count of a connection grew."""
+    if wraps:
+        step = (now - before) % WRAP
+        return step if step < WRAP_STEP else now % WRAP  # else it began anew
+    return now - before if now >= before else now
+
+
+def advance(
+    before: Counted | None, process: tuple[str, int], new: Stats, fresh: bool, ignored: Iterable[int] = ()
+) -> Counted:
+    """What was counted with one more reply.
+
+    `fresh`: an unknown process is younger than the last look, so all that it counted came since. Of any other the first
+    reply is where counting begins: a restarted exporter must not count again what the one before it did.
+    Likewise a connection that is new by its number has counted since the last look; one that was only not in the reply
+    (of several, roscpp names whichever is the last) has counted for who knows how long.
+    `ignored` connections are not the node's own business: they are ours.
+    """
+    known = before is not None and before.process == process
+    totals = dict(before.totals) if before is not None else {}
+    last = before.links if before is not None and known else {}
+    highest = before.highest if before is not None and known else -1
+    links = {link: count for link, count in new.links.items() if link[2] not in set(ignored)}
+    grown: dict[Flow, list[Count]] = {flow: [] for flow in new.flows}
+    for link, count in links.items():
+        start = last.get(link)
+        if start is None:
+            born = link[2] > highest if known else fresh
+            start = Count() if born else count
+        steps = (_step(start.messages, count.messages, new.wraps), _step(start.bytes, count.bytes, new.wraps))
+        grown[link[:2]].append(Count(*steps))
+    result = {flow: totals.get(flow, Count()) for flow in new.flows}
+    for flow, counts in grown.items():
+        result[flow] = _sum(flow, result[flow], counts)
+    return Counted(process, result, links, max([highest, *(link[2] for link in new.links)]))
+
+
+def _sum(flow: Flow, total: Count, steps: list[Count]) -> Count:
+    """A publisher sends each message to all its subscribers: it is one message, however many copies went out."""
+    messages = [step.messages for step in steps]
+    more = max(messages, default=0) if flow[1] == OUT else sum(messages)
+    return Count(total.messages + more, total.bytes + sum(step.bytes for step in steps))
+
+
+def is_overflow(fault: str) -> bool:
+    """Whether a fault is rospy's own trouble with a count past XML-RPC's 32 bits.
+
+    >>> is_overflow("<class 'OverflowError'>:int exceeds XML-RPC limits")
+    True
+    """
+    return "OverflowError" in fault or "exceeds XML-RPC limits" in fault

@@ -1,0 +1,208 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The contract of an update: what an app is to the ROS graph before it, in the names that hold after it.
+
+`record` takes it down from a graph as ros_graph_info returns it; `conditions` says it again as options of ros_ready.
+
+Left out, because their absence afterwards is no loss:
+
+* `/rosout`: every node publishes it, whoever logs does so at no rate, and rosout itself connects again by itself;
+* the logger services of the client libraries: they are there whenever the node is;
+* nodes that did not answer, and tools that somebody has open (rostopic, rqt, rviz and others with an anonymous name):
+  they come and go by themselves;
+* edges over a renamed private topic to a node that is not renamed along: it goes on asking for the old name.
+
+Pure. Runs on Python 3.8 with the standard library, on hosts and in pods.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
+
+from .graph import ANY_TYPE
+
+Contract = Dict[str, Any]
+Edge = Tuple[str, str, str]  # publisher, topic, subscriber
+
+TOLERANCE = 0.1
+LEAST_RATE = 1.0  # Hz; below it a window of two seconds holds too few messages to tell a rate
+
+_LOGGERS = ("/get_loggers", "/set_logger_level")
+_ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
+# rospy's anonymous names end in process id and milliseconds, roscpp's in nanoseconds
+_TOOL = re.compile(r"(_\d+_\d{13}|_\d{18,})\Z")
+_TOOL_NAMES = ("rqt", "rosops_fleet", "ros_keeper")
+
+
+def is_tool(node: str) -> bool:
+    """A node that somebody has open to look at the graph, or that belongs to this collection."""
+    return bool(_TOOL.search(node)) or node.rpartition("/")[2].startswith(_TOOL_NAMES)
+
+
+def renamed(name: str, renames: Mapping[str, str]) -> str:
+    """A graph name after the nodes' renaming: a node's own name, and what stands in its private namespace."""
+    if name in renames:
+        return renames[name]
+    for old, new in renames.items():
+        if name.startswith(f"{old}/"):
+            return new + name[len(old) :]
+    return name
+
+
+def record(  # noqa: PLR0913 - the last five have defaults and go into the result as they are
+    graph: Mapping[str, Any],
+    nodes: Sequence[str],
+    renames: Mapping[str, str] | None = None,
+    revision: str = "",
+    until: float = 0,
+    tolerance: float = TOLERANCE,
+    ignore: Iterable[str] = (),
+    least_rate: float = LEAST_RATE,
+) -> Contract:
+    """What `nodes` (their names now) are to the graph, in the names that hold after the update.
+
+    `renames` maps the nodes of everything that is updated together, so that edges between them keep both ends.
+    `ignore`: topics, services and actions that the update is meant to change. A node that does not answer now leaves
+    nothing to restore.
+    """
+    taken = _Recorder(graph, nodes, renames or {}, frozenset(ignore), least_rate)
+    own = [taken.new(name) for name in nodes]
+    return {
+        "revision": revision,
+        "until": until,
+        "tolerance": tolerance,
+        "node": own[0] if own else "",
+        "nodes": [taken.new(name) for name in taken.alive],
+        "topics": taken.topics(own[0] if own else ""),
+        "subscriptions": taken.subscriptions(),
+        "services": taken.services(),
+        "actions": taken.actions(),
+        "edges": sorted([taken.new(part) for part in edge] for edge in taken.edges()),
+    }
+
+
+class _Recorder:
+    def __init__(
+        self,
+        graph: Mapping[str, Any],
+        nodes: Sequence[str],
+        renames: Mapping[str, str],
+        ignore: frozenset[str],
+        least_rate: float,
+    ) -> None:
+        self.graph, self.renames, self.ignore, self.least_rate = graph, renames, ignore, least_rate
+        self.alive = [name for name in nodes if self.answers(name)]
+        self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in _ACTION_TOPICS}
+
+    def new(self, name: str) -> str:
+        return renamed(name, self.renames)
+
+    def answers(self, node: str) -> bool:
+        return bool(self.graph["nodes"].get(node, {}).get("reachable"))
+
+    def counts(self, topic: str) -> bool:
+        action = topic.rpartition("/")[0] if topic in self.action_topics else ""
+        return topic != "/rosout" and topic not in self.ignore and action not in self.ignore
+
+    def peers(self, names: Iterable[str]) -> list[str]:
+        """Nodes on the other side of a topic that an update must not lose."""
+        return [name for name in names if self.answers(name) and (name in self.alive or not is_tool(name))]
+
+    def own(self, names: Iterable[str]) -> list[str]:
+        return [name for name in names if name in self.alive]
+
+    def edges(self) -> list[Edge]:
+        found = []
+        for topic, entry in self.graph["topics"].items():
+            moved = self.new(topic) != topic
+            for connection in entry["connections"] if self.counts(topic) else ():
+                ends = (connection["publisher"], connection["subscriber"])
+                there = len(self.peers(ends)) == 2 and self.own(ends)
+                if there and not (moved and any(end not in self.renames for end in ends)):
+                    found.append((ends[0], topic, ends[1]))
+        return found
+
+    def topics(self, first: str) -> dict[str, Any]:
+        found = {}
+        for topic, entry in self.graph["topics"].items():
+            publishers = {self.new(name): self.publisher(topic, entry, name) for name in self.own(entry["publishers"])}
+            if publishers and self.counts(topic):
+                of_first = publishers.get(first) or next(iter(publishers.values()))
+                found[self.new(topic)] = {
+                    "type": known(entry["type"]),
+                    "md5sum": known(entry.get("md5sum")) or None,
+                    "rate": of_first["rate"],
+                    "publishers": publishers,
+                }
+        return found
+
+    def publisher(self, topic: str, entry: Mapping[str, Any], name: str) -> dict[str, Any]:
+        rate = (entry.get("rates") or {}).get(name)
+        # an action's topics carry what its goals make them carry; its server is judged by its status
+        steady = rate is not None and rate >= self.least_rate and topic not in self.action_topics
+        reached = {edge["subscriber"] for edge in entry["connections"] if edge["publisher"] == name}
+        wanted = set(self.peers(entry["subscribers"]))
+        return {"rate": rate if steady else None, "connected": bool(wanted) and wanted <= reached}
+
+    def subscriptions(self) -> dict[str, Any]:
+        return {
+            self.new(topic): {"type": known(entry["type"])}
+            for topic, entry in self.graph["topics"].items()
+            if self.counts(topic) and self.own(entry["subscribers"])
+        }
+
+    def services(self) -> dict[str, Any]:
+        return {
+            self.new(name): {"type": known(entry["type"]), "md5sum": known(entry.get("md5sum")) or None}
+            for name, entry in self.graph["services"].items()
+            if entry["up"]
+            and self.own([entry["provider"]] if entry["provider"] else entry["providers"])
+            and name not in self.ignore
+            and not name.endswith(_LOGGERS)
+        }
+
+    def actions(self) -> list[str]:
+        return sorted(
+            self.new(name)
+            for name, entry in self.graph["actions"].items()
+            if entry["up"] and self.own(entry["servers"]) and name not in self.ignore
+        )
+
+
+def known(word: str | None) -> str:
+    """A type or md5sum, or nothing where the graph does not know it or a node takes any."""
+    return "" if word in (None, "", ANY_TYPE) else str(word)
+
+
+def conditions(contract: Mapping[str, Any], tolerance: float | None = None, absent: Sequence[str] = ()) -> Contract:
+    """The contract as options of ros_ready. `absent`: the nodes of the old revision.
+
+    An edge's end that is not ours may leave by itself, which is not the update's fault.
+    """
+    share = 1 - (contract["tolerance"] if tolerance is None else tolerance)
+    ours = {contract["node"], *contract["nodes"]}
+    topics: list[Contract] = []
+    for name, topic in contract["topics"].items():
+        for publisher, seen in topic["publishers"].items():
+            entry = {"name": name, "publisher": publisher, "connected": seen["connected"]}
+            if topic["type"]:
+                entry["type"] = topic["type"]
+            if seen["rate"]:
+                entry["min_rate"] = round(seen["rate"] * share, 3)
+            topics.append(entry)
+    return {
+        "nodes": list(contract["nodes"]),
+        "topics": topics,
+        "services": [{"name": name} for name in contract["services"]],
+        "actions": [{"name": name, "state": "up"} for name in contract["actions"]],
+        "edges": [_edge(edge, ours) for edge in contract["edges"]],
+        "absent": list(absent),
+    }
+
+
+def _edge(ends: Sequence[str], ours: set[str]) -> dict[str, str]:
+    edge = dict(zip(("publisher", "topic", "subscriber"), ends))
+    others = [end for end in ("publisher", "subscriber") if edge[end] not in ours]
+    return {**edge, "peer": others[0]} if others else edge

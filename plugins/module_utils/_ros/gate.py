@@ -1,0 +1,154 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The gate: conditions on the ROS graph, and one check with a verdict and a reason for each.
+
+Pure but for `look`, which asks an object that is handed in. It knows no XML-RPC: another backend with the same three
+methods will do. `wait` is the verdict for everything that time may mend; `fail` only for what a living node itself
+contradicts. Runs on Python 3.8 with the standard library, on hosts and in pods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Iterable, Mapping, Protocol
+
+from .._common.errors import RosError
+from .._common.poll import PASS, WAIT, overall
+from .checks import Check, check_absent, check_action, check_node, check_service
+from .conditions import Conditions, TopicCondition
+from .graph import Graph, MasterState, Questions, Rate
+from .topic_checks import check_edge, check_rate, check_topic
+
+RATE_WINDOW = 1.0
+RATE_WINDOW_MAX = 20.0
+RATE_MESSAGES = 4  # one before the first interval, and three intervals
+
+
+def questions(state: MasterState, conditions: Conditions) -> Questions:
+    """What has to be asked of whom to judge these conditions, and no more."""
+    nodes: dict[str, set[str]] = {}
+    registered = set(state.nodes())
+
+    def ask(names: Iterable[str], *calls: str) -> None:
+        for name in names:
+            if name in registered:
+                nodes.setdefault(name, set()).update(calls)
+
+    ask((*conditions.nodes, *conditions.absent))
+    for topic in conditions.topics:
+        publishers, subscribers = state.publishers.get(topic.name, ()), state.subscribers.get(topic.name, ())
+        types = ("types",) if topic.type else ()
+        if topic.publisher:
+            ask([topic.publisher], *types, *(("bus",) if topic.connected else ()))
+            counted = (publishers if topic.publishers is not None else (), subscribers if _asks_peers(topic) else ())
+            ask((*counted[0], *counted[1]))
+        else:
+            ask((*publishers, *subscribers), *types)
+            ask(publishers if topic.connected else (), "bus")
+    for edge in conditions.edges:
+        ask([edge.publisher], "bus")
+        ask([edge.subscriber])
+    return Questions(
+        {name: frozenset(calls) for name, calls in nodes.items()},
+        tuple(dict.fromkeys(name for name in conditions.services if name in state.services)),
+        tuple(dict.fromkeys(action.name for action in conditions.actions)),
+    )
+
+
+def _asks_peers(topic: TopicCondition) -> bool:
+    return topic.connected or topic.subscribers is not None
+
+
+def sample_seconds(min_rate: float) -> float:
+    """How long to count messages to judge this rate."""
+    return min(max(RATE_WINDOW, RATE_MESSAGES / min_rate), RATE_WINDOW_MAX)
+
+
+def evaluate(graph: Graph, conditions: Conditions, rates: Mapping[str, Rate] | None = None) -> list[Check]:
+    """One check per condition, in the order of the options; a topic's rate is a check of its own."""
+    checks = [check_node(graph, name) for name in conditions.nodes]
+    for topic in conditions.topics:
+        checks.append(check_topic(graph, topic))
+        if topic.min_rate:
+            checks.append(check_rate(topic, (rates or {}).get(topic.name)))
+    checks += [check_service(graph, name) for name in conditions.services]
+    checks += [check_action(graph, action) for action in conditions.actions]
+    checks += [check_edge(graph, edge) for edge in conditions.edges]
+    return checks + [check_absent(graph, name) for name in conditions.absent]
+
+
+def without_master(uri: str, why: str, conditions: Conditions) -> list[Check]:
+    """The checks when there is no master to ask: itself, and every condition as not known."""
+    unknown = "not known without the master"
+    names = [
+        *(("node", name) for name in conditions.nodes),
+        *(("topic", topic.name) for topic in conditions.topics),
+        *(("rate", topic.name) for topic in conditions.topics if topic.min_rate),
+        *(("service", name) for name in conditions.services),
+        *(("action", action.name) for action in conditions.actions),
+        *(("edge", str(edge)) for edge in conditions.edges),
+        *(("absent", name) for name in conditions.absent),
+    ]
+    return [Check("master", uri, WAIT, why), *(Check(kind, name, WAIT, unknown) for kind, name in names)]
+
+
+# ---- one look
+
+
+class Ros(Protocol):
+    """What a look needs of a ROS backend. `_ros_master.RosMaster` is the one for ROS 1."""
+
+    uri: str
+
+    def state(self, types: bool = False) -> MasterState: ...
+
+    def ask(self, state: MasterState, wanted: Questions) -> Graph: ...
+
+    def rates(
+        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
+    ) -> dict[str, Rate]: ...
+
+
+@dataclass(frozen=True)
+class Look:
+    verdict: str
+    checks: list[Check]
+
+    @property
+    def unmet(self) -> list[Check]:
+        return [check for check in self.checks if check.verdict != PASS]
+
+
+def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[str]]]:
+    """How long to count each topic's messages, and whose, where that is not everybody's."""
+    rated = [topic for topic in conditions.topics if topic.min_rate]
+    seconds: dict[str, float] = {}
+    whose: dict[str, list[str]] = {}
+    for topic in rated:
+        seconds[topic.name] = max(seconds.get(topic.name, 0.0), sample_seconds(topic.min_rate or 0.0))
+        whose.setdefault(topic.name, []).append(topic.publisher or "")
+    return seconds, {name: names for name, names in whose.items() if all(names)}
+
+
+def look(ros: Ros, conditions: Conditions) -> Look:
+    """Ask and judge. Rates are measured only when all else passes: that takes a window, the rest does not.
+
+    After the window all else is asked again, so that what the look says was true at its beginning and at its end.
+    """
+    answers = Check("master", ros.uri, PASS, "answers")
+    seconds, only = rate_plan(conditions)
+    try:
+        graph = _ask(ros, conditions)
+        checks = [answers, *evaluate(graph, conditions)]
+        if seconds and all(check.verdict == PASS for check in checks if check.kind != "rate"):
+            rates = ros.rates(graph, seconds, only)
+            checks = [answers, *evaluate(_ask(ros, conditions), conditions, rates)]
+    except RosError as error:
+        checks = without_master(ros.uri, str(error), conditions)
+    return Look(overall([check.verdict for check in checks]), checks)
+
+
+def _ask(ros: Ros, conditions: Conditions) -> Graph:
+    state = ros.state(types=any(topic.type for topic in conditions.topics))
+    return ros.ask(state, questions(state, conditions))

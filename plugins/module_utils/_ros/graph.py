@@ -1,0 +1,417 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ROS graph as data: what the master registered, and what the nodes say of themselves.
+
+Pure: nothing here opens a connection or knows XML-RPC. Replies come in as plain lists, as either client library gives
+them, from peers that may be wrong: a row that makes no sense is left out, never an exception.
+Runs on Python 3.8 with the standard library, on hosts and in pods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Iterable, Mapping
+
+from .._common.errors import RosError
+
+ANY_TYPE = "*"  # what a node says that takes any message type
+STATUS_TYPE = "actionlib_msgs/GoalStatusArray"
+
+# actionlib_msgs/GoalStatus. The first four are a goal that the server still owes an answer.
+GOAL_STATES = {
+    0: "PENDING", 1: "ACTIVE", 6: "PREEMPTING", 7: "RECALLING",
+    2: "PREEMPTED", 3: "SUCCEEDED", 4: "ABORTED", 5: "REJECTED", 8: "RECALLED", 9: "LOST",
+}  # fmt: skip
+BUSY_STATES = frozenset({0, 1, 6, 7})
+
+Registrations = Mapping[str, "tuple[str, ...]"]
+
+
+# ---- what is asked, and what comes back
+
+
+@dataclass(frozen=True)
+class MasterState:
+    """Who registered what: topic or service -> names of nodes. It says nothing about who is alive."""
+
+    publishers: Registrations = field(default_factory=dict)
+    subscribers: Registrations = field(default_factory=dict)
+    services: Registrations = field(default_factory=dict)
+    types: Mapping[str, str] = field(default_factory=dict)
+
+    def nodes(self) -> list[str]:
+        lists = [*self.publishers.values(), *self.subscribers.values(), *self.services.values()]
+        return sorted({name for names in lists for name in names})
+
+    def of(self, node: str, part: Registrations) -> tuple[str, ...]:
+        return tuple(sorted(name for name, nodes in part.items() if node in nodes))
+
+
+@dataclass(frozen=True)
+class Questions:
+    """What one look has to find out. `nodes`: node -> what to ask beside its process id ("bus", "types")."""
+
+    nodes: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    services: tuple[str, ...] = ()
+    actions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NodeAnswer:
+    """Raw replies of one node. `error` is why it did not answer; None in a field: not asked."""
+
+    uri: str = ""
+    pid: int | None = None
+    error: str = ""
+    bus: Any = None
+    publications: Any = None
+    subscriptions: Any = None
+    refused: bool = False  # nothing listens at its address: it is dead, where one that is late may only be busy
+
+
+@dataclass(frozen=True)
+class ServiceProbe:
+    """A service connection's handshake. `provider` is who answered, by its own word."""
+
+    uri: str = ""
+    provider: str = ""
+    type: str = ""
+    error: str = ""
+    md5sum: str = ""
+
+
+@dataclass(frozen=True)
+class StatusReading:
+    """The goals' states in messages read one after the other from one action server."""
+
+    readings: tuple[tuple[int, ...], ...] = ()
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Messages per second, summed over a topic's publishers; `by` has the same of each publisher that was counted.
+
+    `steady` is what a publisher sends without bursts after a stall, where that can be told: what may be expected of
+    it, and of its next version.
+    """
+
+    hz: float = 0.0
+    messages: int = 0
+    seconds: float = 0.0
+    error: str = ""
+    by: Mapping[str, Rate] = field(default_factory=dict, compare=False)
+    steady: float | None = None
+
+    @property
+    def expected(self) -> Rate:
+        """The same at the lower of both rates."""
+        return self if self.steady is None else replace(self, hz=min(self.hz, self.steady))
+
+
+@dataclass(frozen=True)
+class Extras:
+    """What can be found out beside the graph itself, where it was asked for."""
+
+    rates: Mapping[str, Rate] = field(default_factory=dict)  # by topic
+    md5sums: Mapping[str, str] = field(default_factory=dict)  # by topic
+    connections: Mapping[str, int] = field(default_factory=dict)  # by service
+
+
+# ---- the graph
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A transport as one of its two ends reports it: to (`o`) or from (`i`) the peer.
+
+    The peer of an outgoing one is the subscriber's node name; of an incoming one the publisher's URI. Only the outgoing
+    ones say that messages flow: both client libraries report an incoming one as connected before any handshake.
+    `info` is what the client library says of it in words, its sockets' addresses among them.
+    """
+
+    topic: str
+    peer: str
+    direction: str
+    transport: str
+    connected: bool
+    info: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Node:
+    name: str
+    uri: str = ""
+    pid: int | None = None
+    asked: bool = False
+    error: str = ""
+    publications: tuple[str, ...] = ()
+    subscriptions: tuple[str, ...] = ()
+    services: tuple[str, ...] = ()
+    own_types: Mapping[str, str] = field(default_factory=dict)
+    connections: tuple[Connection, ...] | None = None  # None: not asked, or no answer
+    refused: bool = False  # nothing listens at its address
+
+    @property
+    def reachable(self) -> bool:
+        """It answered under its registered address. A registration alone outlives its process."""
+        return self.pid is not None
+
+
+@dataclass(frozen=True)
+class Topic:
+    name: str
+    type: str = ""
+    publishers: tuple[str, ...] = ()
+    subscribers: tuple[str, ...] = ()
+    connections: tuple[tuple[str, str], ...] = ()  # (publisher, subscriber), by the publishers' word
+
+
+@dataclass(frozen=True)
+class Service:
+    name: str
+    providers: tuple[str, ...] = ()
+    probe: ServiceProbe | None = None
+
+
+@dataclass(frozen=True)
+class Action:
+    """The five topics of an actionlib action, by the nodes that stand on its server's side."""
+
+    name: str
+    type: str = ""
+    status_publishers: tuple[str, ...] = ()
+    goal_subscribers: tuple[str, ...] = ()
+    cancel_subscribers: tuple[str, ...] = ()
+    clients: tuple[str, ...] = ()
+    statuses: Mapping[str, StatusReading] = field(default_factory=dict)
+
+    @property
+    def servers(self) -> tuple[str, ...]:
+        """Nodes with everything that an action server has."""
+        whole = set(self.status_publishers) & set(self.goal_subscribers) & set(self.cancel_subscribers)
+        return tuple(sorted(whole))
+
+
+@dataclass(frozen=True)
+class Graph:
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+    topics: Mapping[str, Topic] = field(default_factory=dict)
+    services: Mapping[str, Service] = field(default_factory=dict)
+    actions: Mapping[str, Action] = field(default_factory=dict)
+
+    def as_dict(self, extras: Extras | None = None) -> dict[str, Any]:
+        """The graph as JSON-able data, the shape that ros_graph_info returns."""
+        more = extras or Extras()
+        return {
+            "nodes": {name: _node_dict(node) for name, node in sorted(self.nodes.items())},
+            "topics": {
+                name: _topic_dict(topic, more.rates.get(name), more.md5sums.get(name))
+                for name, topic in sorted(self.topics.items())
+            },
+            "services": {
+                name: _service_dict(service, more.connections.get(name))
+                for name, service in sorted(self.services.items())
+            },
+            "actions": {name: _action_dict(action) for name, action in sorted(self.actions.items())},
+        }
+
+
+def _node_dict(node: Node) -> dict[str, Any]:
+    return {
+        "uri": node.uri,
+        "pid": node.pid,
+        "reachable": node.reachable,
+        "error": node.error,
+        "publications": list(node.publications),
+        "subscriptions": list(node.subscriptions),
+        "services": list(node.services),
+    }
+
+
+def _hertz(rate: Rate | None) -> float | None:
+    return None if rate is None or rate.error else round(rate.hz, 3)
+
+
+def _topic_dict(topic: Topic, rate: Rate | None, md5sum: str | None) -> dict[str, Any]:
+    return {
+        "type": topic.type,
+        "md5sum": md5sum,
+        "publishers": list(topic.publishers),
+        "subscribers": list(topic.subscribers),
+        "connections": [{"publisher": publisher, "subscriber": peer} for publisher, peer in topic.connections],
+        "rate": _hertz(rate),
+        "rates": {name: _hertz(part.expected) for name, part in sorted(rate.by.items())} if rate else {},
+        "rate_error": rate.error if rate else "",
+    }
+
+
+def _service_dict(service: Service, connections: int | None) -> dict[str, Any]:
+    probe = service.probe or ServiceProbe()
+    up = bool(service.probe and not probe.error)
+    return {"providers": list(service.providers), **asdict(probe), "up": up, "connections": connections}
+
+
+def _action_dict(action: Action) -> dict[str, Any]:
+    goals = {server: list(status.readings[-1]) for server, status in action.statuses.items() if status.readings}
+    states = [GOAL_STATES.get(state, str(state)) for listed in goals.values() for state in listed]
+    return {
+        "type": action.type,
+        "servers": list(action.servers),
+        "clients": list(action.clients),
+        "up": any(server in goals for server in action.servers),
+        "busy": any(state in BUSY_STATES for listed in goals.values() for state in listed),
+        "goals": {state: states.count(state) for state in sorted(set(states))},
+    }
+
+
+# ---- raw replies -> data
+
+
+def unwrap(reply: Any) -> Any:
+    """The value of a `[code, message, value]` reply; RosError with the peer's message where the code is not 1."""
+    shaped = isinstance(reply, (list, tuple)) and len(reply) >= 3
+    if not shaped or isinstance(reply[0], bool) or not isinstance(reply[0], int):
+        raise RosError("the reply is not [code, message, value]")
+    if reply[0] != 1:
+        raise RosError(str(reply[1])[:200] or f"refused with code {reply[0]}")
+    return reply[2]
+
+
+def bus_stats(reply: Any) -> Any:
+    """`[publishers, subscribers]` of a getBusStats reply: rospy wraps it as every call, roscpp gives the bare list."""
+    if isinstance(reply, (list, tuple)) and len(reply) >= 2 and isinstance(reply[0], (list, tuple)):
+        return [reply[0], reply[1]]
+    value = unwrap(reply)
+    if not isinstance(value, (list, tuple)) or len(value) < 2:
+        raise RosError("the reply is not a list of publishers and subscribers")
+    return [value[0], value[1]]
+
+
+def _rows(raw: Any, least: int) -> Iterable[Any]:
+    """The rows of a list of lists that are at least so long; anything else is left out."""
+    if isinstance(raw, (list, tuple)):
+        for row in raw:
+            if isinstance(row, (list, tuple)) and len(row) >= least:
+                yield row
+
+
+def registrations(raw: Any) -> dict[str, tuple[str, ...]]:
+    """One third of getSystemState's value."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name, nodes, *_more in _rows(raw, 2):
+        if isinstance(name, str) and isinstance(nodes, (list, tuple)):
+            found[name] = tuple(sorted({node for node in nodes if isinstance(node, str)}))
+    return found
+
+
+def topic_types(raw: Any) -> dict[str, str]:
+    """[[topic, type], ...] as getTopicTypes, getPublications and getSubscriptions give it."""
+    return {row[0]: row[1] for row in _rows(raw, 2) if isinstance(row[0], str) and isinstance(row[1], str)}
+
+
+def master_state(system_state: Any, types: Any = None) -> MasterState:
+    """getSystemState's and getTopicTypes' values."""
+    if not isinstance(system_state, (list, tuple)) or len(system_state) < 3:
+        raise RosError("the master's system state is not [publishers, subscribers, services]")
+    publishers, subscribers, services = (registrations(part) for part in system_state[:3])
+    return MasterState(publishers, subscribers, services, topic_types(types))
+
+
+def connections(raw: Any) -> tuple[Connection, ...]:
+    """getBusInfo's value: [id, peer, direction, transport, topic, connected, ...]; older nodes end after the topic."""
+    found = []
+    for row in _rows(raw, 5):
+        peer, direction, transport, topic = row[1:5]
+        if all(isinstance(value, str) for value in (peer, direction, transport, topic)):
+            connected = bool(row[5]) if len(row) > 5 else True
+            info = row[6] if len(row) > 6 and isinstance(row[6], str) else ""
+            found.append(Connection(topic, peer, direction, transport, connected, info))
+    return tuple(found)
+
+
+def shared_uris(uris: Mapping[str, str]) -> frozenset[str]:
+    """Nodes registered under an address that another node has, too: only one of them can be who it says."""
+    nodes: dict[str, list[str]] = {}
+    for name, uri in uris.items():
+        nodes.setdefault(uri, []).append(name)
+    return frozenset(name for uri, names in nodes.items() if uri and len(names) > 1 for name in names)
+
+
+# ---- data -> graph
+
+
+def everything(state: MasterState) -> Questions:
+    """The questions for a picture of the whole graph."""
+    return Questions(
+        {name: frozenset({"bus"}) for name in state.nodes()},
+        tuple(sorted(state.services)),
+        tuple(action_names(state)),
+    )
+
+
+def action_of(state: MasterState, name: str, statuses: Mapping[str, StatusReading] | None = None) -> Action:
+    """The action of that name as the registrations show it, whole or not."""
+    goal_type = state.types.get(f"{name}/goal", "")
+    return Action(
+        name,
+        goal_type[: -len("Goal")] if goal_type.endswith("ActionGoal") else "",
+        state.publishers.get(f"{name}/status", ()),
+        state.subscribers.get(f"{name}/goal", ()),
+        state.subscribers.get(f"{name}/cancel", ()),
+        state.publishers.get(f"{name}/goal", ()),
+        statuses or {},
+    )
+
+
+def action_names(state: MasterState) -> list[str]:
+    """Every action with a whole server: one node publishes its status and takes its goals and cancels."""
+    names = [topic[: -len("/status")] for topic in state.publishers if topic.endswith("/status")]
+    return sorted(name for name in names if action_of(state, name).servers)
+
+
+def _node(state: MasterState, name: str, answer: NodeAnswer | None, doubtful: bool) -> Node:
+    published, subscribed = state.of(name, state.publishers), state.of(name, state.subscribers)
+    services = state.of(name, state.services)
+    if answer is None:
+        return Node(name, publications=published, subscriptions=subscribed, services=services)
+    own = {**topic_types(answer.subscriptions), **topic_types(answer.publications)}
+    pid, error = answer.pid, answer.error
+    if doubtful and pid is not None and any(topic not in own for topic in (*published, *subscribed)):
+        pid, error = None, f"another node answers at {answer.uri}: a stale registration"
+    bus = connections(answer.bus) if pid is not None and answer.bus is not None else None
+    return Node(name, answer.uri, pid, True, error, published, subscribed, services, own, bus, answer.refused)
+
+
+def build(
+    state: MasterState,
+    answers: Mapping[str, NodeAnswer],
+    probes: Mapping[str, ServiceProbe] | None = None,
+    statuses: Mapping[str, Mapping[str, StatusReading]] | None = None,
+) -> Graph:
+    """Registrations and answers -> graph. A node without an answer stands in it as not asked."""
+    probes, statuses = probes or {}, statuses or {}
+    doubtful = shared_uris({name: answer.uri for name, answer in answers.items()})
+    names = sorted({*state.nodes(), *answers})
+    nodes = {name: _node(state, name, answers.get(name), name in doubtful) for name in names}
+    edges: dict[str, set[tuple[str, str]]] = {}
+    for node in nodes.values():
+        for connection in node.connections or ():
+            if connection.direction != "i" and connection.connected:
+                edges.setdefault(connection.topic, set()).add((node.name, connection.peer))
+    topics = {
+        name: Topic(
+            name,
+            state.types.get(name, ""),
+            state.publishers.get(name, ()),
+            state.subscribers.get(name, ()),
+            tuple(sorted(edges.get(name, ()))),
+        )
+        for name in sorted({*state.publishers, *state.subscribers})
+    }
+    services = {name: Service(name, providers, probes.get(name)) for name, providers in state.services.items()}
+    actions = {
+        name: action_of(state, name, statuses.get(name)) for name in sorted({*action_names(state), *statuses})
+    }  # fmt: skip
+    return Graph(nodes, topics, services, actions)

@@ -1,0 +1,46 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the keeper of a ROS master is asked; its answers: _goal_keeper.
+
+Runs on Python 3.8 with the standard library, on hosts and in pods.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .rpc import Api, Deadline, reason
+
+TIMEOUT = 4.0  # it connects to all of an action's clients before it says that it holds their goals
+
+
+class KeeperCalls:
+    """A keeper, from a stop hook or a step. It is a help, never a condition: what it cannot do is told in words."""
+
+    def __init__(self, uri: str, caller: str) -> None:
+        self.uri = uri
+        self.caller = caller
+
+    def hold(self, action: str, server: str, seconds: float) -> str:
+        """Why it does not hold the action's goals, or nothing if it does."""
+        return self._problem("hold", action, server, seconds)
+
+    def release(self, action: str) -> str:
+        """Why it may not have let the action's goals go, or nothing if it has."""
+        return self._problem("release", action)
+
+    def held(self) -> dict[str, Any]:
+        """Action -> what is held of it. Raises what went wrong."""
+        with Api(self.uri, self.caller, Deadline(TIMEOUT)) as api:
+            found: dict[str, Any] = api.raw("state")[2]
+        return found
+
+    def _problem(self, method: str, *params: Any) -> str:
+        try:
+            with Api(self.uri, self.caller, Deadline(TIMEOUT)) as api:
+                reply = api.raw(method, *params)
+        except Exception as error:
+            return reason(error, self.uri, TIMEOUT)
+        good = isinstance(reply, list) and len(reply) == 3 and reply[0] == 1
+        return "" if good else f"the keeper refused: {reply!r:.200}"

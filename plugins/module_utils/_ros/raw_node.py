@@ -1,0 +1,267 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A minimal ROS 1 node: a slave API, publications of raw messages, and streams of other nodes' raw messages.
+
+Only what holding goals needs. Streams are not registered with the master: nobody's list of subscribers changes, and no
+tool will wait for them. Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import socketserver
+import struct
+import threading
+from typing import Any, Callable, Mapping
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
+from .._common.errors import RosError
+from .rpc import MAX_HEADER, Api, Deadline, TimedSocket, connect, handshake, read_frame
+from .tcpros import decode_header, encode_header
+
+MAX_MESSAGE = 64 * 1024 * 1024
+SEND_SECONDS = 5.0
+SILENCE = 86400.0  # a stream that is silent for a day is connected anew
+READY_PATH = "/ready"
+
+
+class _Handler(SimpleXMLRPCRequestHandler):
+    protocol_version = "HTTP/1.1"  # as rospy's: clients keep their connection
+    rpc_paths = ()
+    timeout = 30
+
+    def do_GET(self) -> None:  # noqa: N802 - http.server's name
+        good = self.path == READY_PATH
+        self.send_response(200 if good else 404)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Probes and calls are not worth a line."""
+
+
+class _Server(socketserver.ThreadingMixIn, SimpleXMLRPCServer):
+    daemon_threads = True
+    block_on_close = False
+    request_queue_size = 64
+    allow_reuse_address = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A client that hung up is not our error."""
+
+
+class Publication:
+    """A topic that raw messages are sent on."""
+
+    def __init__(self, topic: str, header: Mapping[str, str]) -> None:
+        self.topic = topic
+        self.header = dict(header)
+        self.links: dict[socket.socket, str] = {}  # connection -> subscriber
+        self.lock = threading.Lock()
+
+    def refusal(self, fields: Mapping[str, str]) -> str:
+        """Why a subscriber cannot have it; nothing if it can."""
+        wanted = fields.get("md5sum", "*")
+        if wanted not in ("*", self.header["md5sum"]):
+            return f"{self.topic} is {self.header['type']}/{self.header['md5sum']}, not {wanted}"
+        return ""
+
+    def publish(self, body: bytes) -> list[str]:
+        """Send one message to every subscriber; those that it went to."""
+        frame = struct.pack("<I", len(body)) + body
+        reached = []
+        with self.lock:
+            for sock, caller in list(self.links.items()):
+                try:
+                    sock.settimeout(SEND_SECONDS)
+                    sock.sendall(frame)
+                    reached.append(caller)
+                except OSError:
+                    self._drop(sock)
+        return reached
+
+    def callers(self) -> list[str]:
+        with self.lock:
+            return list(self.links.values())
+
+    def serve(self, sock: socket.socket, caller: str) -> None:
+        """Keep one connection until the peer ends it."""
+        with self.lock:
+            self.links[sock] = caller
+        with contextlib.suppress(OSError):
+            while True:
+                sock.settimeout(None)
+                if not sock.recv(1024):
+                    break
+        with self.lock:
+            self._drop(sock)
+
+    def close(self) -> None:
+        with self.lock:
+            for sock in list(self.links):
+                self._drop(sock)
+
+    def _drop(self, sock: socket.socket) -> None:
+        self.links.pop(sock, None)
+        hang_up(sock)
+
+
+class Stream(threading.Thread):
+    """The messages of one publisher, handed to `receive` one by one, until it ends or is closed."""
+
+    def __init__(self, caller: str, topic: str, uri: str, receive: Callable[[bytes], None]) -> None:
+        super().__init__(daemon=True, name=f"{topic} {uri}")
+        self.caller, self.topic, self.uri, self.receive = caller, topic, uri, receive
+        self.header: dict[str, str] = {}
+        self.open = False
+        self.sock: TimedSocket | None = None
+
+    def connect(self, seconds: float) -> None:
+        """Shake hands; after that, the publisher sends us everything."""
+        deadline = Deadline(seconds)
+        with Api(self.uri, self.caller, deadline) as api:
+            transport = api.call("requestTopic", self.topic, [["TCPROS"]])
+        if not (isinstance(transport, list) and transport[:1] == ["TCPROS"] and len(transport) >= 3):
+            raise RosError(f"it offers no TCPROS for {self.topic}")
+        self.sock = connect(str(transport[1]), int(transport[2]), deadline)
+        fields = {"callerid": self.caller, "topic": self.topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
+        try:
+            self.header = handshake(self.sock, fields)
+        except BaseException:
+            self.sock.close()
+            raise
+        self.open = True
+        self.start()
+
+    def run(self) -> None:
+        if self.sock is None:  # only for the type checker: start() comes after the connection
+            return
+        try:
+            while self.open:
+                self.sock.deadline = Deadline(SILENCE)
+                self.receive(read_frame(self.sock, MAX_MESSAGE))
+        except (OSError, RosError):
+            pass
+        finally:
+            self.open = False
+            self.sock.close()
+
+    def close(self) -> None:
+        self.open = False
+        if self.sock is not None:
+            with contextlib.suppress(OSError):
+                self.sock.shutdown(socket.SHUT_RDWR)
+
+
+class Slave:
+    """The node's servers. `methods` are further XML-RPC methods."""
+
+    def __init__(
+        self, name: str, host: str, port: int, master_uri: str, methods: Mapping[str, Callable[..., Any]]
+    ) -> None:
+        self.name, self.host, self.master_uri = name, host, master_uri
+        self.publications: dict[str, Publication] = {}
+        self.server = _Server((host, port), _Handler, logRequests=False, allow_none=True)
+        self.listener = socket.create_server((host, 0), backlog=64)
+        address = host or socket.gethostname()
+        self.uri = f"http://{address}:{self.server.server_address[1]}/"
+        self.tcpros = ["TCPROS", address, self.listener.getsockname()[1]]
+        own: dict[str, Callable[..., Any]] = {
+            "getPid": lambda _caller: [1, "", os.getpid()],
+            "getBusInfo": self._bus_info,
+            "getBusStats": lambda _caller: [1, "", [[], [], []]],
+            "getMasterUri": lambda _caller: [1, "", self.master_uri],
+            "getPublications": self._publications,
+            "getSubscriptions": lambda _caller: [1, "", []],
+            "publisherUpdate": lambda _caller, _topic, _publishers: [1, "", 0],
+            "paramUpdate": lambda _caller, _key, _value: [1, "", 0],
+            "requestTopic": self._request_topic,
+            # Kubernetes starts and stops it: a second one of its name, as at a change of pods, must not end it
+            "shutdown": lambda _caller, _why="": [1, "", 0],
+        }
+        for method, function in {**own, **methods}.items():
+            self.server.register_function(function, method)
+
+    def start(self) -> None:
+        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 1.0}, daemon=True).start()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def stop(self) -> None:
+        self.server.shutdown()
+        self.server.server_close()
+        hang_up(self.listener)
+        for topic in list(self.publications):
+            self.unadvertise(topic)
+
+    # ---- publications
+
+    def advertise(self, topic: str, header: Mapping[str, str]) -> None:
+        self.publications.setdefault(topic, Publication(topic, header))
+
+    def unadvertise(self, topic: str) -> None:
+        publication = self.publications.pop(topic, None)
+        if publication is not None:
+            publication.close()
+
+    def publish(self, topic: str, body: bytes) -> list[str]:
+        publication = self.publications.get(topic)
+        return publication.publish(body) if publication else []
+
+    def callers(self, topic: str) -> list[str]:
+        """The names of who listens to one of our topics."""
+        publication = self.publications.get(topic)
+        return publication.callers() if publication else []
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                sock, _address = self.listener.accept()
+                threading.Thread(target=self._talk, args=(sock,), daemon=True).start()
+
+    def _talk(self, plain: socket.socket) -> None:
+        """A subscriber's connection: its header, ours, then messages."""
+        sock = TimedSocket(fileno=plain.detach())
+        sock.deadline = Deadline(SEND_SECONDS)
+        try:
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            fields = decode_header(read_frame(sock, MAX_HEADER))
+            publication = self.publications.get(fields.get("topic", ""))
+            why = publication.refusal(fields) if publication else f"{self.name} does not publish that"
+            if why or publication is None:
+                sock.sendall(encode_header({"error": why}))
+                sock.close()
+                return
+            reply = {"callerid": self.name, "topic": publication.topic, "latching": "0", **publication.header}
+            sock.sendall(encode_header(reply))
+        except (OSError, RosError):
+            sock.close()
+            return
+        plain = socket.socket(fileno=sock.detach())
+        publication.serve(plain, fields.get("callerid", ""))
+
+    # ---- the slave API (wiki: ROS/Slave_API)
+
+    def _bus_info(self, _caller: str) -> list[Any]:
+        links = [(topic, caller) for topic, one in list(self.publications.items()) for caller in one.callers()]
+        rows = [[number, caller, "o", "TCPROS", topic, True, ""] for number, (topic, caller) in enumerate(links)]
+        return [1, "", rows]
+
+    def _publications(self, _caller: str) -> list[Any]:
+        return [1, "", [[topic, one.header["type"]] for topic, one in list(self.publications.items())]]
+
+    def _request_topic(self, _caller: str, topic: str, protocols: list[Any]) -> list[Any]:
+        if topic not in self.publications:
+            return [-1, f"{self.name} does not publish {topic}", []]
+        if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
+            return [0, "only TCPROS is spoken here", []]
+        return [1, "", self.tcpros]
+
+
+def hang_up(sock: socket.socket) -> None:
+    """End a connection, or a listener, that another thread may be waiting on."""
+    with contextlib.suppress(OSError):
+        sock.shutdown(socket.SHUT_RDWR)
+    sock.close()

@@ -1,0 +1,295 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What nodes had registered with the master, what it has now -> the calls that mend the difference. Pure.
+
+A ROS 1 node registers once: a master that was restarted knows nobody, and a node that was killed stays registered for
+ever (wiki: ROS/Master_API). Whoever mends that must never touch a registration that is right: an address that a newer
+process of the same name registered is that one's, and a node that is only slow is not dead.
+Runs on Python 3.8 with the standard library, on hosts and in pods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Iterable, Mapping, Sequence
+
+from .graph import MasterState
+
+ALIVE = "alive"
+DEAD = "dead"  # its address refuses connections or cannot be reached
+UNKNOWN = "unknown"  # it is late, or its name does not resolve: no reason to think that it is gone
+
+PUBLISHER, SERVICE, SUBSCRIBER = "publisher", "service", "subscriber"
+# Restored in this order: a subscriber is told of all publishers at once, because roscpp drops a connection to one that
+# the list does not have.
+KINDS = (PUBLISHER, SERVICE, SUBSCRIBER)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What one node has registered: topic -> type, service -> its rosrpc URI. `pid` None: not known."""
+
+    uri: str
+    pid: int | None = None
+    publications: Mapping[str, str] = field(default_factory=dict)
+    subscriptions: Mapping[str, str] = field(default_factory=dict)
+    services: Mapping[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "uri": self.uri,
+            "pid": self.pid,
+            "publications": dict(sorted(self.publications.items())),
+            "subscriptions": dict(sorted(self.subscriptions.items())),
+            "services": dict(sorted(self.services.items())),
+        }
+
+    @property
+    def empty(self) -> bool:
+        return not (self.publications or self.subscriptions or self.services)
+
+    def part(self, kind: str) -> Mapping[str, str]:
+        return {PUBLISHER: self.publications, SERVICE: self.services, SUBSCRIBER: self.subscriptions}[kind]
+
+
+Snapshot = Mapping[str, Entry]  # node -> what it has registered
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a node said when it was asked. None in a field: it does not say, or was not asked."""
+
+    verdict: str
+    reason: str = ""
+    pid: int | None = None
+    publications: frozenset[str] | None = None
+    subscriptions: frozenset[str] | None = None
+    services: frozenset[str] = frozenset()  # those that answered their probe in its name
+
+
+@dataclass(frozen=True)
+class Call:
+    """One registration to make or to take back."""
+
+    kind: str
+    node: str
+    name: str
+    detail: str  # the topic's type, the service's rosrpc URI
+    uri: str  # the node's
+    remove: bool = False
+
+    @property
+    def request(self) -> tuple[str, ...]:
+        """Method and arguments; the caller id is the node's own name, as if it called itself."""
+        method = f"{'unregister' if self.remove else 'register'}{self.kind.capitalize()}"
+        if self.kind == SERVICE:
+            return (method, self.node, self.name, self.detail) + (() if self.remove else (self.uri,))
+        return (method, self.node, self.name) + ((self.uri,) if self.remove else (self.detail, self.uri))
+
+    def as_dict(self) -> dict[str, str]:
+        return {"node": self.node, "kind": self.kind, "name": self.name}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Calls in the order that they must be made in, and the nodes that were left alone, each with its reason."""
+
+    calls: tuple[Call, ...] = ()
+    skipped: Mapping[str, str] = field(default_factory=dict)
+
+
+# ---- data -> snapshot
+
+
+def from_graph(graph: Mapping[str, Any]) -> dict[str, Entry]:
+    """The registrations in a graph as ros_graph_info returns it."""
+    topics, services = graph.get("topics") or {}, graph.get("services") or {}
+
+    def types(names: Iterable[str]) -> dict[str, str]:
+        return {name: (topics.get(name) or {}).get("type") or "*" for name in names}
+
+    return {
+        name: Entry(
+            node["uri"],
+            node.get("pid"),
+            types(node.get("publications") or ()),
+            types(node.get("subscriptions") or ()),
+            {
+                service: services[service]["uri"]
+                for service in node.get("services") or ()
+                if (services.get(service) or {}).get("uri")
+            },
+        )
+        for name, node in (graph.get("nodes") or {}).items()
+        if node.get("uri")
+    }
+
+
+def from_master(state: MasterState, uris: Mapping[str, str], service_uris: Mapping[str, str]) -> dict[str, Entry]:
+    """What the master has; a node without an address has nothing that could be compared."""
+    entries: dict[str, Entry] = {}
+    for node, uri in uris.items():
+        entries[node] = Entry(
+            uri,
+            None,
+            {topic: state.types.get(topic, "*") for topic in state.of(node, state.publishers)},
+            {topic: state.types.get(topic, "*") for topic in state.of(node, state.subscribers)},
+            {name: service_uris[name] for name in state.of(node, state.services) if name in service_uris},
+        )
+    return entries
+
+
+def from_dict(data: Mapping[str, Any]) -> Entry:
+    """The reverse of Entry.as_dict()."""
+    return Entry(data["uri"], data["pid"], data["publications"], data["subscriptions"], data["services"])
+
+
+def service_addresses(snapshot: Snapshot) -> dict[str, str]:
+    return {service: uri for entry in snapshot.values() for service, uri in entry.services.items()}
+
+
+# ---- what is missing
+
+
+def missing(wanted: Snapshot, present: Snapshot, take_services: bool = False) -> dict[str, Entry]:
+    """The part of `wanted` that the master does not have; nodes with nothing missing are left out.
+
+    A service has one provider. With `take_services` it is missing wherever it points elsewhere than wanted, else only
+    where it points nowhere.
+    """
+    addresses = service_addresses(present)
+    found: dict[str, Entry] = {}
+    for node, entry in wanted.items():
+        there = present.get(node, Entry(entry.uri))
+        same = there.uri == entry.uri
+        need = replace(
+            entry,
+            publications=_without(entry.publications, there.publications if same else {}),
+            subscriptions=_without(entry.subscriptions, there.subscriptions if same else {}),
+            services={
+                name: uri
+                for name, uri in entry.services.items()
+                if (addresses.get(name) != uri if take_services else name not in addresses)
+            },
+        )
+        if not need.empty:
+            found[node] = need
+    return found
+
+
+def _without(wanted: Mapping[str, str], there: Mapping[str, str]) -> dict[str, str]:
+    return {name: detail for name, detail in wanted.items() if name not in there}
+
+
+# ---- decisions
+
+
+def alive(entry: Entry, answer: Answer) -> str:
+    """Nothing if it is this very process that answered; else why not."""
+    if answer.verdict != ALIVE:
+        return answer.reason or "it does not answer"
+    if entry.pid is not None and answer.pid is not None and entry.pid != answer.pid:
+        return f"another process answers at {entry.uri}: {answer.pid}, not {entry.pid}"
+    return ""
+
+
+def gone(entry: Entry, answer: Answer) -> str:
+    """Why this very process is gone for certain; nothing if it is there or may be."""
+    return alive(entry, answer) if answer.verdict in (DEAD, ALIVE) else ""
+
+
+def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Answer]) -> Plan:
+    """Calls that register what is missing of nodes that live, and have it by their own word."""
+    skipped: dict[str, str] = {}
+    living: dict[str, Entry] = {}
+    for node, entry in need.items():
+        there = present.get(node)
+        if there is not None and there.uri != entry.uri:
+            # registering the old address would make the master shut the newer process down
+            skipped[node] = f"its name is registered from {there.uri} now"
+            continue
+        answer = answers.get(node, Answer(UNKNOWN, "it was not asked"))
+        why = alive(entry, answer)
+        if why:
+            skipped[node] = why
+            continue
+        living[node], left = _own_word(entry, answer)
+        if left:
+            skipped[node] = f"it does not have them itself: {', '.join(left)}"
+    return Plan(_ordered(living), skipped)
+
+
+def _own_word(entry: Entry, answer: Answer) -> tuple[Entry, list[str]]:
+    """The part of an entry that the node confirms, and the names of the rest."""
+
+    def kept(part: Mapping[str, str], own: frozenset[str] | None) -> dict[str, str]:
+        return {name: detail for name, detail in part.items() if own is None or name in own}
+
+    confirmed = replace(
+        entry,
+        publications=kept(entry.publications, answer.publications),
+        subscriptions=kept(entry.subscriptions, answer.subscriptions),
+        services=kept(entry.services, answer.services),
+    )
+    left = [name for kind in KINDS for name in entry.part(kind) if name not in confirmed.part(kind)]
+    return confirmed, sorted(set(left))
+
+
+def remove(present: Snapshot, answers: Sequence[Mapping[str, Answer]]) -> Plan:
+    """Calls that take back what nodes left behind that are gone in every one of the `answers`."""
+    skipped: dict[str, str] = {}
+    stale: dict[str, Entry] = {}
+    for node, entry in present.items():
+        asked = [answer[node] for answer in answers if node in answer]
+        if len(asked) == len(answers) and all(gone(entry, answer) for answer in asked):
+            stale[node] = entry
+        else:
+            last = asked[-1] if asked else Answer(UNKNOWN, "it was not asked")
+            skipped[node] = alive(entry, last) or "it answers"
+    return Plan(_ordered(stale, remove=True), skipped)
+
+
+def _ordered(entries: Snapshot, remove: bool = False) -> tuple[Call, ...]:
+    return tuple(
+        Call(kind, node, name, detail, entry.uri, remove)
+        for kind in (reversed(KINDS) if remove else KINDS)
+        for node, entry in sorted(entries.items())
+        for name, detail in sorted(entry.part(kind).items())
+    )
+
+
+# ---- what becomes of it
+
+
+def after(present: Snapshot, calls: Iterable[Call]) -> dict[str, Entry]:
+    """The registrations once the calls are made, as far as the calls' nodes and services go."""
+    result = {node: entry.as_dict() for node, entry in present.items()}
+    for call in calls:
+        key = {PUBLISHER: "publications", SERVICE: "services", SUBSCRIBER: "subscriptions"}[call.kind]
+        if call.remove:
+            result[call.node][key].pop(call.name, None)
+            continue
+        if call.kind == SERVICE:  # one provider: the last one
+            for entry in result.values():
+                entry["services"].pop(call.name, None)
+        result.setdefault(call.node, Entry(call.uri).as_dict())[key][call.name] = call.detail
+    return {
+        node: entry for node, entry in ((node, from_dict(data)) for node, data in result.items()) if not entry.empty
+    }
+
+
+def difference(present: Snapshot, calls: Sequence[Call]) -> dict[str, Any]:
+    """The module's diff: the registrations that change, before and after."""
+    then = after(present, calls)
+    nodes = sorted(node for node in {*present, *then} if present.get(node) != then.get(node))
+    return {
+        "before": {node: _shown(present[node]) for node in nodes if node in present},
+        "after": {node: _shown(then[node]) for node in nodes if node in then},
+    }
+
+
+def _shown(entry: Entry) -> dict[str, Any]:
+    shown = entry.as_dict()
+    del shown["pid"]  # the master does not know it
+    return shown

@@ -1,0 +1,255 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Asking peers that may be dead, hung or wrong: XML-RPC calls and TCPROS handshakes, each with an end.
+
+A peer gets one deadline for everything that is asked of it, from the connection to the last byte. Peers are asked at
+the same time, and what they send is limited in size. Runs on Python 3.8 with the standard library.
+"""
+
+from __future__ import annotations
+
+import http.client
+import queue
+import socket
+import threading
+import time
+import xmlrpc.client
+from functools import partial
+from typing import Any, Callable, Mapping, Sequence, TypeVar
+from urllib.parse import urlsplit
+
+from .._common.errors import RosError
+from .graph import unwrap
+from .tcpros import decode_header, encode_header
+
+MAX_REPLY = 4 * 1024 * 1024  # XML of one reply: a graph of 10,000 registrations is about 1 MB
+MAX_HEADER = 1024 * 1024  # a handshake carries the message definition
+MAX_THREADS = 128
+GRACE = 0.1  # for a peer's own time-out, whose reason says more than ours, to come first
+
+_Result = TypeVar("_Result")
+
+
+class Deadline:
+    """A point in time that all steps of one task share."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        self.end = time.monotonic() + seconds
+
+    def left(self) -> float:
+        left = self.end - time.monotonic()
+        if left <= 0:
+            raise socket.timeout("timed out")
+        return left
+
+
+class TimedSocket(socket.socket):
+    """A socket whose every step ends at one deadline, so that a peer that drips bytes cannot hold us."""
+
+    deadline: Deadline
+    opened: float  # when a stream of messages began to come, by time.monotonic
+
+    def recv(self, *args: Any) -> bytes:
+        self.settimeout(self.deadline.left())
+        return super().recv(*args)
+
+    def recv_into(self, *args: Any) -> int:
+        self.settimeout(self.deadline.left())
+        return super().recv_into(*args)
+
+    def sendall(self, *args: Any) -> None:
+        self.settimeout(self.deadline.left())
+        super().sendall(*args)
+
+
+def connect(host: str, port: int, deadline: Deadline) -> TimedSocket:
+    """A TCP connection within the deadline; names are looked up here (and can outlast it: see in_parallel)."""
+    error: OSError = socket.timeout("timed out")
+    for family, kind, protocol, _name, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+        sock = TimedSocket(family, kind, protocol)
+        sock.deadline = deadline
+        try:
+            sock.settimeout(deadline.left())
+            sock.connect(address)
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return sock
+        except OSError as caught:
+            error = caught
+            sock.close()
+    raise error
+
+
+def address_of(uri: str, scheme: str) -> tuple[str, int]:
+    """Host and port of an http:// or rosrpc:// URI as ROS registers them."""
+    try:
+        parts = urlsplit(uri)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port, parts = None, None, urlsplit("")
+    if parts.scheme != scheme or not host or not port:
+        raise RosError(f"{uri!r} is not {scheme}://host:port")
+    return host, port
+
+
+def reason(error: BaseException, where: str, seconds: float) -> str:
+    """Why a peer could not be asked, in words that say what to look at."""
+    reasons: list[tuple[Any, Callable[[Any], str]]] = [
+        (RosError, str),
+        (xmlrpc.client.Fault, lambda fault: f"refused: {str(fault.faultString)[:200]}"),
+        # two classes before Python 3.10
+        ((socket.timeout, TimeoutError), lambda _: f"no answer from {where} within {seconds:g} s"),
+        ((socket.gaierror, UnicodeError), lambda _: f"the name in {where} does not resolve here"),
+        (ConnectionRefusedError, lambda _: f"nothing listens at {where}"),
+        (OSError, lambda os_error: f"{where}: {os_error.strerror or os_error}"),
+        (BaseException, lambda other: f"{where} answered nonsense ({type(other).__name__}: {str(other)[:100]})"),
+    ]
+    return next(say(error) for kinds, say in reasons if isinstance(error, kinds))
+
+
+def in_parallel(
+    tasks: Mapping[Any, Callable[[], _Result]], seconds: float, failed: Callable[[Any, BaseException], _Result]
+) -> dict[Any, _Result]:
+    """Run the tasks at the same time; one that raises, or is not done in time, becomes `failed(key, error)`.
+
+    Daemon threads rather than an executor: an executor joins its threads at exit, and a name look-up cannot be
+    interrupted, so one dead resolver would hold the whole module.
+    """
+    todo: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    for key in tasks:
+        todo.put(key)
+
+    def work() -> None:
+        while True:
+            try:
+                key = todo.get_nowait()
+            except queue.Empty:
+                return
+            try:
+                done.put((key, tasks[key]()))
+            except Exception as error:  # whatever an untrusted peer provokes is that peer's result
+                done.put((key, failed(key, error)))
+
+    threads = min(len(tasks), MAX_THREADS)
+    for _thread in range(threads):
+        threading.Thread(target=work, daemon=True).start()
+    end = time.monotonic() + seconds * -(-len(tasks) // MAX_THREADS) + GRACE
+    results: dict[Any, _Result] = {}
+    while len(results) < len(tasks):
+        try:
+            key, result = done.get(timeout=max(0.0, end - time.monotonic()))
+        except queue.Empty:
+            break
+        results[key] = result
+    late = socket.timeout("timed out")
+    return {key: results[key] if key in results else failed(key, late) for key in tasks}
+
+
+class _HTTPConnection(http.client.HTTPConnection):
+    def __init__(self, host: str, port: int, deadline: Deadline) -> None:
+        super().__init__(host, port)
+        self.deadline = deadline
+
+    def connect(self) -> None:
+        self.sock = connect(self.host, self.port, self.deadline)
+
+
+class Api:
+    """The XML-RPC API of the master or of a node, over one connection that is kept for all calls."""
+
+    def __init__(self, uri: str, caller: str, deadline: Deadline) -> None:
+        self.caller = caller
+        self.path = urlsplit(uri).path or "/"
+        self.http = _HTTPConnection(*address_of(uri, "http"), deadline)
+
+    def __enter__(self) -> Api:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.http.close()
+
+    def raw(self, method: str, *args: Any) -> Any:
+        body = xmlrpc.client.dumps(args, method).encode()
+        kept = self.http.sock is not None
+        try:
+            response = self._post(body)
+        except ConnectionError:
+            if not kept:
+                raise
+            self.http.close()  # the peer does not keep connections: once more on a new one
+            response = self._post(body)
+        text = response.read(MAX_REPLY + 1)
+        if len(text) > MAX_REPLY:
+            raise RosError(f"the reply to {method} is longer than {MAX_REPLY} bytes")
+        if response.status != 200:
+            raise RosError(f"{method} was answered with HTTP status {response.status}")
+        # no ROS peer declares entities; one that does wants to blow them up
+        if b"<!" in text or not text.lstrip().startswith((b"<?xml", b"<methodResponse")):
+            raise RosError(f"the reply to {method} is not plain XML-RPC")
+        return xmlrpc.client.loads(text)[0][0]
+
+    def _post(self, body: bytes) -> http.client.HTTPResponse:
+        self.http.request("POST", self.path, body, {"Content-Type": "text/xml", "User-Agent": "rosops.fleet"})
+        return self.http.getresponse()
+
+    def call(self, method: str, *args: Any) -> Any:
+        return unwrap(self.raw(method, self.caller, *args))
+
+    def calls(self, calls: Sequence[tuple[str, ...]]) -> list[Any]:
+        """Several calls in one request where the server can (rosmaster does), one by one where not.
+
+        Each result is the call's value, or the RosError that it gave.
+        """
+        wanted = [{"methodName": name, "params": [self.caller, *args]} for name, *args in calls]
+        try:
+            replies = self.raw("system.multicall", wanted) if len(calls) > 1 else None
+        except xmlrpc.client.Fault:
+            replies = None
+        if not isinstance(replies, list) or len(replies) != len(calls):
+            return [_tried(partial(self.call, name, *args)) for name, *args in calls]
+        return [_tried(partial(_value, reply)) for reply in replies]
+
+
+def _tried(call: Callable[[], Any]) -> Any:
+    try:
+        return call()
+    except RosError as error:
+        return error
+    except xmlrpc.client.Fault as fault:
+        return RosError(f"refused: {str(fault.faultString)[:200]}")
+
+
+def _value(reply: Any) -> Any:
+    """A result of system.multicall is a list of one reply, or a fault."""
+    if isinstance(reply, list) and len(reply) == 1:
+        return unwrap(reply[0])
+    text = reply.get("faultString") if isinstance(reply, dict) else ""
+    raise RosError(f"refused: {str(text)[:200]}")
+
+
+def read_exactly(sock: TimedSocket, size: int) -> bytes:
+    data = bytearray()
+    while len(data) < size:
+        part = sock.recv(min(size - len(data), 1 << 16))
+        if not part:
+            raise RosError("the connection was closed" + (" in the middle of a message" if data else ""))
+        data += part
+    return bytes(data)
+
+
+def read_frame(sock: TimedSocket, limit: int) -> bytes:
+    size = int.from_bytes(read_exactly(sock, 4), "little")
+    if size > limit:
+        raise RosError(f"a message of {size} bytes, more than {limit}")
+    return read_exactly(sock, size)
+
+
+def handshake(sock: TimedSocket, fields: Mapping[str, str]) -> dict[str, str]:
+    """Send our header and read the peer's. A peer that does not know what we ask for says so in a field `error`."""
+    sock.sendall(encode_header(fields))
+    reply = decode_header(read_frame(sock, MAX_HEADER))
+    if "error" in reply:
+        raise RosError(f"refused: {reply['error'][:200]}")
+    return reply

@@ -1,0 +1,222 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a pod's status says: ready or not, why not, and whether waiting can mend it. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, Iterator, Mapping
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+
+Object = Dict[str, Any]
+
+# The kubelet says so itself: nothing changes until somebody changes the image, the configuration or the cluster.
+IMAGE_ERRORS = frozenset(
+    {"ErrImagePull", "ImagePullBackOff", "InvalidImageName", "ErrImageNeverPull", "ImageInspectError"}
+)
+CONFIG_ERRORS = frozenset({"CreateContainerConfigError"})
+# The runtime could not make or start the container. Often lasting (no such command), sometimes a time-out of the
+# container runtime on a busy robot; so these must last a while before they count.
+RUNTIME_ERRORS = frozenset({"CreateContainerError", "RunContainerError", "CreatePodSandboxError"})
+CRASH_LOOP = "CrashLoopBackOff"
+# These say that the kubelet itself was too slow, not that the configuration is wrong.
+KUBELET_TOO_SLOW = ("failed to sync", "timed out", "context deadline exceeded")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`pass`, `wait` or `fail`, and why.
+
+    A `wait` with a `suspect` becomes a failure when it lasts (see `_rollout.Tracker`): the suspect names what has to
+    last, so that its message may change meanwhile.
+    """
+
+    verdict: str
+    reason: str
+    suspect: str = ""
+
+
+def meta(obj: Mapping[str, Any]) -> Object:
+    return dict(obj.get("metadata") or {})
+
+
+def name_of(obj: Mapping[str, Any]) -> str:
+    return str(meta(obj).get("name", ""))
+
+
+def uid_of(obj: Mapping[str, Any]) -> str:
+    return str(meta(obj).get("uid", ""))
+
+
+def is_terminating(obj: Mapping[str, Any]) -> bool:
+    return bool(meta(obj).get("deletionTimestamp"))
+
+
+def condition(obj: Mapping[str, Any], kind: str) -> Object:
+    """The status condition of that type, or an empty one."""
+    for item in (obj.get("status") or {}).get("conditions") or []:
+        if item.get("type") == kind:
+            return dict(item)
+    return {}
+
+
+def controller_of(obj: Mapping[str, Any]) -> Object:
+    """The owner reference of the object's controller, or an empty one."""
+    for owner in meta(obj).get("ownerReferences") or []:
+        if owner.get("controller"):
+            return dict(owner)
+    return {}
+
+
+def is_ready(pod: Mapping[str, Any]) -> bool:
+    """The kubelet's own verdict, which counts readiness gates in; container states alone do not."""
+    return not is_terminating(pod) and condition(pod, "Ready").get("status") == "True"
+
+
+def is_up(pod: Mapping[str, Any]) -> bool:
+    """One of its containers runs, so that its probes may have something to say."""
+    statuses = (pod.get("status") or {}).get("containerStatuses") or []
+    return not is_terminating(pod) and any("running" in (item.get("state") or {}) for item in statuses)
+
+
+def _containers(pod: Mapping[str, Any]) -> Iterator[Object]:
+    status = pod.get("status") or {}
+    for key in ("initContainerStatuses", "containerStatuses"):
+        yield from status.get(key) or []
+
+
+def _state(container: Mapping[str, Any], which: str) -> Object:
+    return dict((container.get("state") or {}).get(which) or {})
+
+
+def _words(*parts: str) -> str:
+    return ": ".join(part.strip() for part in parts if part and part.strip())
+
+
+def _exit(ended: Mapping[str, Any]) -> str:
+    """'exit code 1 (Error): what it left as its last message'."""
+    code = f"exit code {ended['exitCode']}" if "exitCode" in ended else ""
+    if ended.get("signal"):
+        code += f", signal {ended['signal']}"
+    why = str(ended.get("reason") or "")
+    return _words(f"{code} ({why})" if code and why else code or why, str(ended.get("message") or ""))
+
+
+def _crash(container: Mapping[str, Any]) -> str:
+    last = dict((container.get("lastState") or {}).get("terminated") or {})
+    restarts = int(container.get("restartCount") or 0)
+    times = f"{restarts} restart" + ("" if restarts == 1 else "s")
+    return _words(CRASH_LOOP, f"{times}, last {_exit(last)}" if last else times)
+
+
+def _container_trouble(container: Mapping[str, Any], where: str) -> Verdict | None:
+    waiting = _state(container, "waiting")
+    why, message = str(waiting.get("reason") or ""), str(waiting.get("message") or "")
+    if why in IMAGE_ERRORS:
+        return Verdict(FAIL, _words(where, why, f"image {container.get('image', '?')}", message))
+    if why == CRASH_LOOP:  # by itself the kubelet restarts a first crash at once: without a restart it is no loop yet
+        looped = bool(container.get("restartCount"))
+        return Verdict(FAIL if looped else WAIT, _words(where, _crash(container)), "" if looped else CRASH_LOOP)
+    if why in CONFIG_ERRORS and not any(slow in message for slow in KUBELET_TOO_SLOW):
+        return Verdict(FAIL, _words(where, why, message))
+    if why in RUNTIME_ERRORS or why in CONFIG_ERRORS:
+        return Verdict(WAIT, _words(where, why, message), suspect=why)
+    return None
+
+
+def trouble(pod: Mapping[str, Any], crashes: bool = True) -> Verdict | None:
+    """What keeps this pod from ever being ready: a `fail`, a suspicious `wait`, or None. A pod on its way out has none.
+
+    `crashes=False` leaves crash loops out, for owners that count crashes themselves (Jobs).
+    """
+    if is_terminating(pod):
+        return None
+    who = f"pod {name_of(pod)}"
+    suspect: Verdict | None = None
+    for container in _containers(pod):
+        if not crashes and _state(container, "waiting").get("reason") == CRASH_LOOP:
+            continue
+        found = _container_trouble(container, f"{who}, container {container.get('name', '?')}")
+        if found and found.verdict == FAIL:
+            return found
+        suspect = suspect or found
+    scheduled = condition(pod, "PodScheduled")
+    if scheduled.get("status") == "False" and scheduled.get("reason") == "Unschedulable":
+        message = str(scheduled.get("message") or "")
+        # The volume is still being made: that is its provisioner's work, not a verdict of the scheduler.
+        unbound = "unbound immediate PersistentVolumeClaims" in message
+        return Verdict(WAIT, _words(who, "Unschedulable", message), suspect="" if unbound else "Unschedulable")
+    return suspect
+
+
+def restarts(pod: Mapping[str, Any]) -> dict[str, int]:
+    """How often each of its containers was started again."""
+    return {str(item.get("name", "?")): int(item.get("restartCount") or 0) for item in _containers(pod)}
+
+
+def error_end(pod: Mapping[str, Any], before: Mapping[str, int]) -> Verdict | None:
+    """A failure for a container that ended with an error even once, beyond the restarts that it had `before`."""
+    for container in _containers(pod):
+        name = str(container.get("name", "?"))
+        again = int(container.get("restartCount") or 0)
+        last = dict((container.get("lastState") or {}).get("terminated") or {}) if again > before.get(name, 0) else {}
+        for ended in (_state(container, "terminated"), last):
+            if ended.get("exitCode"):
+                times = f" ({again} restart{'' if again == 1 else 's'})" if again else ""
+                where = f"pod {name_of(pod)}, container {name}"
+                return Verdict(FAIL, f"{where}: ended with {_exit(ended)}{times}")
+    return None
+
+
+def why_not_ready(pod: Mapping[str, Any]) -> str:
+    """One line on what this pod waits for."""
+    who = f"pod {name_of(pod)}"
+    if is_terminating(pod):
+        return f"{who} is terminating"
+    found = trouble(pod)
+    if found:
+        return found.reason
+    scheduled = condition(pod, "PodScheduled")
+    if scheduled.get("status") != "True" and not (pod.get("spec") or {}).get("nodeName"):
+        return _words(f"{who} is not scheduled yet", str(scheduled.get("message") or ""))
+    for container in _containers(pod):
+        where = f"{who}, container {container.get('name', '?')}"
+        waiting, ended = _state(container, "waiting"), _state(container, "terminated")
+        if waiting:
+            return _words(where, str(waiting.get("reason") or "waiting"), str(waiting.get("message") or ""))
+        if ended and ended.get("exitCode") != 0:
+            return _words(where, f"ended with {_exit(ended)}")
+    return _unready_while_running(pod, who)
+
+
+def _unready_while_running(pod: Mapping[str, Any], who: str) -> str:
+    containers = (pod.get("status") or {}).get("containerStatuses") or []
+    unready = [str(item.get("name", "?")) for item in containers if not item.get("ready")]
+    if unready:
+        return f"{who}, container {', '.join(unready)}: not ready yet"
+    for gate in (pod.get("spec") or {}).get("readinessGates") or []:
+        kind = str(gate.get("conditionType", ""))
+        if condition(pod, kind).get("status") != "True":
+            return f"{who}: readiness gate {kind} is not True"
+    ready = condition(pod, "Ready")
+    phase = str((pod.get("status") or {}).get("phase") or "Pending")
+    return _words(f"{who} is {phase}, not Ready", str(ready.get("reason") or ""), str(ready.get("message") or ""))
+
+
+def judge_pod(pod: Mapping[str, Any]) -> Verdict:
+    """A pod on its own: Ready with all its gates, or done."""
+    status = pod.get("status") or {}
+    phase = status.get("phase")
+    if is_terminating(pod):
+        return Verdict(WAIT, why_not_ready(pod))
+    if phase == "Succeeded":
+        return Verdict(PASS, "succeeded")
+    if phase == "Failed":
+        ends = [_exit(ended) for ended in (_state(item, "terminated") for item in _containers(pod)) if ended]
+        why = _words(str(status.get("reason") or ""), str(status.get("message") or ""), "; ".join(ends))
+        return Verdict(FAIL, _words(f"pod {name_of(pod)} failed", why))
+    if is_ready(pod):
+        return Verdict(PASS, "ready")
+    return trouble(pod) or Verdict(WAIT, why_not_ready(pod))

@@ -1,0 +1,94 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a pod's probes say: the status tells that a container is not ready, only the kubelet's events tell why.
+
+A probe of this collection starts its line with `cannot become ready: ` where waiting cannot mend it. Events are listed
+only while they can say something new, and seldom: the API server answers a list of events from all that it has.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, Iterable, Mapping, Protocol
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+
+HOPELESS = "cannot become ready: "
+COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind
+FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
+_HEAD = re.compile(r"\w+ probe failed: ?")
+SECONDS = 1.0
+SECONDS_AFTER_ERROR = 5.0
+
+
+@dataclass(frozen=True)
+class ProbeLine:
+    """The last thing that a pod's probe said."""
+
+    text: str
+
+    @property
+    def hopeless(self) -> bool:
+        return HOPELESS in self.text
+
+
+def probe_line(message: str) -> str:
+    """'Startup probe failed: why', in one line: the hopeless one where there are more, else the last."""
+    plain = message.strip()
+    plain = plain[len(COMBINED) :] if plain.startswith(COMBINED) else plain
+    head = _HEAD.match(plain)
+    lines = [line.strip() for line in plain[head.end() if head else 0 :].splitlines() if line.strip()]
+    chosen = next((line for line in lines if HOPELESS in line), lines[-1] if lines else "")
+    return f"{head[0] if head else ''}{chosen}".strip()
+
+
+def _when(event: Mapping[str, Any]) -> tuple[str, bool]:
+    series = event.get("series") or {}
+    times = (series.get("lastObservedTime"), event.get("lastTimestamp"), event.get("eventTime"))
+    # whole seconds: of two within one, the hopeless one is the later, as a probe that printed it does not recover
+    return next((str(time)[:19] for time in times if time), ""), HOPELESS in str(event.get("message"))
+
+
+def latest(events: Iterable[Mapping[str, Any]]) -> dict[str, ProbeLine]:
+    """By pod uid, the newest of its Unhealthy events: of an earlier pod of the same name nothing is taken over."""
+    found: dict[str, ProbeLine] = {}
+    for event in sorted((one for one in events if one.get("reason") == "Unhealthy"), key=_when):
+        uid = str((event.get("involvedObject") or {}).get("uid") or "")
+        found[uid] = ProbeLine(probe_line(str(event.get("message") or "")))
+    return found
+
+
+class Events(Protocol):
+    """What is needed of `_kube.Kube`."""
+
+    def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]: ...
+
+
+class ProbeNews:
+    """The pods' last lines, asked for at most once a second per namespace."""
+
+    def __init__(self) -> None:
+        self.lines: dict[str, ProbeLine] = {}  # by pod uid
+        self._due: dict[str, float] = {}
+
+    def due(self, namespaces: Iterable[str], now: float) -> float:
+        """When one of these may be asked next."""
+        return min((self._due.get(namespace, now) for namespace in namespaces), default=math.inf)
+
+    def ask(self, events: Events, namespaces: Iterable[str], now: float) -> bool:
+        """Ask those that are due; whether there was one."""
+        due = [namespace for namespace in namespaces if self._due.get(namespace, now) <= now]
+        for namespace in due:
+            try:
+                self.lines.update(latest(events.objects("Event", namespace, fields=FIELDS)))
+                self._due[namespace] = now + SECONDS
+            except ApiError as error:  # the wait can do without: the watch tells what matters
+                self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
+            except KubeError:
+                self._due[namespace] = now + SECONDS_AFTER_ERROR
+        return bool(due)

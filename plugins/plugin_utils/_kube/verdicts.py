@@ -1,0 +1,453 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Is it rolled out? Our own verdicts per kind, from the object's status and from what belongs to it.
+
+kubernetes.core's waiters, and in part `kubectl rollout status`, pass states that are not rolled out: none of the new
+pods up, a paused Deployment with a new template, old pods that still terminate. Two ROS 1 nodes of one name fight for
+that name, so here the old pods have to be gone, not only outnumbered.
+
+Pure: a `View` holds what is known of the cluster, `judge` gives the verdict. What the API does not show yet (the
+object, its controller's answer, a replica set) is a `wait`, never an error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Callable, Iterable, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, has_rollout, owned_by
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
+    Object,
+    Verdict,
+    condition,
+    controller_of,
+    is_ready,
+    is_terminating,
+    judge_pod,
+    meta,
+    name_of,
+    trouble,
+    uid_of,
+    why_not_ready,
+)
+
+REVISION = "deployment.kubernetes.io/revision"
+HASH = "controller-revision-hash"
+
+
+def _number(data: Mapping[str, Any], key: str, default: int = 0) -> int:
+    value = data.get(key)
+    return default if value is None else int(value)
+
+
+def _unseen(obj: Mapping[str, Any]) -> Verdict | None:
+    """Nothing in the status counts until the controller has seen the present specification."""
+    if is_terminating(obj):
+        return Verdict(WAIT, "is being deleted")
+    wanted = _number(meta(obj), "generation")
+    seen = _number(obj.get("status") or {}, "observedGeneration")
+    if seen < wanted:
+        return Verdict(WAIT, f"its controller has not seen generation {wanted} yet")
+    return None
+
+
+def _worst(pods: Iterable[Mapping[str, Any]], room_is_coming: bool, crashes: bool = True) -> Verdict | None:
+    """The first failing pod's verdict, else the first suspicious one.
+
+    While other pods are still terminating, their resources, ports and volumes come free soon: then "unschedulable" is
+    an ordinary wait.
+    """
+    suspicious: Verdict | None = None
+    for pod in pods:
+        found = trouble(pod, crashes)
+        if found and found.verdict == FAIL:
+            return found
+        if found and found.suspect and not (room_is_coming and found.suspect == "Unschedulable"):
+            suspicious = suspicious or found
+    return suspicious
+
+
+def _open_pods(pods: Iterable[Mapping[str, Any]]) -> str:
+    reasons = [why_not_ready(pod) for pod in pods if not is_ready(pod)]
+    return "; ".join(reasons[:3]) + (f"; and {len(reasons) - 3} more" if len(reasons) > 3 else "")
+
+
+def _with_pods(summary: str, pods: Iterable[Mapping[str, Any]]) -> str:
+    why = _open_pods(pods)
+    return f"{summary}: {why}" if why else summary
+
+
+def _old_left(pods: Sequence[Mapping[str, Any]]) -> str:
+    first = pods[0]
+    node = (first.get("spec") or {}).get("nodeName")
+    doing = "is terminating" if is_terminating(first) else "still runs"
+    more = f" and {len(pods) - 1} more" if len(pods) > 1 else ""
+    return f"old pod {name_of(first)} {doing}" + (f" on {node}" if node else "") + more
+
+
+def _room_is_coming(view: View) -> bool:
+    return any(is_terminating(pod) for pod in view.all("Pod"))
+
+
+# --- Deployment -----------------------------------------------------------------------------------------------------
+
+
+def _pods_of_deployment(obj: Mapping[str, Any], view: View) -> list[Object]:
+    """Pods of every replica set of this name: known ones, ones already deleted, and those of a deleted namesake."""
+    found = []
+    for pod in view.all("Pod", str(meta(obj).get("namespace") or "")):
+        ref = controller_of(pod)
+        if ref.get("kind") == "ReplicaSet" and str(ref.get("name", "")).rpartition("-")[0] == name_of(obj):
+            found.append(pod)
+    return found
+
+
+def _revision(obj: Mapping[str, Any]) -> int:
+    value = (meta(obj).get("annotations") or {}).get(REVISION, "")
+    return int(value) if str(value).isdigit() else 0
+
+
+def _current_set(obj: Mapping[str, Any], view: View) -> Object | None:
+    """The replica set of the present template; None until the API has shown it to us."""
+    sets = [one for one in view.all("ReplicaSet", str(meta(obj).get("namespace") or "")) if owned_by(one, obj)]
+    newest = max(sets, key=_revision, default=None)
+    return newest if newest and _revision(newest) >= _revision(obj) else None
+
+
+def _deadline(obj: Mapping[str, Any], current: Sequence[Mapping[str, Any]]) -> Verdict | None:
+    """ProgressDeadlineExceeded, unless it is a leftover.
+
+    After a change back to an earlier template the controller keeps the old condition until the first progress. So it
+    counts at once only if a present pod already existed then; otherwise it has to last.
+    """
+    progressing = condition(obj, "Progressing")
+    if progressing.get("reason") != "ProgressDeadlineExceeded":
+        return None
+    reason = _with_pods(f"ProgressDeadlineExceeded: {progressing.get('message', '')}".rstrip(": "), current)
+    since = str(progressing.get("lastTransitionTime") or "")
+    born = [str(meta(pod).get("creationTimestamp") or "") for pod in current]
+    if not since or any(when <= since for when in born):  # both are UTC in one format: text order is time order
+        return Verdict(FAIL, reason)
+    return Verdict(WAIT, reason, suspect="ProgressDeadlineExceeded")
+
+
+def _refused(obj: Mapping[str, Any], old: Sequence[Object]) -> Verdict | None:
+    """No pod may be made (quota, admission). An old pod that goes may free what is missing."""
+    found = condition(obj, "ReplicaFailure")
+    if found.get("status") != "True":
+        return None
+    reason = f"its pods are refused: {found.get('reason', '')}: {found.get('message', '')}"
+    going = any(is_terminating(pod) for pod in old)
+    return Verdict(WAIT, reason, suspect="" if going else "ReplicaFailure")
+
+
+def _deployment_waits(obj: Mapping[str, Any], current: Sequence[Object], old: Sequence[Object]) -> str:
+    """The first thing that is not as it should be, or nothing."""
+    status = obj.get("status") or {}
+    desired = _number(obj.get("spec") or {}, "replicas", 1)
+    updated, replicas = _number(status, "updatedReplicas"), _number(status, "replicas")
+    available, unavailable = _number(status, "availableReplicas"), _number(status, "unavailableReplicas")
+    if updated < desired:
+        return _with_pods(f"{updated} of {desired} pods updated", current)
+    if old:
+        return _old_left(old)
+    if replicas > updated:
+        return f"{replicas - updated} old pods left"
+    if available < desired or unavailable:
+        return _with_pods(f"{available} of {desired} pods available", current)
+    if updated > desired or len(current) != desired:
+        return f"{len(current)} pods seen, {desired} wanted"
+    return ""
+
+
+def _deployment(obj: Mapping[str, Any], view: View) -> Verdict:
+    newest = _current_set(obj, view)
+    pods = _pods_of_deployment(obj, view)
+    current = [pod for pod in pods if newest and owned_by(pod, newest) and not is_terminating(pod)]
+    known = {uid_of(pod) for pod in current}
+    old = [pod for pod in pods if uid_of(pod) not in known]
+    waits = _deployment_waits(obj, current, old if newest else [])
+    paused = bool((obj.get("spec") or {}).get("paused"))
+    if paused and waits:
+        return Verdict(WAIT, f"paused, so its template does not roll out ({waits}): resume it", suspect="Paused")
+    refused = _refused(obj, old) if waits else None
+    found = _worst(current, _room_is_coming(view)) or (refused if refused and refused.suspect else None)
+    found = found or _deadline(obj, current) or refused
+    if found:
+        return found
+    if waits:
+        return Verdict(WAIT, waits)
+    if newest is None:
+        return Verdict(WAIT, "its replica set has not been seen yet")
+    desired = _number(obj.get("spec") or {}, "replicas", 1)
+    return Verdict(PASS, f"{desired} of {desired} pods updated and available" + (", paused" if paused else ""))
+
+
+# --- StatefulSet and DaemonSet --------------------------------------------------------------------------------------
+
+
+def _hash(pod: Mapping[str, Any]) -> str:
+    return str((meta(pod).get("labels") or {}).get(HASH, ""))
+
+
+def _wanted_hash(obj: Mapping[str, Any], view: View) -> str:
+    """What a pod of the present revision has for its hash; nothing until the controller has said so."""
+    if obj.get("kind") == "StatefulSet":
+        return str((obj.get("status") or {}).get("updateRevision") or "")
+    revisions = view.all("ControllerRevision", str(meta(obj).get("namespace") or ""))
+    owned = [one for one in revisions if owned_by(one, obj)]
+    return _hash(max(owned, key=lambda one: _number(one, "revision"))) if owned else ""
+
+
+def _strategy(obj: Mapping[str, Any]) -> tuple[str, int]:
+    strategy = (obj.get("spec") or {}).get("updateStrategy") or {}
+    rolling = strategy.get("rollingUpdate") or {}
+    return str(strategy.get("type") or "RollingUpdate"), _number(rolling, "partition")
+
+
+def _ordinal(pod: Mapping[str, Any]) -> int:
+    tail = name_of(pod).rpartition("-")[2]
+    return int(tail) if tail.isdigit() else -1
+
+
+@dataclass(frozen=True)
+class _Set:
+    """A StatefulSet's or DaemonSet's pods, sorted by what the rollout still has to do with them."""
+
+    pods: Sequence[Object]  # all, terminating ones too
+    current: Sequence[Object]  # of the present revision
+    behind: Sequence[Object]  # of another one, though the strategy replaces them by itself
+    left: int  # of another one, left alone: below the partition, or OnDelete
+
+
+def _sort(obj: Mapping[str, Any], pods: Sequence[Object], wanted: str, kept: Callable[[Object], bool]) -> _Set:
+    """`kept` says which pods of an older revision the strategy leaves alone; those of a namesake always have to go."""
+    live = [pod for pod in pods if not is_terminating(pod)]
+    current = [pod for pod in live if owned_by(pod, obj) and wanted and _hash(pod) == wanted]
+    other = [pod for pod in live if pod not in current]
+    behind = [pod for pod in other if not (owned_by(pod, obj) and kept(pod))]
+    return _Set(pods, current, behind, len(other) - len(behind))
+
+
+def _set_waits(group: _Set, desired: int, available: int) -> str:
+    going = [pod for pod in group.pods if is_terminating(pod)]
+    live = [pod for pod in group.pods if not is_terminating(pod)]
+    if group.behind:
+        blocked = [pod for pod in group.behind if trouble(pod)]
+        if blocked:  # the controller waits for it to be Ready before it replaces anything (kubernetes#67250)
+            return f"{_old_left(blocked)}, is not Ready and may block the rollout (delete it): {_open_pods(blocked)}"
+        return _with_pods(f"{len(group.current)} of {desired} pods updated, {_old_left(group.behind)}", group.current)
+    if going:
+        return _old_left(going)
+    if available < desired:
+        return _with_pods(f"{available} of {desired} pods available", live)
+    if len(live) < desired:  # more may be there: a DaemonSet keeps pods on nodes that it would not choose any more
+        return f"{len(live)} pods seen, {desired} wanted"
+    return ""
+
+
+def _judge_set(group: _Set, view: View, desired: int, available: int, why_left: str) -> Verdict:
+    found = _worst(group.current, _room_is_coming(view))
+    if found:
+        return found
+    waits = _set_waits(group, desired, available)
+    if waits:
+        return Verdict(WAIT, waits)
+    note = f", {group.left} left at an older revision ({why_left})" if group.left else ""
+    return Verdict(PASS, f"{desired} of {desired} pods available{note}")
+
+
+def _stateful_set(obj: Mapping[str, Any], view: View) -> Verdict:
+    spec, status = obj.get("spec") or {}, obj.get("status") or {}
+    desired = _number(spec, "replicas", 1)
+    kind, partition = _strategy(obj)
+    first = _number(spec.get("ordinals") or {}, "start") + partition
+    pods = view.controlled("Pod", str(meta(obj).get("namespace") or ""), "StatefulSet", name_of(obj))
+    on_delete = kind == "OnDelete"
+    wanted = _wanted_hash(obj, view)
+    group = _sort(obj, pods, wanted, lambda pod: on_delete or _ordinal(pod) < first)
+    available = _number(status, "availableReplicas", _number(status, "readyReplicas"))
+    verdict = _judge_set(group, view, desired, available, "OnDelete" if on_delete else f"partition {partition}")
+    surplus = [pod for pod in group.pods if _ordinal(pod) >= first - partition + desired]
+    return Verdict(WAIT, _old_left(surplus)) if verdict.verdict == PASS and surplus else verdict
+
+
+def _daemon_set(obj: Mapping[str, Any], view: View) -> Verdict:
+    status = obj.get("status") or {}
+    desired = _number(status, "desiredNumberScheduled")
+    namespace = str(meta(obj).get("namespace") or "")
+    wanted = _wanted_hash(obj, view)
+    if not wanted:
+        return Verdict(WAIT, "its controller revision has not been seen yet")
+    on_delete = _strategy(obj)[0] == "OnDelete"
+    pods = view.controlled("Pod", namespace, "DaemonSet", name_of(obj))
+    group = _sort(obj, pods, wanted, lambda _pod: on_delete)
+    available = min(_number(status, "numberAvailable"), desired - _number(status, "numberUnavailable"))
+    verdict = _judge_set(group, view, desired, available, "OnDelete")
+    if verdict.verdict == PASS and desired == 0:
+        return Verdict(PASS, "no node wants it")
+    return verdict
+
+
+# --- Job, claim, node -----------------------------------------------------------------------------------------------
+
+
+def _job(obj: Mapping[str, Any], view: View) -> Verdict:
+    if is_terminating(obj):
+        return Verdict(WAIT, "is being deleted")
+    status, spec = obj.get("status") or {}, obj.get("spec") or {}
+    failed = condition(obj, "Failed")
+    pods = view.controlled("Pod", str(meta(obj).get("namespace") or ""), "Job", name_of(obj))
+    if failed.get("status") == "True":
+        ended = [verdict.reason for verdict in map(judge_pod, pods) if verdict.verdict == FAIL]
+        why = f"{failed.get('reason', '')}: {failed.get('message', '')}".strip(": ")
+        return Verdict(FAIL, f"Job failed: {why}" + (f"; last {ended[-1]}" if ended else ""))
+    if condition(obj, "Complete").get("status") == "True":
+        return Verdict(PASS, "complete")
+    if spec.get("suspend"):
+        return Verdict(WAIT, "suspended, so it does not start: resume it", suspect="Suspended")
+    # A crash is the Job's own business: its back-off limit decides when it is one too many.
+    found = _worst(pods, _room_is_coming(view), crashes=False)
+    if found:
+        return found
+    done, wanted = _number(status, "succeeded"), _number(spec, "completions", 1)
+    return Verdict(WAIT, _with_pods(f"{done} of {wanted} completed, {_number(status, 'failed')} failed", pods))
+
+
+def _template(obj: Mapping[str, Any]) -> Object:
+    spec = obj.get("spec") or {}
+    if obj.get("kind") == "Pod" or "containers" in spec:
+        return dict(spec)
+    return dict((spec.get("template") or {}).get("spec") or {})
+
+
+def _uses(obj: Mapping[str, Any], claim: str) -> bool:
+    spec = obj.get("spec") or {}
+    if _number(spec, "replicas", 1) == 0:
+        return False
+    for volume in _template(obj).get("volumes") or []:
+        if (volume.get("persistentVolumeClaim") or {}).get("claimName") == claim:
+            return True
+    templates = [name_of(one) for one in spec.get("volumeClaimTemplates") or []]
+    return any(claim.rpartition("-")[0] == f"{one}-{name_of(obj)}" for one in templates)
+
+
+def _binding_mode(claim: Mapping[str, Any], view: View) -> tuple[str, str]:
+    """The claim's volumeBindingMode, or an empty one and why it is not known."""
+    name = (claim.get("spec") or {}).get("storageClassName")
+    if "StorageClass" in view.hidden:
+        return "", "these credentials may not read storage classes"
+    if name is None:
+        return "", "no storage class is named and none is the default"
+    if name == "":
+        return "Immediate", ""
+    found = view.get("StorageClass", "", str(name))
+    if found is None:
+        return "", f"storage class {name} does not exist"
+    return str(found.get("volumeBindingMode") or "Immediate"), ""
+
+
+def _claim(obj: Mapping[str, Any], view: View, refs: Iterable[Ref]) -> Verdict:
+    phase = str((obj.get("status") or {}).get("phase") or "Pending")
+    if is_terminating(obj):
+        return Verdict(WAIT, "is being deleted")
+    if phase == "Bound":
+        return Verdict(PASS, f"bound to {(obj.get('spec') or {}).get('volumeName', '?')}")
+    if phase == "Lost":
+        return Verdict(FAIL, "Lost: its volume is gone")
+    mode, unknown = _binding_mode(obj, view)
+    if mode != "WaitForFirstConsumer":
+        return Verdict(WAIT, f"{phase}: {unknown or 'no volume is bound yet'}")
+    namespace = str(meta(obj).get("namespace") or "")
+    users = [ref for ref in refs if ref.namespace == namespace and ref.kind != "PersistentVolumeClaim"]
+    for ref in users:
+        workload = view.get(ref.kind, ref.namespace, ref.name)
+        if workload and _uses(workload, name_of(obj)):
+            return Verdict(WAIT, f"waits for the pod of {ref.kind} {ref.name}, its first consumer")
+    return Verdict(PASS, "waits for its first consumer, and none of the given workloads is one")
+
+
+def _node(obj: Mapping[str, Any]) -> Verdict:
+    ready = condition(obj, "Ready")
+    if ready.get("status") != "True":
+        why = f"{ready.get('reason', '')}: {ready.get('message', '')}".strip(": ")
+        return Verdict(WAIT, "NotReady" + (f": {why}" if why else ""))
+    for kind in ("NetworkUnavailable", "MemoryPressure", "DiskPressure", "PIDPressure"):
+        found = condition(obj, kind)
+        if found.get("status") == "True":
+            return Verdict(WAIT, f"{kind}: {found.get('message', '')}".rstrip(": "))
+    return Verdict(PASS, "Ready" + (", cordoned" if (obj.get("spec") or {}).get("unschedulable") else ""))
+
+
+# --- all kinds ------------------------------------------------------------------------------------------------------
+
+_WORKLOADS: dict[str, Callable[[Mapping[str, Any], View], Verdict]] = {
+    "Deployment": _deployment,
+    "StatefulSet": _stateful_set,
+    "DaemonSet": _daemon_set,
+}
+
+
+def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
+    """The verdict on one object; `refs` are all that are waited for together."""
+    if not has_rollout(ref):
+        return Verdict(PASS, f"a {ref.kind} has no rollout")
+    obj = view.get(ref.kind, ref.namespace, ref.name)
+    if obj is None:
+        return Verdict(WAIT, "is not there yet")
+    if ref.kind in _WORKLOADS:
+        return _unseen(obj) or _WORKLOADS[ref.kind](obj, view)
+    others: dict[str, Callable[[], Verdict]] = {
+        "Pod": lambda: judge_pod(obj),
+        "Node": lambda: _node(obj),
+        "Job": lambda: _job(obj, view),
+        "PersistentVolumeClaim": lambda: _claim(obj, view, refs),
+    }
+    return others[ref.kind]()
+
+
+def present_pods(ref: Ref, view: View) -> list[Object]:
+    """The pods of the present template that are to stay: whose news are news of this rollout."""
+    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) else None
+    if obj is None or _unseen(obj):
+        return []
+    if ref.kind == "Pod":
+        return [obj]
+    if ref.kind == "Deployment":
+        newest = _current_set(obj, view)
+        found = [pod for pod in _pods_of_deployment(obj, view) if newest and owned_by(pod, newest)]
+    elif ref.kind in ("StatefulSet", "DaemonSet"):
+        wanted = _wanted_hash(obj, view)
+        pods = view.controlled("Pod", ref.namespace, ref.kind, ref.name)
+        found = [pod for pod in pods if owned_by(pod, obj) and wanted and _hash(pod) == wanted]
+    else:  # a Job counts its own crashes, and the others have no pods
+        found = []
+    return [pod for pod in found if not is_terminating(pod)]
+
+
+class Tracker:
+    """Turns a suspicious wait into a failure once it has lasted `grace` seconds by our own clock.
+
+    Our own clock, because the conditions' time stamps come from other machines, and a robot's clock may be far off.
+    """
+
+    def __init__(self, grace: float) -> None:
+        self._grace = grace
+        self._since: dict[tuple[Ref, str], float] = {}
+
+    def settle(self, ref: Ref, verdict: Verdict, now: float) -> Verdict:
+        key = (ref, verdict.suspect)
+        for other in [one for one in self._since if one[0] == ref and one != key]:
+            del self._since[other]
+        if not verdict.suspect:
+            return verdict
+        since = self._since.setdefault(key, now)
+        if now - since >= self._grace:
+            return Verdict(FAIL, verdict.reason, verdict.suspect)
+        return verdict
+
+    def due(self) -> float | None:
+        """When the next suspicion turns into a failure if nothing changes."""
+        return min(self._since.values()) + self._grace if self._since else None

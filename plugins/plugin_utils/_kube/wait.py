@@ -1,0 +1,372 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Wait until everything is rolled out: one watch feeds the view, every change is judged at once.
+
+The cluster, the clock and the way to say something are handed in.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import (
+    CLUSTER_WIDE,
+    Ref,
+    View,
+    parse_refs,
+    watched,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import KUBE_ARGS, ApiError, Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
+    IMAGE_ERRORS,
+    Object,
+    Verdict,
+    condition,
+    error_end,
+    is_ready,
+    is_terminating,
+    is_up,
+    meta,
+    name_of,
+    restarts,
+    uid_of,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import ProbeNews
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change, Watch
+
+ROLLOUT_ARGS: dict[str, dict[str, Any]] = {
+    **KUBE_ARGS,
+    "objects": {"type": "list", "elements": "dict", "required": True, "aliases": ["definitions"]},
+    "timeout": {"type": "float", "default": 300},
+    "unschedulable_grace": {"type": "float", "default": 10},
+    "fail_on_restart": {"type": "bool", "default": False},
+}
+
+SAY_SECONDS = 10.0  # below the idle time-outs of the tools that run playbooks
+CONNECT_PATIENCE = 10.0  # a server that is just restarting is back by then
+SHARED_FROM = 5  # from so many namespaces on, one stream for the whole cluster is cheaper than one each
+SHOWN = 12  # lines of a progress message
+
+
+class Cluster(Protocol):
+    """What is needed of `_kube.Kube`."""
+
+    @property
+    def host(self) -> str: ...
+
+    def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]: ...
+
+    def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str: ...
+
+
+class Stream(Protocol):
+    """What is needed of `_watch.Watch`."""
+
+    def __enter__(self) -> Stream: ...
+
+    def __exit__(self, *unused: object) -> None: ...
+
+    def follow(self, targets: Iterable[Target]) -> None: ...
+
+    def changes(self, timeout: float) -> list[Change]: ...
+
+
+def say_nothing(_text: str) -> None:
+    """For callers that have no way to say something."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How long to wait, and what a test replaces."""
+
+    timeout: float = 300.0
+    grace: float = 10.0
+    fail_on_restart: bool = False
+    say: Callable[[str], None] = say_nothing
+    now: Callable[[], float] = time.monotonic
+    watch: Callable[[Any, Iterable[Target]], Stream] = Watch
+
+
+@dataclass(frozen=True)
+class Row:
+    """One object and the last verdict on it."""
+
+    ref: Ref
+    verdict: Verdict
+
+    def as_dict(self) -> dict[str, str]:
+        return {
+            "kind": self.ref.kind,
+            "name": self.ref.name,
+            "namespace": self.ref.namespace,
+            "verdict": self.verdict.verdict,
+            "reason": self.verdict.reason,
+        }
+
+    def __str__(self) -> str:
+        return f"{self.ref}: {self.verdict.reason}"
+
+
+def targets_for(refs: Iterable[Ref]) -> list[Target]:
+    """One stream per kind and namespace, or one for the whole cluster where there are many namespaces."""
+    found: list[Target] = []
+    for kind, namespaces in sorted(watched(refs).items()):
+        if kind in CLUSTER_WIDE or len(namespaces) >= SHARED_FROM:
+            found.append(Target(kind))
+        else:
+            found.extend(Target(kind, namespace) for namespace in sorted(namespaces))
+    return found
+
+
+class _Wait:
+    """What is known at the moment."""
+
+    def __init__(self, refs: Sequence[Ref], settings: Settings) -> None:
+        self.refs, self.settings = refs, settings
+        self.view, self.tracker, self.news = View(), Tracker(settings.grace), ProbeNews()
+        self.before: dict[str, dict[str, int]] = {}  # by pod uid, the restarts that are none of this rollout's
+        self.unlisted = set(targets_for(refs))
+        self.lost: dict[Target, ApiError] = {}
+        self.start = settings.now()
+
+    def take(self, change: Change, stream: Stream) -> None:
+        target = change.target
+        if change.what == "listed":
+            self.unlisted.discard(target)
+            self.view.replace(target.kind, target.namespace, change.objects)
+        for obj in change.objects if change.what in ("set", "gone") else ():
+            (self.view.put if change.what == "set" else self.view.drop)(target.kind, obj)
+        if change.what == "lost" and change.error:
+            self.lost[target] = change.error
+        elif change.what in ("back", "listed"):
+            self.lost.pop(target, None)
+        elif change.what == "refused" and change.error:
+            self._refused(target, change.error, stream)
+
+    def _refused(self, target: Target, error: ApiError, stream: Stream) -> None:
+        namespaces = watched(self.refs).get(target.kind, set())
+        if error.status == 403 and target.kind == "StorageClass":
+            self.view.hidden.add(target.kind)  # only says why a claim is pending, so the wait can do without
+            self.unlisted.discard(target)
+        elif error.status == 403 and not target.namespace and namespaces:
+            each = [Target(target.kind, namespace) for namespace in sorted(namespaces)]
+            self.unlisted.discard(target)
+            self.unlisted.update(each)
+            stream.follow(each)  # not allowed to see the whole cluster: then namespace by namespace
+        else:
+            raise error
+
+    def rows(self) -> list[Row]:
+        """The verdicts now. Until every stream has listed, nothing passes: what is missing may only be unseen."""
+        now, rows = self.settings.now(), []
+        for ref in self.refs:
+            verdict = judge(ref, self.view, self.refs)
+            if self.unlisted:
+                verdict = Verdict(WAIT, self.unreachable() or "is being looked up")
+            elif verdict.verdict != FAIL:
+                verdict = self._with_pods(present_pods(ref, self.view), verdict)
+            rows.append(Row(ref, self.tracker.settle(ref, verdict, now)))
+        return rows
+
+    def _with_pods(self, pods: Sequence[Object], verdict: Verdict) -> Verdict:
+        """The verdict with what the present pods have to add: an end with an error, and the last words of a probe."""
+        for pod in pods if self.settings.fail_on_restart else ():
+            # a pod that was Ready when first seen had its restarts in an earlier life
+            before = self.before.setdefault(uid_of(pod), restarts(pod) if is_ready(pod) else {})
+            ended = error_end(pod, before)
+            if ended:
+                return ended
+        said = [(pod, self.news.lines[uid_of(pod)]) for pod in pods if _waits(pod) and uid_of(pod) in self.news.lines]
+        for pod, line in said if verdict.verdict == WAIT else ():
+            if line.hopeless:
+                return Verdict(FAIL, f"pod {name_of(pod)}: {line.text}")
+        if verdict.verdict == PASS or not said:
+            return verdict
+        heard = "; ".join(f"pod {name_of(pod)}: {line.text}" for pod, line in said[:3])
+        return Verdict(verdict.verdict, f"{verdict.reason}; {heard}", verdict.suspect)
+
+    def starting(self) -> set[str]:
+        """Namespaces where a present pod is up but not ready: only its probe knows why."""
+        if self.unlisted or self.lost:
+            return set()
+        return {ref.namespace for ref in self.refs if any(_waits(pod) for pod in present_pods(ref, self.view))}
+
+    def hear(self, kube: Cluster) -> bool:
+        return self.news.ask(kube, self.starting(), self.settings.now())
+
+    def unreachable(self) -> str:
+        return str(next(iter(self.lost.values()))) if self.lost else ""
+
+    def elapsed(self) -> float:
+        return self.settings.now() - self.start
+
+
+def _waits(pod: Mapping[str, Any]) -> bool:
+    return is_up(pod) and not is_ready(pod)
+
+
+def _progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
+    open_rows = [row for row in rows if row.verdict.verdict != PASS]
+    lines = [f"rollout: {len(open_rows)} of {len(rows)} still open after {elapsed:.0f} s"]
+    if unreachable:
+        lines.append(f"  no news at the moment: {unreachable}")
+    lines += [f"  {row}" for row in open_rows[:SHOWN]]
+    if len(open_rows) > SHOWN:
+        lines.append(f"  and {len(open_rows) - SHOWN} more")
+    return "\n".join(lines)
+
+
+def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> dict[str, Any]:
+    """All rolled out: the result as data. Otherwise NotReadyError: at once when one failed, or at the time-out."""
+    wait = _Wait(refs, settings)
+    say_at = wait.start + SAY_SECONDS
+    with settings.watch(kube, sorted(wait.unlisted, key=str)) as stream:
+        while True:
+            rows = wait.rows()
+            if any(row.verdict.verdict == WAIT for row in rows) and wait.hear(kube):
+                rows = wait.rows()
+            verdict, now = overall([row.verdict.verdict for row in rows]), settings.now()
+            if verdict == PASS:
+                return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
+            over = now >= wait.start + settings.timeout
+            if wait.unlisted and wait.lost and (over or wait.elapsed() >= CONNECT_PATIENCE):
+                raise next(iter(wait.lost.values()))
+            if verdict == FAIL or over:
+                break
+            if now >= say_at:
+                settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
+                say_at += SAY_SECONDS
+            ends = [wait.start + settings.timeout, say_at, wait.tracker.due(), wait.news.due(wait.starting(), now)]
+            until = min(end for end in ends if end is not None)
+            if wait.unlisted:
+                until = min(until, now + 1.0)
+            for change in stream.changes(until - now):
+                wait.take(change, stream)
+    raise _not_ready(kube, wait, rows, verdict)
+
+
+def look_once(kube: Cluster, refs: Sequence[Ref]) -> dict[str, Any]:
+    """The verdicts as they are now, for check mode: no wait, and nothing fails."""
+    view, start = View(), time.monotonic()
+    for target in targets_for(refs):
+        try:
+            view.replace(target.kind, target.namespace, kube.objects(target.kind, target.namespace))
+        except ApiError as exc:
+            if exc.status != 403:
+                raise
+            view.hidden.add(target.kind)
+    rows = [Row(ref, judge(ref, view, refs)) for ref in refs]
+    return {"objects": [row.as_dict() for row in rows], "elapsed": round(time.monotonic() - start, 3)}
+
+
+# --- the message of a failure ---------------------------------------------------------------------------------------
+
+
+def _not_ready(kube: Cluster, wait: _Wait, rows: Sequence[Row], verdict: str) -> KubeError | NotReadyError:
+    bad = [row for row in rows if row.verdict.verdict == (FAIL if verdict == FAIL else WAIT)]
+    elapsed = wait.elapsed()
+    if verdict == FAIL:
+        head = f"{len(bad)} of {len(rows)} cannot be rolled out"
+    else:
+        head = f"{len(bad)} of {len(rows)} are not rolled out after {elapsed:.0f} s"
+    notes = [] if wait.unlisted or wait.lost else _notes(kube, bad, wait.view)
+    lines = [f"{head}:", *(f"  {row}" for row in bad), *notes]
+    if wait.unreachable() and not wait.unlisted:
+        lines.append(f"  The last news is old: {wait.unreachable()}")
+    return NotReadyError("\n".join(lines), objects=[row.as_dict() for row in rows], elapsed=round(elapsed, 3))
+
+
+def _notes(kube: Cluster, bad: Sequence[Row], view: View) -> list[str]:
+    """What the cluster has to say beyond the status: the last warnings, and the last words of what crashed.
+
+    It only explains a failure that is already certain, so it does without what it may not read.
+    """
+    notes: list[str] = []
+    said = " ".join(row.verdict.reason for row in bad)
+    try:
+        for namespace in sorted({row.ref.namespace for row in bad if row.ref.namespace})[:3]:
+            names = {row.ref.name for row in bad if row.ref.namespace == namespace}
+            events = kube.objects("Event", namespace, fields="type=Warning")
+            notes += _warnings((one for one in events if _is_news(one, view, namespace, said)), names)
+            for pod in view.all("Pod", namespace):
+                notes += _last_words(kube, pod, names, said)
+    except KubeError:
+        pass
+    return notes[:SHOWN]
+
+
+def _concerns(name: str, names: Iterable[str]) -> bool:
+    return any(name == wanted or name.startswith(f"{wanted}-") for wanted in names)
+
+
+def _is_news(event: Mapping[str, Any], view: View, namespace: str, said: str) -> bool:
+    """Not about something that is gone or going, and not what the verdict says already."""
+    about = event.get("involvedObject") or {}
+    kind, name, message = str(about.get("kind")), str(about.get("name")), str(event.get("message") or "")
+    found = view.get(kind, namespace, name)
+    if kind == "Pod" and (not found or is_terminating(found) or uid_of(found) != about.get("uid")):
+        return False
+    if kind == "ReplicaSet" and found and not (found.get("spec") or {}).get("replicas"):
+        return False
+    if event.get("reason") == "Unhealthy" and f"pod {name}: " in said:
+        return False
+    bare = message.replace("Error: ", "")
+    return event.get("reason") != "BackOff" and bare not in IMAGE_ERRORS and bare not in said
+
+
+def _warnings(events: Iterable[Mapping[str, Any]], names: Iterable[str]) -> list[str]:
+    """The newest warning of each object."""
+    newest: dict[str, Mapping[str, Any]] = {}
+    for event in sorted(events, key=lambda one: str(one.get("lastTimestamp") or one.get("eventTime") or "")):
+        about = event.get("involvedObject") or {}
+        if _concerns(str(about.get("name", "")), names):
+            newest[f"{about.get('kind')} {about.get('name')}"] = event
+    return [f"  event of {about}: {event.get('reason')}: {event.get('message')}" for about, event in newest.items()]
+
+
+def _last_words(kube: Cluster, pod: Mapping[str, Any], names: Iterable[str], said: str) -> list[str]:
+    name, namespace = str(meta(pod).get("name")), str(meta(pod).get("namespace"))
+    recovered = condition(pod, "Ready").get("status") == "True" and f"pod {name}," not in said
+    if not _concerns(name, names) or recovered:
+        return []
+    lines: list[str] = []
+    for container in (pod.get("status") or {}).get("containerStatuses") or []:
+        last = (container.get("lastState") or {}).get("terminated") or {}
+        now = (container.get("state") or {}).get("terminated") or {}
+        ended = last or (now if now.get("exitCode") else {})
+        if ended and not ended.get("message"):
+            tail = _log_of_the_end(kube, namespace, name, str(container.get("name")))
+            lines += [f"  log of pod {name}, container {container.get('name')}: {line}" for line in tail.splitlines()]
+    return lines
+
+
+def _log_of_the_end(kube: Cluster, namespace: str, pod: str, container: str) -> str:
+    """Of the container that ended: the previous one, or the present one if none was started since."""
+    try:
+        return kube.log_tail(namespace, pod, container)
+    except ApiError:
+        return kube.log_tail(namespace, pod, container, previous=False)
+
+
+# --- for the module and the action ----------------------------------------------------------------------------------
+
+
+def settings_from(params: Mapping[str, Any], say: Callable[[str], None] = say_nothing) -> Settings:
+    return Settings(
+        timeout=float(params["timeout"]),
+        grace=float(params["unschedulable_grace"]),
+        fail_on_restart=bool(params["fail_on_restart"]),
+        say=say,
+    )
+
+
+def run(params: Mapping[str, Any], kube: Cluster, settings: Settings, check_mode: bool = False) -> dict[str, Any]:
+    """The module's work with the cluster handed in."""
+    refs = parse_refs(params["objects"])
+    return look_once(kube, refs) if check_mode else wait_for_rollout(kube, refs, settings)

@@ -1,0 +1,189 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Follow many lists of one cluster at once: a thread per list, one queue for what they have to tell."""
+
+from __future__ import annotations
+
+import json
+import queue
+import socket
+import threading
+from dataclasses import dataclass, field
+from typing import Any, Iterable, Iterator
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import (
+    ApiError,
+    Kube,
+    Object,
+    Target,
+    broken_off,
+)
+
+# The server ends a watch after that time and it is resumed where it stood. So a link that died without a word is
+# noticed READ_SLACK later, and not after the operating system's quarter of an hour.
+WATCH_SECONDS = 25
+READ_SLACK = 10.0
+FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
+JOIN_SECONDS = 1.0
+# A server that is coming up may refuse what it accepts a moment later (403 before its roles are loaded). So credentials
+# that have worked are given up only after that many refusals in a row, which takes about 11 seconds.
+REFUSALS_BORNE = 8
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a stream has to tell.
+
+    `listed`: these are all objects of the target now; `set`, `gone`: one object; `lost`: the connection is down and
+    being retried; `back`: it is up again; `refused`: this stream is over.
+    """
+
+    what: str
+    target: Target
+    objects: list[Object] = field(default_factory=list)
+    error: ApiError | None = None
+
+
+def _hang_up(answer: Any) -> None:
+    """Wake a thread that reads from this answer. Closing it from here would wait for that very read."""
+    try:
+        if hasattr(answer, "shutdown"):
+            answer.shutdown()
+        else:  # urllib3 before 2.3
+            answer.connection.sock.shutdown(socket.SHUT_RDWR)
+    except (OSError, AttributeError, ValueError, RuntimeError):
+        pass  # already over
+
+
+def _lines(answer: Any) -> Iterator[bytes]:
+    rest = b""
+    for chunk in answer.stream(65536):
+        *whole, rest = (rest + chunk).split(b"\n")
+        yield from (line for line in whole if line.strip())
+
+
+class Watch:
+    """Follows all targets at once, each in a thread of its own, and hands their changes over one queue.
+
+    A target is listed once and then watched from there. A dropped connection resumes where it stood, and a place that
+    the server has forgotten (410 Gone) starts over with a list. Use it as a context: leaving it ends the threads.
+    """
+
+    def __init__(self, kube: Kube, targets: Iterable[Target]) -> None:
+        self._kube = kube
+        self._changes: queue.Queue[Change] = queue.Queue()
+        self._over = threading.Event()
+        self._answers: dict[Target, Any] = {}
+        self._threads: list[threading.Thread] = []
+        self._targets = list(targets)
+
+    def __enter__(self) -> Watch:
+        self.follow(self._targets)
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._over.set()
+        for answer in list(self._answers.values()):
+            _hang_up(answer)
+        for thread in self._threads:
+            thread.join(JOIN_SECONDS)
+
+    def follow(self, targets: Iterable[Target]) -> None:
+        """Follow these, too."""
+        for target in targets:
+            thread = threading.Thread(target=self._run, args=(target,), name=f"watch {target}", daemon=True)
+            self._threads.append(thread)
+            thread.start()
+
+    def changes(self, timeout: float) -> list[Change]:
+        """Everything that is new; waits for the first change, at most `timeout` seconds."""
+        try:
+            found = [self._changes.get(timeout=max(timeout, 0.0))]
+        except queue.Empty:
+            return []
+        while True:
+            try:
+                found.append(self._changes.get_nowait())
+            except queue.Empty:
+                return found
+
+    def _tell(self, what: str, target: Target, *objects: Object, error: ApiError | None = None) -> None:
+        self._changes.put(Change(what, target, list(objects), error))
+
+    def _run(self, target: Target) -> None:
+        """A thread that dies without a word would leave the wait blind, so whatever ends it is told."""
+        try:
+            self._follow(target)
+        except Exception as exc:
+            if not self._over.is_set():
+                error = exc if isinstance(exc, ApiError) else ApiError(f"Watching {target} broke: {exc!r}")
+                self._tell("refused", target, error=error)
+
+    def _follow(self, target: Target) -> None:
+        version, pause, lost = "", FIRST_PAUSE, False
+        worked, refusals = False, 0
+        while not self._over.is_set():
+            try:
+                if not version:
+                    items, version = self._kube.page(target)
+                    worked = True
+                    self._tell("listed", target, *items)
+                answer = self._open(target, version)
+                if lost:
+                    self._tell("back", target)
+                pause, lost, refusals = FIRST_PAUSE, False, 0
+                seen = version
+                for place in self._stream(target, answer):
+                    version = place
+                    if not version:
+                        break
+                if version in (seen, ""):  # no news, or a list again: a server that answers so must not make us spin
+                    self._over.wait(FIRST_PAUSE)
+            except ApiError as exc:
+                refusals += exc.status in (401, 403)
+                borne = worked and 0 < refusals <= REFUSALS_BORNE
+                if exc.status != 410 and not exc.transient and not borne:
+                    raise
+                if exc.status == 410:
+                    version = ""
+                elif not self._over.is_set():
+                    lost = True
+                    self._tell("lost", target, error=exc)
+                self._over.wait(pause)
+                pause = min(pause * 2, LONGEST_PAUSE)
+
+    def _open(self, target: Target, version: str) -> Any:
+        query = {"watch": "1", "allowWatchBookmarks": "true", "resourceVersion": version}
+        answer = self._kube.request(
+            target.path, {**query, "timeoutSeconds": WATCH_SECONDS}, read_seconds=WATCH_SECONDS + READ_SLACK
+        )
+        self._answers[target] = answer
+        if self._over.is_set():
+            _hang_up(answer)
+        return answer
+
+    def _stream(self, target: Target, answer: Any) -> Iterator[str]:
+        """Tell what comes in; yields the place to resume from after each event, an empty one to start over."""
+        try:
+            for line in _lines(answer):
+                event = json.loads(line)
+                kind, obj = event["type"], event["object"]
+                if kind == "ERROR" and obj.get("code") == 410:
+                    yield ""
+                    return
+                if kind == "ERROR":
+                    raise ApiError(f"Watching {target} at {self._kube.host}: {obj.get('message')}", transient=True)
+                version = str(obj["metadata"]["resourceVersion"])
+                if kind in ("ADDED", "MODIFIED", "DELETED"):
+                    self._tell("gone" if kind == "DELETED" else "set", target, obj)
+                yield version
+        except (ValueError, KeyError, TypeError):
+            yield ""  # cut off within a line, or no watch event at all: a fresh list tells the truth
+        except Exception as exc:
+            if not broken_off(exc):
+                raise
+            # Nothing to report: it is resumed where it stood, and only a failure of that is worth a word.
+        finally:
+            self._answers.pop(target, None)
+            answer.close()

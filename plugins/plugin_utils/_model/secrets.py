@@ -1,0 +1,52 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which values are secrets, and how to keep them out of what is shown."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Mapping
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import OPAQUE
+
+# k3s_token, k3s_agent_token, password, identity_token, auth; but not k3s_token_file and the like, which are paths
+_SECRET_KEY = re.compile(r"(?:^|_)(?:token|password|passwd|secret|secret_key)$|^auth$", re.IGNORECASE)
+
+
+def is_secret(path: str) -> bool:
+    """Whether the value at a path (or under a key) is a secret.
+
+    >>> is_secret("hosts.edge1.k3s_token"), is_secret("robot_namespace_pull_secrets")
+    (True, False)
+    """
+    return _SECRET_KEY.search(path.rsplit(".", 1)[-1].split("[")[0]) is not None
+
+
+def redact(value: Any, seen: dict[Any, str]) -> Any:
+    """The value with every secret in it replaced by a number, the same number for the same secret.
+
+    `seen` carries the numbers from call to call. Empty secrets and those that are no text keep their type, so that a
+    check of the type still finds them.
+    """
+    if isinstance(value, Mapping):
+        return {key: _under(str(key), item, seen) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [redact(item, seen) for item in value]
+    return value
+
+
+def _under(key: str, value: Any, seen: dict[Any, str]) -> Any:
+    if key in OPAQUE and isinstance(value, (Mapping, list, tuple)):
+        return {} if isinstance(value, Mapping) else []  # only its type is looked at
+    return _hidden(value, seen) if is_secret(key) or key in OPAQUE else redact(value, seen)
+
+
+def _hidden(value: Any, seen: dict[Any, str]) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _hidden(item, seen) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_hidden(item, seen) for item in value]
+    if isinstance(value, str):
+        return seen.setdefault(str(value), f"(secret {len(seen) + 1})") if value else ""
+    return 0 if isinstance(value, (int, float)) and not isinstance(value, bool) else value

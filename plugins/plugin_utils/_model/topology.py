@@ -1,0 +1,128 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which host plays which part, from the inventory's groups alone.
+
+Neither reachability nor --limit may enter here: a host that is off today must not make another one the first server.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Mapping, Sequence, TypedDict
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown
+
+EDGE_CLUSTER = "edge"
+MODES = ("agent", "standalone")
+SERVER_COUNTS = (1, 3)
+
+
+class HostRole(TypedDict):
+    """One host's part: `{role: server, cluster: edge, servers: [edge1], init: true}`."""
+
+    role: str
+    cluster: str
+    servers: list[str]
+    init: bool
+
+
+def fleet_topology(groups: Mapping[str, Any], robot_modes: Mapping[str, Any] | None = None) -> dict[str, HostRole]:
+    """The part of every host of the groups `edge` and `robots`.
+
+    `groups` is `{edge: [..], robots: [..], k3s_server: [..]}` (other groups are ignored); `robot_modes` maps a robot to
+    `agent` or `standalone`, or to a mapping that holds `robot_mode` (a host's variables). Without `k3s_server` all edge
+    hosts are servers. The first server in the inventory's order starts the cluster (`init`).
+    """
+    modes = {robot: mode_of(robot, robot_modes) for robot in members(groups, "robots")}
+    problems = topology_problems(groups, modes)
+    if problems:
+        raise SpecError(
+            "the inventory's groups make no fleet: " + "; ".join(problem.line() for problem in problems),
+            errors=[problem.as_dict() for problem in problems],
+        )
+    servers = edge_servers(groups)
+    roles: dict[str, HostRole] = {host: _shared(host, servers) for host in members(groups, "edge")}
+    for robot, mode in modes.items():
+        roles[robot] = _own_cluster(robot) if mode == "standalone" else _shared(robot, servers)
+    return roles
+
+
+def members(groups: Mapping[str, Any], group: str) -> list[str]:
+    """The hosts of a group in the inventory's order; none if the group is missing or is no list."""
+    hosts = groups.get(group)
+    return [str(host) for host in hosts] if isinstance(hosts, Sequence) and not isinstance(hosts, str) else []
+
+
+def edge_servers(groups: Mapping[str, Any]) -> list[str]:
+    """The servers of the shared cluster, in order."""
+    return members(groups, "k3s_server") or members(groups, "edge")
+
+
+def mode_of(robot: str, robot_modes: Mapping[str, Any] | None) -> Any:
+    """A robot's mode out of `{robot: mode}` or `{robot: {robot_mode: mode}}`; `agent` where nothing is said."""
+    value = robot_modes[robot] if robot_modes is not None and robot in robot_modes else None
+    if isinstance(value, Mapping):
+        value = value["robot_mode"] if "robot_mode" in value else None  # noqa: SIM401 - may be hostvars
+    return MODES[0] if value is None else value
+
+
+def topology_problems(groups: Mapping[str, Any], modes: Mapping[str, Any]) -> list[Problem]:
+    """Everything that keeps the groups from making a fleet; empty if they do."""
+    edge, robots = members(groups, "edge"), members(groups, "robots")
+    problems = [
+        Problem(f"groups.{name}", f"is {shown(groups[name])}", "a list of host names")
+        for name in ("edge", "robots", "k3s_server")
+        if groups.get(name) is not None and (isinstance(groups[name], str) or not isinstance(groups[name], Sequence))
+    ]
+    if problems:
+        return problems
+    if not edge and not robots:
+        return [Problem("groups", "has no host in edge or robots", "hosts in the groups edge and robots")]
+    for host in robots:
+        if host in edge:
+            problems.append(
+                Problem(f"groups.robots.{host}", "is in edge too", "a host in edge or in robots, not in both")
+            )
+        if host == EDGE_CLUSTER:
+            problems.append(Problem(f"groups.robots.{host}", "is the name of the shared cluster", "any other name"))
+        if not (isinstance(modes.get(host), str) and modes[host] in MODES):
+            problems.append(Problem(f"hosts.{host}.robot_mode", f"is {shown(modes.get(host))}", "agent or standalone"))
+    agents = [robot for robot in robots if modes.get(robot) == "agent"]
+    if agents and not edge:
+        problems.append(
+            Problem(
+                "groups.edge",
+                f"is empty, but {', '.join(agents)} must join its cluster",
+                "a host in edge, or robot_mode: standalone",
+            )
+        )
+    return problems + _server_problems(groups)
+
+
+def _server_problems(groups: Mapping[str, Any]) -> list[Problem]:
+    """Embedded etcd keeps its majority with an odd number of members; two are worse than one."""
+    edge, named, servers = members(groups, "edge"), members(groups, "k3s_server"), edge_servers(groups)
+    problems = [
+        Problem(f"groups.k3s_server.{host}", "is not in edge", "hosts of the group edge")
+        for host in named
+        if host not in edge
+    ]
+    if servers and len(servers) not in SERVER_COUNTS:
+        where = "groups.k3s_server" if named else "groups.edge"
+        hint = "" if named else " (name them in the group k3s_server; the other edge hosts join as agents)"
+        problems.append(Problem(where, f"gives the cluster {len(servers)} servers", f"1 or 3 servers{hint}"))
+    return problems
+
+
+def _shared(host: str, servers: list[str]) -> HostRole:
+    return {
+        "role": "server" if host in servers else "agent",
+        "cluster": EDGE_CLUSTER,
+        "servers": list(servers),
+        "init": host == servers[0],
+    }
+
+
+def _own_cluster(robot: str) -> HostRole:
+    return {"role": "server", "cluster": robot, "servers": [robot], "init": True}

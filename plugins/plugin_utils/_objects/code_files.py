@@ -1,0 +1,58 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Read the code that runs in pods: the entry, and every module that its commands reach by relative imports."""
+
+from __future__ import annotations
+
+import ast
+import functools
+from pathlib import Path
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import run
+
+MODULE_UTILS = Path(run.__file__).resolve().parents[1]
+ENTRY = "run.py"
+EXPORTER = "exporter"
+
+
+def app_files() -> dict[str, str]:
+    """File name -> content of what app pods and the keeper run: `run.py`, and `<package>.<module>.py`."""
+    return dict(_read(tuple(module for command, module in run.COMMANDS.items() if command != EXPORTER)))
+
+
+def exporter_files() -> dict[str, str]:
+    """The same for the exporter's pod."""
+    return dict(_read((run.COMMANDS[EXPORTER],)))
+
+
+@functools.cache
+def _read(modules: tuple[str, ...]) -> dict[str, str]:
+    files = {ENTRY: _text("_pod.run")}
+    todo = list(modules)
+    while todo:
+        module = todo.pop()
+        if f"{module}.py" not in files:
+            files[f"{module}.py"] = text = _text(module)
+            todo += relative_imports(module, text)
+    return files
+
+
+def relative_imports(module: str, text: str) -> list[str]:
+    """Modules (`<package>.<module>`) that a module imports anywhere in it, in functions, too."""
+    package = module.partition(".")[0]
+    found: list[str] = []
+    for item in ast.walk(ast.parse(text)):
+        if isinstance(item, ast.ImportFrom) and item.level in (1, 2):
+            base = package if item.level == 1 else ""
+            where = ".".join(part for part in (base, item.module or "") if part)
+            found += [where] if "." in where else [f"{where}.{alias.name}" for alias in item.names]
+    return found
+
+
+def _text(module: str) -> str:
+    try:
+        return (MODULE_UTILS / f"{module.replace('.', '/')}.py").read_text("utf-8")
+    except OSError as error:
+        raise SpecError(f"the collection is incomplete: {error}") from error

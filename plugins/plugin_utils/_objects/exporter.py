@@ -1,0 +1,174 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ROS exporter's ConfigMap and Deployment: one beside each ROS master, of the master's own image. Pure."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import dataclass
+from typing import Any, Mapping
+
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.http import HEALTHY, PATH, PORT, READY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import (
+    PROGRESS_DEADLINE,
+    RECREATE_STRATEGY,
+    REVISION_HISTORY,
+    canonical_hash,
+    node_selector,
+    object_labels,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import annotate
+
+ARCHIVE = "prometheus_client.zip"  # _pod/run.py looks for it under this name
+NAME = "ros-exporter"
+CODE_DIR = "/opt/rosops-fleet/exporter"
+UPDATES_MAP, UPDATES_DIR = "robot-updates", "/etc/rosops-fleet/updates"
+CLAIMS_DIR = "/var/lib/rosops-fleet/claims"
+SEE_ALL = "DAC_OVERRIDE"  # only with claims, mounted read-only: apps' directories may be closed to others
+ANNOTATION_CODE = "rosops.fleet/code-hash"
+# Measured with 20 nodes: 0.2 % of a core and 19 MB (benchmarks/bench_exporter.py); the limit leaves room for many more.
+RESOURCES = {"requests": {"cpu": "20m", "memory": "32Mi"}, "limits": {"memory": "96Mi"}}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What an operator may choose."""
+
+    interval: float = 10.0
+    timeout: float = 2.0
+    statistics: bool = False
+    claims_path: str = ""  # the storage class' directory on the robot; without one, claims are not looked at
+
+
+def exporter_objects(
+    ctx: Mapping[str, Any], code: Mapping[str, str], archive: bytes, settings: Settings
+) -> list[dict[str, Any]]:
+    """ConfigMap and Deployment. `code` is file name -> content, `archive` holds prometheus_client.
+
+    Those of a shared master are the same whichever robot they come from. An external master is looked at from each of
+    its robots, as it has no namespace of its own.
+    """
+    full = context.complete_context(ctx)
+    shared = full["master"]["mode"] == "shared"
+    labels = object_labels(NAME, None if shared else full["robot"])
+    metadata: dict[str, Any] = {
+        "name": NAME,
+        "namespace": names.FLEET_NAMESPACE if shared else full["namespace"],
+        "labels": labels,
+    }
+    config: dict[str, Any] = {
+        "apiVersion": "v1",
+        "kind": "ConfigMap",
+        "metadata": {**metadata, "labels": dict(labels)},
+        "data": {key: code[key] for key in sorted(code)},
+        "binaryData": {ARCHIVE: base64.b64encode(archive).decode()},
+    }
+    template: dict[str, Any] = {
+        "metadata": {
+            "labels": dict(labels),
+            "annotations": {
+                "prometheus.io/scrape": "true",
+                "prometheus.io/port": str(PORT),
+                "prometheus.io/path": PATH,
+                # unlike an app, it is restarted for newer code: nobody waits for it
+                ANNOTATION_CODE: canonical_hash([config["data"], config["binaryData"]]),
+            },
+        },
+        "spec": _pod_spec(full, settings, metadata["namespace"], [] if shared else full["volumes"]),
+    }
+    annotate(template, canonical_hash(template))
+    deployment: dict[str, Any] = {
+        "apiVersion": "apps/v1",
+        "kind": "Deployment",
+        "metadata": {**metadata, "labels": dict(labels)},
+        "spec": {
+            "replicas": 1,
+            "revisionHistoryLimit": REVISION_HISTORY,
+            "progressDeadlineSeconds": PROGRESS_DEADLINE,
+            "selector": {"matchLabels": {key: labels[key] for key in ("app.kubernetes.io/name", names.LABEL_APP)}},
+            "strategy": RECREATE_STRATEGY,  # two would show every series twice
+            "template": template,
+        },
+    }
+    annotate(deployment, canonical_hash(deployment))
+    return [config, deployment]
+
+
+def _pod_spec(
+    ctx: Mapping[str, Any], settings: Settings, namespace: str, claims: list[dict[str, Any]]
+) -> dict[str, Any]:
+    looks = bool(settings.claims_path and claims)
+    volumes: list[dict[str, Any]] = [
+        {"name": "code", "configMap": {"name": NAME}},
+        # made by the first update
+        {"name": "updates", "configMap": {"name": UPDATES_MAP, "optional": True}},
+    ]
+    if looks:
+        # as the storage class itself would make it, should there be no claim on this host yet
+        source = {"path": settings.claims_path, "type": "DirectoryOrCreate"}
+        volumes.append({"name": "claims", "hostPath": source})
+    spec: dict[str, Any] = {
+        "terminationGracePeriodSeconds": 5,
+        "nodeSelector": node_selector(ctx["master"]["placement"], ctx["robot"]),
+        "automountServiceAccountToken": False,
+        "enableServiceLinks": False,
+        "containers": [_container(ctx, settings, namespace, _capacities(claims) if looks else None)],
+        "volumes": volumes,
+    }
+    if ctx["pull_secrets"]:
+        spec["imagePullSecrets"] = [{"name": secret["name"]} for secret in ctx["pull_secrets"]]
+    return spec
+
+
+def _capacities(claims: list[dict[str, Any]]) -> dict[str, int]:
+    """Bytes that each claim asks for."""
+    sizes = {names.claim_name(claim["name"]): quantity_value(str(claim["size"])) for claim in claims}
+    return {name: int(size) for name, size in sorted(sizes.items()) if size is not None}
+
+
+def _container(
+    ctx: Mapping[str, Any], settings: Settings, namespace: str, capacities: dict[str, int] | None
+) -> dict[str, Any]:
+    words = ["--interval", f"{settings.interval:g}", "--timeout", f"{settings.timeout:g}"]
+    mounts = [
+        {"name": "code", "mountPath": CODE_DIR, "readOnly": True},
+        {"name": "updates", "mountPath": UPDATES_DIR, "readOnly": True},
+    ]
+    if settings.statistics:
+        words += ["--statistics", "on"]
+    if capacities is not None:
+        words += ["--claims", CLAIMS_DIR, "--namespace", namespace, "--capacities", json.dumps(capacities)]
+        mounts.append({"name": "claims", "mountPath": CLAIMS_DIR, "readOnly": True})
+    return {
+        "name": NAME,
+        "image": ctx["master"]["image"],
+        "imagePullPolicy": "IfNotPresent",
+        # isolated: neither the image's Python variables nor its site packages matter to it
+        "command": ["python3", "-I", "-S", f"{CODE_DIR}/run.py", "exporter"],
+        "args": words,
+        "env": [
+            {"name": "ROS_MASTER_URI", "value": context.master_uri(ctx)},
+            {"name": "ROS_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.podIP"}}},
+            # glibc gives each thread a heap of its own otherwise, which never shrinks
+            {"name": "MALLOC_ARENA_MAX", "value": "1"},
+        ],
+        "ports": [{"name": "metrics", "containerPort": PORT, "protocol": "TCP"}],
+        "resources": RESOURCES,
+        "securityContext": {
+            "allowPrivilegeEscalation": False,
+            "readOnlyRootFilesystem": True,
+            "capabilities": {"drop": ["ALL"], **({} if capacities is None else {"add": [SEE_ALL]})},
+        },
+        "volumeMounts": mounts,
+        "startupProbe": {**_probe(READY), "periodSeconds": 1, "failureThreshold": 60},
+        "readinessProbe": {**_probe(READY), "periodSeconds": 10, "failureThreshold": 3},
+        "livenessProbe": {**_probe(HEALTHY), "periodSeconds": 60, "failureThreshold": 3},
+    }
+
+
+def _probe(path: str) -> dict[str, Any]:
+    return {"httpGet": {"path": path, "port": PORT}, "timeoutSeconds": 5}

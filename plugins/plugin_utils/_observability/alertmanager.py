@@ -1,0 +1,57 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Alertmanager on the cluster: objects. Its configuration may hold passwords, so it is a Secret. Pure."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any, Mapping
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.yaml_text import yaml_text
+
+Spec = Mapping[str, Any]
+
+CONFIG_DIR = "/etc/alertmanager"
+NOBODY = 65534
+# Alerts are grouped and shown, and nobody is told: who is, only the fleet's owner knows.
+QUIET = {"route": {"receiver": "nobody", "group_by": ["alertname", "robot"]}, "receivers": [{"name": "nobody"}]}
+
+
+def alertmanager_secret(spec: Spec) -> dict[str, Any]:
+    """The configuration as a Secret."""
+    text = yaml_text(spec["alertmanager"]["config"] or QUIET)
+    return {
+        "apiVersion": "v1",
+        "kind": "Secret",
+        "metadata": made.metadata(obs.ALERTMANAGER, obs.ALERTMANAGER, spec),
+        "data": {"alertmanager.yml": base64.b64encode(text.encode()).decode()},
+    }
+
+
+def alertmanager_objects(spec: Spec) -> list[dict[str, Any]]:
+    """Alertmanager without its Secret. What it silences and has sent goes with the pod."""
+    name = obs.ALERTMANAGER
+    container = made.container(
+        name,
+        spec["images"]["alertmanager"],
+        [
+            f"--config.file={CONFIG_DIR}/alertmanager.yml",
+            "--storage.path=/alertmanager",
+            "--cluster.listen-address=",  # one of it, nobody to agree with
+            "--log.level=warn",
+        ],
+        env=made.memory("32MiB"),
+        ports=made.port_of(name),
+        resources=made.resources("10m", "32Mi", "96Mi"),
+        volumeMounts=[
+            {"name": "config", "mountPath": CONFIG_DIR, "readOnly": True},
+            {"name": "data", "mountPath": "/alertmanager"},
+        ],
+        readinessProbe=made.probe("/-/ready", obs.PORTS[name]),
+    )
+    volumes = [{"name": "config", "secret": {"secretName": name}}, made.data_volume(name, False)]
+    pod = made.pod_spec([container], volumes, securityContext=made.as_user(NOBODY))
+    return [made.workload(name, spec, pod, spec["alertmanager"]["config"]), made.service(name, spec)]

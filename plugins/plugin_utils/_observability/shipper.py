@@ -1,0 +1,74 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The log shipper on every host, one of two: objects. Pure."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.otelcol import (
+    FEATURE_GATE,
+    NODE_ENV,
+    STATE_DIR,
+    otelcol_config,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import POD_LOGS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promtail import promtail_config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import hub_url
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.yaml_text import yaml_text
+
+Spec = Mapping[str, Any]
+
+CONFIG_DIR = "/etc/log-shipper"
+# Log files belong to root and to nobody else; nothing but reading them is left to it.
+SECURITY = {
+    "allowPrivilegeEscalation": False,
+    "readOnlyRootFilesystem": True,
+    "capabilities": {"drop": ["ALL"], "add": ["DAC_READ_SEARCH"]},
+}
+
+
+def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
+    """DaemonSet and ConfigMap of the collector or of Promtail; its state lies on the host and outlives the pod."""
+    name, kind = obs.SHIPPER, spec["log_shipper"]
+    loki = hub_url(spec, "logs_port") if spec["profile"] == obs.ROBOT else obs.url(obs.LOKI)
+    file = f"{kind}.yml"
+    if kind == "otelcol":
+        config = yaml_text(otelcol_config(spec, loki))
+        args = [f"--config={CONFIG_DIR}/{file}", f"--feature-gates={FEATURE_GATE}"]
+        env, ready, room = made.memory("40MiB"), "/metrics", made.resources("20m", "48Mi", "128Mi")
+    else:
+        config = yaml_text(promtail_config(spec, loki))
+        args = [f"-config.file={CONFIG_DIR}/{file}", "-config.expand-env=true"]
+        env, ready, room = made.memory("64MiB"), "/ready", made.resources("20m", "64Mi", "160Mi")
+    port = obs.SHIPPER_PORTS[kind]
+    container = made.container(
+        name,
+        spec["images"][kind],
+        args,
+        env=[{"name": NODE_ENV, "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}}, *env],
+        ports=made.port_of(name, port),
+        resources=room,
+        volumeMounts=[
+            {"name": "config", "mountPath": CONFIG_DIR, "readOnly": True},
+            {"name": "logs", "mountPath": POD_LOGS, "readOnly": True},
+            {"name": "state", "mountPath": STATE_DIR},
+        ],
+        # Promtail is ready once it has found a file, the collector once it counts what it does
+        readinessProbe=made.probe(ready, port),
+    )
+    container["securityContext"] = SECURITY
+    pod = made.pod_spec(
+        [container],
+        [
+            made.map_volume("config", name),
+            {"name": "logs", "hostPath": {"path": POD_LOGS, "type": "DirectoryOrCreate"}},
+            {"name": "state", "hostPath": {"path": STATE_DIR, "type": "DirectoryOrCreate"}},
+        ],
+        securityContext={"runAsUser": 0, "runAsGroup": 0},
+        terminationGracePeriodSeconds=15,
+    )
+    return [made.config_map(name, name, spec, {file: config}), made.workload(name, spec, pod, [kind, config])]

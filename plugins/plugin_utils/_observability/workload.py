@@ -1,0 +1,166 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all parts of the stack are made of: Deployments, DaemonSets, Services, ConfigMaps, claims. Pure."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import (
+    PROGRESS_DEADLINE,
+    RECREATE_STRATEGY,
+    REVISION_HISTORY,
+    canonical_hash,
+    node_selector,
+    object_labels,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import annotate
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
+
+Spec = Mapping[str, Any]
+Object = dict[str, Any]
+
+# A process that needs nothing of its host but what is mounted into it.
+UNPRIVILEGED = {
+    "allowPrivilegeEscalation": False,
+    "readOnlyRootFilesystem": True,
+    "capabilities": {"drop": ["ALL"]},
+}
+
+
+def metadata(name: str, app: str, spec: Spec) -> Object:
+    """Name, namespace and labels; on a robot's own cluster all of it is the robot's."""
+    return {"name": name, "namespace": obs.NAMESPACE, "labels": object_labels(app, spec["robot"] or None)}
+
+
+def workload(name: str, spec: Spec, pod: Object, config: Any) -> Object:
+    """The Deployment or DaemonSet of a part; `config` is all that the pod has to be restarted for when it changes."""
+    kind = obs.WORKLOADS[name]
+    meta = metadata(name, name, spec)
+    selector = {key: meta["labels"][key] for key in ("app.kubernetes.io/name", "rosops.fleet/app")}
+    annotations = {obs.ANNOTATION_CONFIG: canonical_hash(config)}
+    template = {"metadata": {"labels": dict(meta["labels"]), "annotations": annotations}, "spec": pod}
+    body: Object = {
+        "revisionHistoryLimit": REVISION_HISTORY,
+        "selector": {"matchLabels": selector},
+        "template": template,
+    }
+    if kind == "Deployment":
+        # two of them on one claim would ruin what the other writes
+        body |= {"replicas": 1, "progressDeadlineSeconds": PROGRESS_DEADLINE, "strategy": RECREATE_STRATEGY}
+        pod["nodeSelector"] = node_selector("local" if spec["robot"] else "remote", spec["robot"])
+    else:
+        # A host that is off counts as unavailable: with fewer, it would keep the others at the old revision.
+        body["updateStrategy"] = {"type": "RollingUpdate", "rollingUpdate": {"maxUnavailable": "100%"}}
+        pod["tolerations"] = [{"operator": "Exists"}]
+    item = {"apiVersion": "apps/v1", "kind": kind, "metadata": meta, "spec": body}
+    item = deep_merge(item, spec["overrides"].get(name) or {})
+    annotate(item, canonical_hash(item))
+    return item
+
+
+def service(name: str, spec: Spec, node_port: int | None = None) -> Object:
+    """The Service of a part; with `node_port` reachable from outside, under the callers' own addresses."""
+    meta = metadata(name, name, spec)
+    port: Object = {"name": obs.HTTP, "port": obs.PORTS[name], "targetPort": obs.PORTS[name], "protocol": "TCP"}
+    selector = {key: meta["labels"][key] for key in ("app.kubernetes.io/name", "rosops.fleet/app")}
+    body: Object = {"type": "ClusterIP", "selector": selector, "ports": [port]}
+    if node_port is not None:
+        # Local keeps the caller's address, which the list of allowed networks is about
+        body |= {"type": "NodePort", "externalTrafficPolicy": "Local"}
+        port["nodePort"] = node_port
+    return {"apiVersion": "v1", "kind": "Service", "metadata": meta, "spec": body}
+
+
+def allow_list(name: str, spec: Spec) -> list[Object]:
+    """Who may reach a part that is open to the outside: pods of the cluster, and the networks that are allowed."""
+    if not spec["allowed_networks"]:
+        return []
+    meta = metadata(name, name, spec)
+    sources: list[Object] = [{"ipBlock": {"cidr": network}} for network in spec["allowed_networks"]]
+    rule = {
+        "from": [{"namespaceSelector": {}}, *sources],
+        "ports": [{"port": obs.PORTS[name], "protocol": "TCP"}],
+    }
+    selector = {"matchLabels": {"rosops.fleet/app": name}}
+    body = {"podSelector": selector, "policyTypes": ["Ingress"], "ingress": [rule]}
+    return [{"apiVersion": "networking.k8s.io/v1", "kind": "NetworkPolicy", "metadata": meta, "spec": body}]
+
+
+def config_map(name: str, app: str, spec: Spec, data: Mapping[str, str]) -> Object:
+    """A ConfigMap of text files."""
+    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata(name, app, spec), "data": dict(data)}
+
+
+def claim(name: str, spec: Spec, size: str) -> Object:
+    """The claim of a part's data."""
+    body: Object = {"accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": str(size)}}}
+    if spec["storage_class"]:
+        body["storageClassName"] = spec["storage_class"]
+    return {"apiVersion": "v1", "kind": "PersistentVolumeClaim", "metadata": metadata(name, name, spec), "spec": body}
+
+
+def data_volume(name: str, persistent: bool) -> Object:
+    """The pod's volume `data`: its claim, or a directory that goes with the pod."""
+    source: Object = {"persistentVolumeClaim": {"claimName": name}} if persistent else {"emptyDir": {}}
+    return {"name": "data", **source}
+
+
+def map_volume(volume: str, name: str) -> Object:
+    """A pod's volume of a ConfigMap."""
+    return {"name": volume, "configMap": {"name": name}}
+
+
+def container(name: str, image: str, args: list[str], **more: Any) -> Object:
+    """A container; the image's own entry point is the program."""
+    return {
+        "name": name,
+        "image": image,
+        "imagePullPolicy": "IfNotPresent",
+        "args": args,
+        "securityContext": UNPRIVILEGED,
+        **more,
+    }
+
+
+def port_of(name: str, number: int | None = None) -> list[Object]:
+    """The one port that a part listens on."""
+    return [{"name": obs.HTTP, "containerPort": number or obs.PORTS[name], "protocol": "TCP"}]
+
+
+def probe(path: str, port: int) -> Object:
+    """Readiness over HTTP. No liveness probe: a restart while a log is replayed only makes it longer."""
+    return {
+        "httpGet": {"path": path, "port": port},
+        "periodSeconds": 5,
+        "timeoutSeconds": 5,
+        "failureThreshold": 3,
+    }
+
+
+def resources(cpu: str, memory: str, limit: str) -> Object:
+    """What is set aside, and the limit of memory. None for CPU: what is throttled falls behind what it records."""
+    return {"requests": {"cpu": cpu, "memory": memory}, "limits": {"memory": limit}}
+
+
+def pod_spec(containers: list[Object], volumes: list[Object], **more: Any) -> Object:
+    """A pod that is not told the addresses of all Services, and has no access to the API unless it says so."""
+    return {
+        "automountServiceAccountToken": False,
+        "enableServiceLinks": False,
+        **more,
+        "containers": containers,
+        "volumes": volumes,
+    }
+
+
+def as_user(user: int) -> Object:
+    """A pod's user, to whom its volumes belong."""
+    return {"runAsNonRoot": True, "runAsUser": user, "runAsGroup": user, "fsGroup": user}
+
+
+def memory(limit: str) -> list[Object]:
+    """Go's soft limit of memory and one thread: the collector of garbage works harder before more is taken."""
+    return [{"name": "GOMEMLIMIT", "value": limit}, {"name": "GOMAXPROCS", "value": "1"}]

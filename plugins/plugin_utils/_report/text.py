@@ -1,0 +1,199 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rows of `_status` as a page of text. Pure."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping, Sequence, Tuple
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.table import WIDTH, table
+
+Columns = Sequence[Tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
+
+
+def size_words(count: Any) -> str:
+    """Bytes as a person reads them."""
+    if count is None:
+        return ""
+    value = float(count)
+    for unit in ("B", "KiB", "MiB", "GiB"):
+        if value < 1024 or unit == "GiB":
+            return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
+        value /= 1024
+    return ""
+
+
+def _node_state(row: Mapping[str, Any]) -> str:
+    state = "Ready" if row.get("ready") else "NotReady"
+    return f"{state}, {row['reason']}" if row.get("reason") else state
+
+
+def _count(row: Mapping[str, Any]) -> str:
+    return f"{row.get('ready', 0)}/{row.get('wanted', 1)}"
+
+
+def _rate(row: Mapping[str, Any]) -> str:
+    rate = row.get("rate")
+    return "" if rate is None else f"{float(rate):.1f} Hz"
+
+
+def _state(row: Mapping[str, Any]) -> str:
+    return "up" if row.get("reachable") else f"down: {row.get('error') or 'no answer'}"
+
+
+# Title, key of the rows, columns.
+SECTIONS: Sequence[tuple[str, str, Columns]] = (
+    ("PROBLEMS", "problems", [("where", "where"), ("what", "what")]),
+    (
+        "HOSTS",
+        "hosts",
+        [
+            ("host", "name"),
+            ("group", "group"),
+            ("address", "address"),
+            ("role", "role"),
+            ("cluster", "cluster"),
+            ("state", lambda row: "up" if row.get("reachable", True) else f"offline {row.get('reason') or ''}"),
+        ],
+    ),
+    (
+        "NODES",
+        "nodes",
+        [
+            ("node", "name"),
+            ("state", _node_state),
+            ("version", "version"),
+            ("address", "address"),
+            ("roles", "roles"),
+            ("deploymentType", "placement"),
+            ("robot", "robot"),
+            ("other labels", "labels"),
+        ],
+    ),
+    ("PLACEMENT", "placement", [("node", "node"), ("deploymentType", "placement"), ("runs", "runs")]),
+    (
+        "ROS MASTERS",
+        "masters",
+        [
+            ("robot", "robot"),
+            ("ready", _count),
+            ("node", "nodes"),
+            ("restarts", "restarts"),
+            ("image", "images"),
+            ("note", "note"),
+        ],
+    ),
+    (
+        "APPS",
+        "apps",
+        [
+            ("robot", "robot"),
+            ("app", "name"),
+            ("placement", "placement"),
+            ("ready", _count),
+            ("node", "nodes"),
+            ("restarts", "restarts"),
+            ("image", "images"),
+            ("note", "note"),
+        ],
+    ),
+    (
+        "ROS NODES",
+        "ros_nodes",
+        [
+            ("robot", "robot"),
+            ("node", "name"),
+            ("state", _state),
+            ("publishes", "publications"),
+            ("subscribes", "subscriptions"),
+            ("services", lambda row: len(row.get("services") or [])),
+        ],
+    ),
+    (
+        "TOPICS",
+        "topics",
+        [
+            ("robot", "robot"),
+            ("topic", "name"),
+            ("type", "type"),
+            ("publishers", "publishers"),
+            ("subscribers", "subscribers"),
+            ("connections", "connections"),
+            ("rate", _rate),
+            ("note", "note"),
+        ],
+    ),
+    (
+        "CLAIMS",
+        "claims",
+        [
+            ("robot", "robot"),
+            ("claim", "name"),
+            ("state", "phase"),
+            ("class", "storage_class"),
+            ("size", "size"),
+            ("used", lambda row: size_words(row.get("used_bytes"))),
+        ],
+    ),
+    (
+        "LAST OUTCOMES",
+        "outcomes",
+        [
+            ("host", "host"),
+            ("outcome", "outcome"),
+            ("run", "playbook"),
+            ("started", "started"),
+            ("changed", "changed"),
+            ("note", "note"),
+        ],
+    ),
+    (
+        "LAST UPDATE STEPS",
+        "steps",
+        [
+            ("robot", "robot"),
+            ("step", "name"),
+            ("handoff", "handoff"),
+            ("outcome", "outcome"),
+            ("from", "from"),
+            ("to", "to"),
+            ("seconds", "seconds"),
+            ("waited for idle", "busy_wait"),
+            ("note", "note"),
+        ],
+    ),
+)
+OPTIONAL = frozenset({"note", "other labels", "id"})  # columns that go when nobody has anything in them
+# Sections that are worth a line only when there is something in them.
+ONLY_WITH_ROWS = frozenset({"problems", "outcomes", "steps"})
+
+
+def _cell(row: Mapping[str, Any], source: Any) -> Any:
+    return source(row) if callable(source) else row.get(source)
+
+
+def grid(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:
+    """Headers and cells of the columns that are shown; the same for every rendering."""
+    shown = [
+        (header, source)
+        for header, source in columns
+        if header not in OPTIONAL or any(_cell(row, source) for row in rows)
+    ]
+    return [header for header, _source in shown], [[_cell(row, source) for _header, source in shown] for row in rows]
+
+
+def _section(title: str, columns: Columns, rows: Sequence[Mapping[str, Any]], width: int) -> list[str]:
+    if not rows:
+        return [title, "  none", ""]
+    lines = table(*grid(columns, rows), width - 2)
+    return [title, *(f"  {line}" for line in lines), ""]
+
+
+def status_table(status: Mapping[str, Any], width: int = WIDTH) -> str:
+    """The page. A section whose key is missing is left out, one without rows says so."""
+    lines: list[str] = []
+    for title, key, columns in SECTIONS:
+        if status.get(key) or (status.get(key) is not None and key not in ONLY_WITH_ROWS):
+            lines += _section(title, columns, status[key], width)
+    return "\n".join(lines).rstrip() + "\n" if lines else ""

@@ -1,0 +1,121 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The steps of a robot's update -> the ConfigMap from which the exporter tells metrics, annotations and logs. Pure.
+
+It keeps the latest step of every app, so it does not grow. It is applied together with what a step applies anyway.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any, Iterable, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import FAILED
+
+EVENTS_NAME = "robot-updates"
+EVENTS_KEY = "updates.json"
+RUNNING = "running"
+ID_LENGTH = 12
+REASON_KEPT = 1000  # a ConfigMap holds 1 MiB, and a metric's label and a log line less
+CUT_OFF = "the run that began this step ended without a word"
+
+Event = Mapping[str, Any]
+
+
+def step_id(robot: str, apps: Sequence[str], started: Any) -> str:
+    """Names one step of one robot: the same from its begin to its end, whoever works it out.
+
+    >>> step_id("robot1", ["temperature"], 1795252087.347614) == step_id("robot1", ["temperature"], "1795252087.347614")
+    True
+    """
+    text = json.dumps([robot, list(apps), f"{float(started):.6f}"])
+    return hashlib.sha256(text.encode()).hexdigest()[:ID_LENGTH]
+
+
+def update_events(
+    results: Sequence[Event],
+    robot: str,
+    maps: Iterable[Mapping[str, Any]] = (),
+    running: Event | None = None,
+) -> dict[str, Any]:
+    """The ConfigMap to apply.
+
+    `results` are the steps of this run that have ended, `running` is the one at hand (without outcome), `maps` are the
+    ConfigMaps of the robot's namespace as they were before the run. What an earlier run left as running has failed:
+    that run is gone, and an alert on it must not stay for ever.
+    """
+    known = [_closed(event) for event in known_events(maps, robot)]
+    now = [event for result in results for event in _events(result, robot)]
+    now += [{**event, "outcome": RUNNING, "finished": None} for event in _events(running or {}, robot)]
+    return {
+        "apiVersion": "v1",
+        "kind": "ConfigMap",
+        "metadata": {
+            "name": EVENTS_NAME,
+            "namespace": names.robot_namespace(robot),
+            "labels": {"app.kubernetes.io/managed-by": names.MANAGER, names.LABEL_ROBOT: robot},
+        },
+        # a line a value, so that --diff shows what is new and not the whole of it
+        "data": {EVENTS_KEY: json.dumps({"updates": _latest([*known, *now])}, indent=1, sort_keys=True) + "\n"},
+    }
+
+
+def known_events(maps: Iterable[Mapping[str, Any]], robot: str) -> list[dict[str, Any]]:
+    """What the robot's ConfigMap says. One that somebody spoilt is begun anew: history is not worth an update."""
+    for item in maps:
+        metadata = item.get("metadata") or {}
+        if metadata.get("name") == EVENTS_NAME and metadata.get("namespace") == names.robot_namespace(robot):
+            try:
+                found = json.loads((item.get("data") or {}).get(EVENTS_KEY) or "{}")
+                return [dict(event) for event in found["updates"] if event["app"] and float(event["started"]) >= 0]
+            except (ValueError, KeyError, TypeError):
+                return []
+    return []
+
+
+def _events(result: Event, robot: str) -> list[dict[str, Any]]:
+    """A step's result, as the report has it, as one event per app."""
+    if not result:
+        return []
+    started, phases = float(result["started"]), dict(result.get("phases") or {})
+    # not the time at which this is worked out: the same step gives the same bytes in every later apply
+    finished = round(started + sum(float(seconds) for seconds in phases.values()), 3)
+    return [
+        {
+            "id": result.get("id") or step_id(robot, result["apps"], started),
+            "app": app,
+            "step": result["name"],
+            "handoff": result["handoff"],
+            "outcome": result.get("outcome", RUNNING),
+            "reason": str(result.get("reason") or "")[:REASON_KEPT],
+            "from": _version(result, "from", app, "revision"),
+            "to": _version(result, "to", app, "revision"),
+            "from_image": _version(result, "from", app, "image"),
+            "to_image": _version(result, "to", app, "image"),
+            "started": round(started, 3),
+            "finished": finished,
+            "phases": phases,
+            "busy_wait": float(result.get("busy_wait") or 0),
+        }
+        for app in result["apps"]
+    ]
+
+
+def _version(result: Event, side: str, app: str, key: str) -> str:
+    """Empty for what was not there before."""
+    return str(((result.get(side) or {}).get(app) or {}).get(key) or "")
+
+
+def _closed(event: Event) -> dict[str, Any]:
+    if event.get("outcome") != RUNNING:
+        return dict(event)
+    spent = sum(float(seconds) for seconds in (event.get("phases") or {}).values())
+    return {**event, "outcome": FAILED, "reason": CUT_OFF, "finished": round(float(event["started"]) + spent, 3)}
+
+
+def _latest(events: Iterable[Event]) -> list[dict[str, Any]]:
+    """The last one of each app; what comes later in the list is later, whatever a clock that was set back says."""
+    return [dict(event) for _app, event in sorted({str(event["app"]): event for event in events}.items())]

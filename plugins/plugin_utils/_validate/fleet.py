@@ -1,0 +1,182 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The whole fleet's input -> everything that is wrong with it, at once, before anything is touched."""
+
+from __future__ import annotations
+
+from typing import Any, Iterator, Mapping, NamedTuple
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
+    EDGE_CLUSTER,
+    edge_servers,
+    fleet_topology,
+    members,
+    mode_of,
+    topology_problems,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import app_problems, app_warnings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, schema_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
+    fleet_app_problems,
+    master_problems,
+    robot_problems,
+    volume_warnings,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import HOST
+
+IMPLICIT_HOST = "localhost"
+HIDDEN = ("pull_secrets", "declared_apps", "declared_volumes")
+
+
+class Report(NamedTuple):
+    """What was found, and the robots with every default filled in (only if nothing is wrong)."""
+
+    problems: list[Problem]
+    warnings: list[str]
+    robots: dict[str, dict[str, Any]]
+
+
+def check_fleet(fleet: Any) -> Report:
+    """`fleet` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`."""
+    problems: list[Problem] = []
+    if not isinstance(fleet, Mapping):
+        return Report([Problem("fleet", f"is {shown(fleet)}", "a mapping with groups and hosts")], [], {})
+    value = plain(fleet, "", problems)
+    problems += _shape_problems(value)
+    groups = _mapping(value, "groups")
+    hosts = {name: item if isinstance(item, dict) else {} for name, item in _mapping(value, "hosts").items()}
+    modes = {robot: mode_of(robot, hosts) for robot in members(groups, "robots")}
+    problems += topology_problems(groups, modes)
+    problems += _name_problems(groups)
+    problems += _group_problems(groups, hosts)
+    wrong = [problem for name in hosts for problem in schema_problems(hosts[name], HOST, f"hosts.{name}")]
+    problems += wrong
+    problems += _token_problems(groups, modes, hosts)
+    problems += observability_problems(groups, modes, hosts, wrong)
+    edge_count = len(members(groups, "edge"))
+    robots = {robot: _sound_context(robot, hosts.get(robot, {}), wrong) for robot in modes}
+    warnings: list[str] = []
+    for robot, (ctx, positions) in robots.items():
+        problems += robot_problems(ctx, positions, edge_count)
+        for app, position in zip(ctx["apps"], positions):
+            path = f"hosts.{robot}.ros_apps[{position}]"
+            raw = hosts[robot]["ros_apps"][position]
+            problems += app_problems(app, raw, ctx, path)
+            warnings += app_warnings(app, raw, path)
+        problems += master_problems(ctx, hosts.get(robot, {}))
+        warnings += volume_warnings(ctx)
+    problems += fleet_app_problems(robots)
+    problems = unique(problems)
+    normalised = {} if problems else _normalised(groups, modes, {robot: pair[0] for robot, pair in robots.items()})
+    return Report(problems, list(dict.fromkeys(warnings)), normalised)
+
+
+def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:
+    item = value.get(key)
+    return item if isinstance(item, dict) else {}
+
+
+def _shape_problems(value: Mapping[str, Any]) -> Iterator[Problem]:
+    for key in ("groups", "hosts"):
+        if key not in value:
+            yield Problem(key, "is missing", "a mapping")
+        elif not isinstance(value[key], dict):
+            yield Problem(key, f"is {shown(value[key])}", "a mapping")
+    for key in sorted(set(value) - {"groups", "hosts"}):
+        yield Problem(key, "is unknown", "groups and hosts")
+    for name, item in _mapping(value, "hosts").items():
+        if not isinstance(item, dict):
+            yield Problem(f"hosts.{name}", f"is {shown(item)}", "a mapping of variables")
+
+
+def _name_problems(groups: Mapping[str, Any]) -> Iterator[Problem]:
+    """Names become Kubernetes nodes, labels and namespaces: lower case, and apart from each other there."""
+    robots, taken = members(groups, "robots"), dict[str, str]()
+    for form, hosts in (("robot-name", robots), ("host-name", members(groups, "edge"))):
+        for host in hosts:
+            if not FORMS[form].test(host):
+                group = "robots" if hosts is robots else "edge"
+                yield Problem(f"groups.{group}.{host}", "is no name for a Kubernetes node", FORMS[form].allowed)
+    for host in dict.fromkeys([*members(groups, "edge"), *robots]):
+        key = host.lower().replace("_", "-")
+        if key in taken:
+            yield Problem(
+                f"groups.{host}",
+                f"clashes with {taken[key]} once both are Kubernetes names",
+                "names that differ in more than case, - and _",
+            )
+        taken.setdefault(key, host)
+
+
+def _group_problems(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
+    """A host in no group of ours would silently be left out of the fleet."""
+    placed = {*members(groups, "edge"), *members(groups, "robots")}
+    for host in dict.fromkeys([*members(groups, "all"), *hosts]):
+        if host not in placed and (host != IMPLICIT_HOST or hosts.get(host)):
+            yield Problem(f"hosts.{host}", "is in neither of the groups edge and robots", "each host in one of them")
+
+
+def _token_problems(
+    groups: Mapping[str, Any], modes: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]
+) -> Iterator[Problem]:
+    """Servers with different tokens form no cluster; nor do agents whose agent token nobody knows."""
+    servers = edge_servers(groups)
+    cluster = [*members(groups, "edge"), *(robot for robot, mode in modes.items() if mode == "agent")]
+    for variable, sharers in (("k3s_token", servers), ("k3s_agent_token", cluster)):
+        holders = [host for host in sharers if variable in hosts.get(host, {})]
+        for host in holders[1:]:
+            if hosts[host][variable] != hosts[holders[0]][variable]:
+                yield Problem(
+                    f"hosts.{host}.{variable}",
+                    f"differs from the one of {holders[0]}",
+                    f"one {variable} for the cluster {EDGE_CLUSTER}, in the group_vars of its hosts",
+                )
+
+
+def _sound_context(robot: str, variables: Mapping[str, Any], wrong: list[Problem]) -> tuple[dict[str, Any], list[int]]:
+    """ctx of the parts that the schema accepts, and the positions of its apps in ros_apps.
+
+    A malformed app is left out instead of keeping the others from being looked at.
+    """
+    bad = {problem.path for problem in wrong}
+    base = f"hosts.{robot}"
+
+    def sound(*parts: str | int) -> bool:
+        path = join_path(base, *parts)
+        return not any(item == path or item.startswith((path + ".", path + "[")) for item in bad)
+
+    raw_apps, raw_storage = variables.get("ros_apps"), variables.get("persistent_storage")
+    apps = raw_apps if isinstance(raw_apps, list) else []
+    positions = [index for index in range(len(apps)) if sound("ros_apps", index)]
+    raw_volumes = raw_storage.get("volumes") if isinstance(raw_storage, dict) else None
+    volumes = raw_volumes if isinstance(raw_volumes, list) else []
+    kept: dict[str, Any] = {
+        name: value
+        for name, value in variables.items()
+        if name not in ("ros_apps", "persistent_storage") and sound(name)
+    }
+    kept["ros_apps"] = [apps[index] for index in positions]
+    kept["persistent_storage"] = {
+        "volumes": [item for index, item in enumerate(volumes) if sound("persistent_storage", "volumes", index)]
+    }
+    ctx = context.fleet_context(kept, robot)
+    # what is declared wrongly is still there: such a volume is not unknown as well, and such an app has its name
+    ctx["declared_apps"] = [app if isinstance(app, dict) else {} for app in apps]
+    ctx["declared_volumes"] = [item.get("name") for item in volumes if isinstance(item, dict)]
+    return ctx, positions
+
+
+def _normalised(
+    groups: Mapping[str, Any], modes: Mapping[str, Any], contexts: Mapping[str, dict[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """Every robot's ctx without its secrets, with its cluster."""
+    topology = fleet_topology(groups, modes)
+    return {
+        robot: {**{key: item for key, item in ctx.items() if key not in HIDDEN}, "cluster": topology[robot]["cluster"]}
+        for robot, ctx in contexts.items()
+    }

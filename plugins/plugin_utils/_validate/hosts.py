@@ -1,0 +1,65 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The variables of ours among everything that an inventory says about its hosts."""
+
+from __future__ import annotations
+
+from typing import Any, Iterable, Mapping
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import ROLE_VARIABLES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import VARIABLES
+
+# Names with these beginnings are ours and nobody else's, so a near miss is a misspelling. `robot_`, `ros_` and `node_`
+# are not on the list: an inventory may well have a robot_model of its own.
+OWN_PREFIXES = (
+    "k3s_",
+    "images_",
+    "preflight_",
+    "ros_app",
+    "ros_master",
+    "observability_",
+    "robot_namespace",
+    "persistent_",
+)
+MISSPELT = 0.8
+
+
+def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """`{host: {variable: value}}` for fleet_config: known variables and misspelt ones, secrets replaced by numbers."""
+    seen: dict[Any, str] = {}
+    problems: list[Problem] = []
+    hosts = {str(name): _picked(hostvars, str(name), seen, problems) for name in names}
+    if problems:
+        lines = "\n".join(problem.line() for problem in problems)
+        raise SpecError(f"variables that cannot be read:\n{lines}", errors=[problem.as_dict() for problem in problems])
+    return hosts
+
+
+def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], problems: list[Problem]) -> dict[str, Any]:
+    variables = hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
+    picked = {}
+    for name in variables:
+        if is_ours(str(name)):
+            try:
+                # a variable may be templated piece by piece, as redact() reads it
+                picked.update(redact({str(name): variables[name]}, seen))
+            except Exception as error:  # the templar raises a dozen kinds for an undefined or malformed template
+                if name in ROLE_VARIABLES:
+                    continue  # such a value may rest on what only the role's own play knows; the role will look at it
+                reason = str(error).split("\n", maxsplit=1)[0]
+                problems.append(
+                    Problem(f"hosts.{host}.{name}", f"cannot be templated: {reason}", "a value that is defined")
+                )
+    return picked
+
+
+def is_ours(name: str) -> bool:
+    """Whether a variable is one of the collection's, or looks like a misspelt one."""
+    if name in VARIABLES:
+        return True
+    return name.startswith(OWN_PREFIXES) and nearest_name(name, VARIABLES, MISSPELT) is not None

@@ -1,0 +1,95 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Checks of the observability stack's variables that need more than one of them. Pure."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Iterator, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import edge_servers
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
+
+Hosts = Mapping[str, Mapping[str, Any]]
+LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
+DAY = 86400
+_SECONDS = {"ms": 0.001, "s": 1, "m": 60, "h": 3600, "d": DAY, "w": 7 * DAY, "y": 365 * DAY}
+_NO = (False, "false", "no", "off", "0", 0, None)
+
+
+def observability_problems(
+    groups: Mapping[str, Any], modes: Mapping[str, Any], hosts: Hosts, wrong: Sequence[Problem]
+) -> Iterator[Problem]:
+    """Of each cluster the host that carries its variables: its first server. What is malformed was reported as such."""
+    bad = {problem.path for problem in wrong}
+    alone = [robot for robot, mode in modes.items() if mode == "standalone"]
+    for host in [*edge_servers(groups)[:1], *alone]:
+        given = {
+            name: value
+            for name, value in hosts.get(host, {}).items()
+            if not any(path.startswith(f"hosts.{host}.{name}") for path in bad)
+        }
+        if enabled(given):
+            yield from _of_cluster(f"hosts.{host}", given, host in alone)
+
+
+def enabled(variables: Mapping[str, Any]) -> bool:
+    """Whether the inventory switches the stack on, in one of its two ways."""
+    mapping = variables.get("observability")
+    seed = mapping.get("enabled", False) if isinstance(mapping, Mapping) else False
+    return variables.get("observability_enabled", seed) not in _NO
+
+
+def seconds(duration: str) -> float:
+    """A duration as Prometheus writes it.
+
+    >>> seconds("1d12h")
+    129600.0
+    """
+    parts = re.findall(r"([0-9]+)(ms|[smhdwy])", duration)
+    return float(sum(int(number) * _SECONDS[unit] for number, unit in parts))
+
+
+def _of_cluster(path: str, given: Mapping[str, Any], alone: bool) -> Iterator[Problem]:
+    if given.get("observability_profile") == obs.ROBOT:
+        if not alone:
+            yield Problem(
+                f"{path}.observability_profile",
+                "is 'robot' for a cluster of several hosts",
+                "standalone or hub; robot is for a robot with robot_mode: standalone",
+            )
+        elif not given.get("observability_hub_url"):
+            yield Problem(f"{path}.observability_hub_url", "is missing", "the hub's address, such as http://192.0.2.10")
+    store = quantity_value(str(given.get("observability_store_size", LEAST_STORE)))
+    if store is not None and store < (quantity_value(LEAST_STORE) or 0):
+        yield Problem(f"{path}.observability_store_size", "is too small for a queue", f"{LEAST_STORE} or more")
+    yield from _retention(path, given)
+    yield from _ports(path, given)
+
+
+def _retention(path: str, given: Mapping[str, Any]) -> Iterator[Problem]:
+    mapping = given.get("observability")
+    seed = (mapping.get("loki") or {}).get("retention") if isinstance(mapping, Mapping) else None
+    for name, value in (
+        ("observability_loki_retention", given.get("observability_loki_retention")),
+        ("observability.loki.retention", seed),
+    ):
+        if isinstance(value, str) and seconds(value) < DAY:
+            yield Problem(f"{path}.{name}", f"is '{value}'", "24h or more: Loki keeps its index by the day")
+
+
+def _ports(path: str, given: Mapping[str, Any]) -> Iterator[Problem]:
+    defaults = {
+        "observability_grafana_node_port": 30300,
+        "observability_hub_metrics_port": 30090,
+        "observability_hub_logs_port": 30100,
+    }
+    taken: dict[str, str] = {}
+    for name, default in defaults.items():
+        port = str(given.get(name, default))
+        if port in taken:
+            yield Problem(f"{path}.{name}", f"is {port} as {taken[port]}", "a port of its own")
+        taken.setdefault(port, name)

@@ -1,0 +1,160 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What `overrides` may not do: change which object it is, cut it from its pods, or be of another shape."""
+
+from __future__ import annotations
+
+from typing import Any, Iterator, Mapping
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge, merge_key
+
+# The collection finds its objects by these; a Deployment's selector cannot be changed after its creation anyway.
+FIXED = (
+    ("apiVersion",),
+    ("kind",),
+    ("metadata", "name"),
+    ("metadata", "namespace"),
+    ("spec", "selector"),
+    ("spec", "template", "metadata", "name"),
+)
+
+# The shapes of the fields that overrides are used for most (Kubernetes API reference, PodSpec and Container). The API
+# checks the rest; these are checked here because the collection reads them itself, or because they are easily mistaken.
+POD_ENTRIES = ("volumes", "tolerations", "imagePullSecrets", "hostAliases", "topologySpreadConstraints")
+POD_MAPPINGS = ("nodeSelector", "affinity", "securityContext", "dnsConfig")
+CONTAINER_LISTS = ("containers", "initContainers")
+CONTAINER_ENTRIES = ("env", "envFrom", "ports", "volumeMounts", "volumeDevices")
+CONTAINER_TEXTS = ("command", "args")
+CONTAINER_MAPPINGS = (
+    "lifecycle",
+    "livenessProbe",
+    "readinessProbe",
+    "resources",
+    "securityContext",
+    "startupProbe",
+)
+
+
+def override_problems(
+    plain: Mapping[str, Any], overrides: Mapping[str, Any], container: str, path: str
+) -> list[Problem]:
+    """`plain` is the Deployment that `overrides` are laid over, `container` the one that has to stay."""
+    shape = list(_shape_problems(plain, overrides, path))
+    if shape:
+        return shape
+    problems = [
+        Problem(join_path(path, *field), "changes what the collection finds the object by", "leave it out")
+        for field in FIXED
+        if _has(overrides, field) and _get(overrides, field) != _get(plain, field)
+    ]
+    merged = deep_merge(plain, overrides)
+    problems += _pod_problems(plain, merged, container, path)
+    replicas = _get(merged, ("spec", "replicas"))
+    if replicas not in (0, 1):
+        problems.append(
+            Problem(
+                join_path(path, "spec", "replicas"), f"is {shown(replicas)}", "0 or 1: a ROS node name cannot run twice"
+            )
+        )
+    return problems
+
+
+def _pod_problems(plain: Mapping[str, Any], merged: Mapping[str, Any], container: str, path: str) -> Iterator[Problem]:
+    template = ("spec", "template")
+    labels = _get(merged, (*template, "metadata", "labels")) or {}
+    for key, value in plain["spec"]["selector"]["matchLabels"].items():
+        if labels.get(key) != value:
+            where = join_path(path, *template, "metadata", "labels", key)
+            yield Problem(where, "does not match the selector", f"{value}, or leave it out")
+    for field in (template, (*template, "spec"), (*template, "metadata"), ("metadata",), ("spec",)):
+        if not isinstance(_get(merged, field), dict):
+            yield Problem(join_path(path, *field), "is removed", "a mapping")
+            return
+    containers = _get(merged, (*template, "spec", "containers"))
+    kept = [item for item in containers or [] if isinstance(item, dict) and item.get("name") == container]
+    where = join_path(path, *template, "spec", "containers")
+    if not kept:
+        yield Problem(where, f"leaves no container {container}", f"entries with the key name, {container} among them")
+    yield from _spec_problems(_get(merged, (*template, "spec")), join_path(path, *template, "spec"))
+
+
+def _spec_problems(spec: Mapping[str, Any], path: str) -> Iterator[Problem]:
+    """Fields of a pod's specification and of its containers that are of another shape than the API's."""
+    for key in (*POD_ENTRIES, *CONTAINER_LISTS):
+        yield from _listing_problems(spec, key, path, Mapping, "a list of mappings")
+    for key in POD_MAPPINGS:
+        if not isinstance(spec.get(key, {}), Mapping):
+            yield Problem(join_path(path, key), f"is {shown(spec[key])}", "a mapping")
+    for key in CONTAINER_LISTS:
+        listed = spec.get(key, [])
+        for index, container in enumerate(listed if isinstance(listed, list) else []):
+            if isinstance(container, Mapping):
+                yield from _container_problems(container, join_path(path, key, index))
+
+
+def _container_problems(container: Mapping[str, Any], path: str) -> Iterator[Problem]:
+    for key in ("name", "image"):
+        if not isinstance(container.get(key), str) or not container[key]:
+            yield Problem(join_path(path, key), "is missing or no text", "text")
+    for key in CONTAINER_ENTRIES:
+        yield from _listing_problems(container, key, path, Mapping, "a list of mappings")
+    for key in CONTAINER_TEXTS:
+        yield from _listing_problems(container, key, path, str, "a list of texts")
+    for key in CONTAINER_MAPPINGS:
+        if not isinstance(container.get(key, {}), Mapping):
+            yield Problem(join_path(path, key), f"is {shown(container[key])}", "a mapping")
+
+
+def _listing_problems(parent: Mapping[str, Any], key: str, path: str, kind: type, allowed: str) -> Iterator[Problem]:
+    value = parent.get(key, [])
+    if not isinstance(value, list):
+        yield Problem(join_path(path, key), f"is {shown(value)}", allowed)
+        return
+    for index, item in enumerate(value):
+        if not isinstance(item, kind):
+            yield Problem(join_path(path, key, index), f"is {shown(item)}", allowed)
+
+
+def _shape_problems(plain: Any, overrides: Any, path: str) -> Iterator[Problem]:
+    """Where the override is of another kind than what it is laid over: a text for a mapping, and the like."""
+    for key, value in overrides.items():
+        if value is None or key not in plain:
+            continue
+        base, where = plain[key], join_path(path, key)
+        if isinstance(base, Mapping) != isinstance(value, Mapping) or isinstance(base, list) != isinstance(value, list):
+            kind = (
+                "a mapping" if isinstance(base, Mapping) else "a list" if isinstance(base, list) else "a single value"
+            )
+            yield Problem(where, f"is {shown(value)}", f"{kind}, as in the object it changes")
+        elif isinstance(value, Mapping):
+            yield from _shape_problems(base, value, where)
+        elif isinstance(value, list):
+            yield from _entry_problems(key, base, value, where)
+
+
+def _entry_problems(field: str, base: list[Any], value: list[Any], path: str) -> Iterator[Problem]:
+    key = merge_key(field, base, value)
+    if key is None:
+        if base and all(isinstance(item, Mapping) for item in base):
+            for index, item in enumerate(value):
+                if not isinstance(item, Mapping) or not item.get("name"):
+                    found = "has no name" if isinstance(item, Mapping) else f"is {shown(item)}"
+                    yield Problem(join_path(path, index), found, "a mapping with the key that tells the entries apart")
+        return
+    known = {str(item[key]): item for item in base}
+    for index, item in enumerate(value):
+        if str(item[key]) in known:
+            yield from _shape_problems(known[str(item[key])], item, join_path(path, index))
+
+
+def _get(value: Any, field: tuple[str, ...]) -> Any:
+    for key in field:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return value
+
+
+def _has(value: Any, field: tuple[str, ...]) -> bool:
+    parent = _get(value, field[:-1]) if len(field) > 1 else value
+    return isinstance(parent, Mapping) and field[-1] in parent

@@ -1,0 +1,146 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The exporter's look at peers that answer, refuse, hang or talk nonsense."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer as _exporter_ros
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import CALLER, Observer, own_connections
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.poller import Poller
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, recorded
+
+NODES = recorded("nodes")
+
+
+@pytest.fixture
+def peers() -> Iterator[Peers]:
+    made = Peers()
+    yield made
+    made.close()
+
+
+def node(**changes: Any) -> dict[str, Any]:
+    replies = {call: NODES["/talker_a"][call] for call in ("getPid", "getBusInfo", "getBusStats")}
+    return {**replies, **changes}
+
+
+def overflow(*_args: Any) -> Any:
+    raise OverflowError("int exceeds XML-RPC limits")
+
+
+def poller(peers: Peers, nodes: dict[str, str], timeout: float = 0.5) -> Poller:
+    """A poller of a master that has these nodes, each subscribed to /chatter."""
+
+    def look_up(name: str) -> list[Any]:
+        return [1, "node api", nodes[name]] if nodes[name] else [-1, "unknown node", ""]
+
+    master = peers.api(
+        "master", {"getSystemState": [1, "", [[], [["/chatter", list(nodes)]], []]], "lookupNode": look_up}
+    )
+    return Poller(Observer(master, timeout), 10, Updates("/nonexistent"), lambda _line: None)
+
+
+def errors(made: Poller) -> dict[str, int]:
+    return {why: number for why, number in made.snapshot.errors.items() if number}
+
+
+def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
+    nodes = {
+        "/good": peers.api("good", node()),
+        "/cpp": peers.api("cpp", node(getBusStats=NODES["/relay"]["getBusStats"])),
+        "/over": peers.api("over", node(getBusStats=overflow)),
+        "/odd": peers.api("odd", node(getPid=[1, "", "seven"])),
+        "/hung": f"http://127.0.0.1:{peers.hung()}/",
+        "/dead": "http://127.0.0.1:9/",
+        "/unknown": "",
+    }
+    made = poller(peers, nodes)
+    began = time.monotonic()
+    made.poll()
+    ros = made.snapshot.ros
+    assert ros.nodes == {name: name in ("/good", "/cpp", "/over") for name in nodes}
+    assert set(ros.counts) == {"/good", "/cpp"}
+    assert errors(made) == {"timeout": 1, "refused": 1, "fault": 1, "malformed": 1, "overflow": 1}
+    assert time.monotonic() - began < 3
+    # what was late comes last the next time, so that it holds up nobody
+    state = made.observer.graph()
+    last = [errand.name for errand in made.observer.errands(state)][-4:]
+    assert set(last) == {"/odd", "/hung", "/dead", "/unknown"}
+
+
+def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_exporter_ros, "AT_ONCE", 3)
+    lock, now, most = threading.Lock(), [0], [0]
+
+    def slow(*_args: Any) -> Any:
+        with lock:
+            now[0] += 1
+            most[0] = max(most[0], now[0])
+        time.sleep(0.03)
+        with lock:
+            now[0] -= 1
+        return [1, "", 7]
+
+    nodes = {f"/n{i}": peers.api(f"n{i}", node(getPid=slow)) for i in range(12)}
+    made = poller(peers, nodes, 2)
+    made.poll()
+    assert all(made.snapshot.ros.nodes.values())
+    assert most[0] == 3
+
+
+def test_many_that_hang_take_their_turns_and_end(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_exporter_ros, "AT_ONCE", 2)
+    nodes = {f"/hung{i}": f"http://127.0.0.1:{peers.hung()}/" for i in range(4)}
+    made = poller(peers, {**nodes, "/good": peers.api("good", node())}, 0.3)
+    made.poll()
+    made.poll()
+    assert made.snapshot.ros.nodes == {**dict.fromkeys(nodes, False), "/good": True}
+    assert errors(made) == {"timeout": 8}
+    assert made.snapshot.duration < 2.5
+
+
+@pytest.mark.parametrize(
+    ("reply", "why"), [([1, "", 7], "malformed"), ([-1, "no", 0], "fault"), ("nonsense", "malformed")]
+)
+def test_a_master_that_is_none(peers: Peers, reply: Any, why: str) -> None:
+    uri = peers.api("master", {"getSystemState": reply})
+    made = Poller(Observer(uri, 1), 10, Updates("/nonexistent"), lambda _line: None)
+    made.poll()
+    assert (made.snapshot.ros.master, errors(made)) == (False, {why: 1})
+
+
+def test_a_master_that_hangs(peers: Peers) -> None:
+    made = Poller(Observer(f"http://127.0.0.1:{peers.hung()}/", 0.3), 10, Updates("/nonexistent"), lambda _line: None)
+    made.poll()
+    assert (made.snapshot.ros.master, errors(made)) == (False, {"timeout": 1})
+
+
+def test_the_masters_state_is_said_when_it_changes(peers: Peers) -> None:
+    said: list[str] = []
+    uri = peers.api("master", {"getSystemState": [1, "", [[], [], []]]})
+    made = Poller(Observer(uri, 1), 10, Updates("/nonexistent"), said.append)
+    made.poll()
+    made.poll()
+    made.observer.uri = "http://127.0.0.1:9/"
+    made.poll()
+    assert [line.rpartition(" ")[2] for line in said] == ["answers", "answer"]
+
+
+def test_only_calls_that_change_nothing(peers: Peers) -> None:
+    made = poller(peers, {"/good": peers.api("good", node())})
+    made.poll()
+    assert {method for _label, method in peers.calls} <= {
+        "getSystemState", "lookupNode", "system.multicall", "getPid", "getBusInfo", "getBusStats",
+    }  # fmt: skip
+
+
+def test_our_own_connections() -> None:
+    assert own_connections([[4, CALLER, "o", "TCPROS", "/a", True], [5, "/b", "o", "TCPROS", "/a", True]]) == (4,)
+    for nonsense in (None, 7, [7], [[]], [[1]]):
+        assert own_connections(nonsense) == ()

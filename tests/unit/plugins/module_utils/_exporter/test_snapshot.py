@@ -1,0 +1,221 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From the recorded graph's answers to what a scrape shows."""
+
+from __future__ import annotations
+
+import socket
+import xmlrpc.client
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import (
+    claim_families,
+    families,
+    statistics_families,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import (
+    FORGET_POLLS,
+    Answer,
+    Memory,
+    RefusalError,
+    Ros,
+    Snapshot,
+    master_away,
+    next_poll,
+    reason,
+    value,
+    watched,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import bus_stats as _bus_stats
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import graph as _graph
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
+
+STATE = recorded_state()
+
+
+def answers(**changes: Any) -> dict[str, Answer]:
+    found = {
+        name: Answer(
+            replies["lookupNode"][2],
+            replies["getPid"][2],
+            _bus_stats.stats(replies["getBusStats"]),
+            _graph.connections(replies["getBusInfo"][2]),
+        )
+        for name, replies in recorded("nodes").items()
+    }
+    found[DEAD] = Answer("http://127.0.0.1:9/", errors=("refused",))
+    return {**found, **changes}
+
+
+def grown(by: int) -> dict[str, Answer]:
+    """All counts of all connections grown."""
+    result = {}
+    for name, answer in answers().items():
+        stats = answer.stats
+        if stats is not None:
+            links = {key: _bus_stats.Count(n.messages + by, n.bytes + 100 * by) for key, n in stats.links.items()}
+            answer = replace(answer, stats=replace(stats, links=links))  # noqa: PLW2901
+        result[name] = answer
+    return result
+
+
+def samples(ros: Ros, name: str, **labels: str) -> list[float]:
+    found = [family for family in families(Snapshot(ros, {}, 1)) if family.name == name]
+    return [number for family in found for had, number in family.samples if labels.items() <= had.items()]
+
+
+def two_polls(by: int = 40) -> tuple[Ros, Memory]:
+    _ros, memory = next_poll(STATE, answers(), Memory())
+    return next_poll(STATE, grown(by), memory)
+
+
+def test_the_recorded_graph() -> None:
+    ros, memory = two_polls()
+    assert samples(ros, "ros_master_up") == [1]
+    assert samples(ros, "ros_node_up", node=DEAD) == [0]
+    assert samples(ros, "ros_node_up", node="/relay") == [1]
+    # three subscribers, each message once; and by roscpp, which has one of two connections in its reply
+    assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/talker_a") == [40]
+    assert samples(ros, "ros_topic_bytes_total", topic="/chatter", node="/talker_a") == [3 * 4000]
+    assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/listener_a", direction="in") == [80]
+    assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/relay", direction="in") == [40]
+    assert samples(ros, "ros_topic_publishers", topic="/chatter") == [2]
+    assert samples(ros, "ros_topic_subscribers", topic="/chatter") == [4]
+    assert samples(ros, "ros_topic_connections", topic="/chatter", node="/talker_a", direction="out") == [3]
+    assert samples(ros, "ros_topic_connections", topic="/chatter", node="/relay", direction="in") == [2]
+    assert samples(ros, "ros_topic_connections", topic="/rosout_agg", node="/rosout") == [0]
+    assert (memory.polls, memory.errors["refused"]) == (2, 2)
+
+
+def test_every_node_has_two_services_that_nobody_asks_for() -> None:
+    assert list(watched(STATE)) == ["/trigger"]
+
+
+def test_services_and_goals() -> None:
+    one = replace(answers()["/helper"], services={"/trigger": True})
+    other = replace(answers()["/worker"], actions={"/work": (1, 3, 3)})
+    ros, memory = next_poll(STATE, answers(**{"/helper": one, "/worker": other}), Memory())
+    assert samples(ros, "ros_service_up", service="/trigger", node="/helper") == [1]
+    assert samples(ros, "ros_action_goals", action="/work", state="active") == [1]
+    assert samples(ros, "ros_action_goals", action="/work", state="succeeded") == [2]
+    assert samples(ros, "ros_action_goals", action="/work", state="pending") == [0]
+    assert len(samples(ros, "ros_action_goals")) == 10
+    gone, _memory = next_poll(STATE, answers(**{"/helper": Answer("x", errors=("timeout",))}), memory)
+    assert samples(gone, "ros_service_up", service="/trigger") == [0]
+    assert samples(gone, "ros_action_goals") == []
+
+
+def test_a_master_that_is_away_has_no_nodes() -> None:
+    _ros, memory = two_polls()
+    ros, memory = master_away(memory, "refused")
+    shown = {family.name for family in families(Snapshot(ros, memory.errors, memory.polls)) if family.samples}
+    assert shown == {
+        "ros_master_up",
+        "ros_exporter_scrape_errors_total",
+        "ros_exporter_polls_total",
+        "ros_exporter_poll_duration_seconds",
+        "ros_exporter_last_poll_timestamp_seconds",
+    }
+    assert samples(ros, "ros_master_up") == [0]
+    # and when it is back, counting goes on
+    ros, _memory = next_poll(STATE, grown(90), memory)
+    assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/talker_a") == [90]
+
+
+def test_before_the_first_poll_nothing_is_said_of_the_master() -> None:
+    assert samples(Ros(), "ros_master_up") == []
+
+
+def test_a_node_that_hangs_keeps_its_counts_for_later() -> None:
+    _ros, memory = two_polls(40)
+    hung, memory = next_poll(STATE, answers(**{"/talker_a": Answer("x", errors=("timeout",))}), memory)
+    assert samples(hung, "ros_node_up", node="/talker_a") == [0]
+    assert samples(hung, "ros_topic_messages_total", node="/talker_a") == []
+    back, _memory = next_poll(STATE, grown(70), memory)
+    assert samples(back, "ros_topic_messages_total", topic="/chatter", node="/talker_a") == [70]
+
+
+def test_a_node_that_overflows_is_up_without_counts() -> None:
+    _ros, memory = two_polls()
+    over = replace(answers()["/talker_a"], stats=None, errors=("overflow",))
+    ros, memory = next_poll(STATE, answers(**{"/talker_a": over}), memory)
+    assert samples(ros, "ros_node_up", node="/talker_a") == [1]
+    assert samples(ros, "ros_topic_messages_total", node="/talker_a") == []
+    assert samples(ros, "ros_topic_connections", topic="/chatter", node="/talker_a") == [3]
+    assert memory.errors["overflow"] == 1
+
+
+def test_a_new_node_counts_from_its_beginning_and_an_old_one_does_not() -> None:
+    first = answers()
+    late = first.pop("/talker_b")
+    hung = Answer("x", errors=("timeout",))
+    _ros, memory = next_poll(STATE, {**first, "/talker_a": hung}, Memory())
+    ros, _memory = next_poll(STATE, answers(**{"/talker_b": late}), memory)
+    assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/talker_b") == [267]
+    assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/talker_a") == [0]
+
+
+def test_a_stale_registration_at_anothers_address() -> None:
+    talker = answers()["/talker_a"]
+    impostor = replace(talker, stats=answers()["/helper"].stats)
+    ros, _memory = next_poll(STATE, answers(**{"/talker_a": impostor, "/helper": impostor}), Memory())
+    assert samples(ros, "ros_node_up", node="/talker_a") == [0]
+    assert samples(ros, "ros_node_up", node="/helper") == [1]
+
+
+def test_who_is_long_gone_is_forgotten() -> None:
+    _ros, memory = two_polls()
+    rest = answers()
+    del rest["/talker_a"]
+    for _poll in range(FORGET_POLLS):
+        _ros, memory = next_poll(STATE, rest, memory)
+    assert "/talker_a" in memory.counted
+    _ros, memory = next_poll(STATE, rest, memory)
+    assert "/talker_a" not in memory.counted
+    assert "/talker_b" in memory.counted
+
+
+@pytest.mark.parametrize(
+    ("error", "word"),
+    [
+        (socket.timeout("timed out"), "timeout"),
+        (TimeoutError(), "timeout"),
+        (ConnectionRefusedError(), "refused"),
+        (ConnectionResetError(), "unreachable"),
+        (socket.gaierror(-2, "no name"), "unreachable"),
+        (OSError(113, "No route to host"), "unreachable"),
+        (xmlrpc.client.Fault(1, "<class 'OverflowError'>:int exceeds XML-RPC limits"), "overflow"),
+        (xmlrpc.client.Fault(-1, "unknown method name"), "fault"),
+        (RefusalError("unknown node"), "fault"),
+        (RosError("refused: no such service"), "fault"),
+        (RosError("the reply to getPid is not plain XML-RPC"), "malformed"),
+        (KeyError("x"), "malformed"),
+    ],
+)
+def test_reasons(error: BaseException, word: str) -> None:
+    assert reason(error) == word
+
+
+def test_a_refusal_is_not_nonsense() -> None:
+    assert value([1, "", 7]) == 7
+    with pytest.raises(RefusalError, match="unknown node"):
+        value([-1, "unknown node", ""])
+    for nonsense in (None, [], ["x", "", 1], 7):
+        with pytest.raises(RosError) as error:
+            value(nonsense)
+        assert not isinstance(error.value, RefusalError)
+
+
+def test_claims_show_a_capacity_only_beside_what_is_used() -> None:
+    used, capacity = claim_families({"a": 10, "b": 5}, {"a": 100, "c": 7})
+    assert used.samples == [({"claim": "a"}, 10.0), ({"claim": "b"}, 5.0)]
+    assert capacity.samples == [({"claim": "a"}, 100.0)]
+
+
+def test_statistics() -> None:
+    latency, lost = statistics_families([(("/t", "/p", "/s"), 0.25, 3)])
+    labels = {"topic": "/t", "publisher": "/p", "subscriber": "/s"}
+    assert (latency.samples, lost.samples) == ([(labels, 0.25)], [(labels, 3.0)])

@@ -1,0 +1,174 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Facts read from recorded trees and, for sockets, from this machine's loopback."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
+from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host
+
+CGROUP = "1:name=systemd:/system.slice/k3s.service\n0::/\n"
+CGROUPS_V1 = """#subsys_name\thierarchy\tnum_cgroups\tenabled
+cpuset\t9\t1\t1
+cpu\t4\t50\t1
+memory\t0\t60\t0
+pids\t6\t60\t1
+"""
+ROUTE = """Iface\tDestination\tGateway \tFlags\tRefCnt\tUse\tMetric\tMask\t\tMTU\tWindow\tIRTT
+wlan0\t00000000\tFE01A8C0\t0003\t0\t0\t600\t00000000\t0\t0\t0
+eth0\t00000000\t0100000A\t0003\t0\t0\t100\t00000000\t0\t0\t0
+eth0\t0000000A\t00000000\t0001\t0\t0\t100\t00FFFFFF\t0\t0\t0
+"""
+ROUTE6 = (
+    "00000000000000000000000000000000 00 00000000000000000000000000000000 00 "
+    "fe800000000000000000000000000001 00000400 00000001 00000000 00000003     eth0\n"
+    "00000000000000000000000000000000 00 00000000000000000000000000000000 00 "
+    "00000000000000000000000000000000 ffffffff 00000001 00000000 00200200       lo\n"
+)
+MOUNTS = """overlay / overlay rw 0 0
+/dev/sda1 /var ext4 rw 0 0
+tmpfs /var/lib tmpfs rw 0 0
+/dev/sdb1 /var/lib/rancher xfs rw 0 0
+/dev/sdc1 /var/lib/rancher-other btrfs rw 0 0
+"""
+TCP = """  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
+   0: 0100007F:192B 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 555 1 0 100 0 0 10 0
+   1: 0100007F:192B 0100007F:9999 01 00000000:00000000 00:00000000 00000000     0        0 556 1 0 100 0 0 10 0
+   2: 00000000:0016 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 557 1 0 100 0 0 10 0
+"""
+UDP = """  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode ref
+ 100: 00000000:2118 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 0 2 0 0
+"""
+
+
+def tree(tmp_path: Path, files: dict[str, str]) -> Host:
+    for name, content in files.items():
+        file = tmp_path / name.lstrip("/")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(content)
+    return Host(str(tmp_path))
+
+
+def test_cgroup_v1_lists_what_is_enabled(tmp_path: Path) -> None:
+    found = _host_facts.cgroup(tree(tmp_path, {"/proc/cgroups": CGROUPS_V1, "/boot/cmdline.txt": "x"}))
+    assert found["version"] == 1
+    assert found["controllers"] == ["cpu", "cpuset", "pids"]
+    assert found["cmdline_file"] == "/boot/cmdline.txt"
+
+
+def test_cgroup_v2_wins_over_v1s_table(tmp_path: Path) -> None:
+    files = {"/proc/cgroups": CGROUPS_V1, "/sys/fs/cgroup/cgroup.controllers": "cpuset cpu io memory pids\n"}
+    found = _host_facts.cgroup(tree(tmp_path, files))
+    assert (found["version"], found["controllers"]) == (2, ["cpu", "cpuset", "io", "memory", "pids"])
+
+
+def test_default_routes_come_best_first_with_their_mtu(tmp_path: Path) -> None:
+    files = {
+        "/proc/net/route": ROUTE,
+        "/proc/net/ipv6_route": ROUTE6,
+        "/sys/class/net/eth0/mtu": "1500\n",
+        "/sys/class/net/wlan0/mtu": "1400\n",
+    }
+    assert [
+        (r["family"], r["interface"], r["gateway"], r["mtu"]) for r in _host_facts.routes(tree(tmp_path, files))
+    ] == [
+        (4, "eth0", "10.0.0.1", 1500),
+        (4, "wlan0", "192.168.1.254", 1400),
+        (6, "eth0", "fe80::1", 1500),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("directory", "kind"),
+    [
+        ("/var/lib/rancher/k3s", "xfs"),
+        ("/var/lib/rancher", "xfs"),
+        ("/var/lib", "tmpfs"),
+        ("/var/log", "ext4"),
+        ("/", "overlay"),
+    ],
+)
+def test_the_innermost_mount_counts(directory: str, kind: str) -> None:
+    assert _host_facts.filesystem_type(MOUNTS, directory) == kind
+
+
+def test_the_disk_of_a_directory_that_is_not_there_yet(tmp_path: Path) -> None:
+    found = _host_facts.disk(Host(str(tmp_path)), "/var/lib/rancher")
+    assert found["path"] == "/var/lib/rancher"
+    assert found["total_mb"] > 0
+
+
+def test_listeners_are_named_and_other_sockets_left_out(tmp_path: Path) -> None:
+    host = tree(
+        tmp_path, {"/proc/net/tcp": TCP, "/proc/net/udp": UDP, "/proc/77/comm": "exe\n", "/proc/77/cgroup": CGROUP}
+    )
+    (tmp_path / "proc/77/fd").mkdir()
+    (tmp_path / "proc/77/fd/3").symlink_to("socket:[555]")
+    assert _host_facts.listening(host, [("tcp", 6443), ("udp", 8472), ("tcp", 2379)]) == [
+        {"protocol": "tcp", "port": 6443, "process": "exe", "k3s": True},
+        {"protocol": "udp", "port": 8472, "process": "", "k3s": False},
+    ]
+
+
+def test_an_empty_tree_reads_as_nothing(tmp_path: Path) -> None:
+    found = _host_facts.collect(Host(str(tmp_path)), [], [], {"data_dir": "/var/lib/rancher", "timeout": 1})
+    assert found["memory_mb"] == 0
+    assert found["routes"] == found["listening"] == found["reach"] == []
+    assert found["cgroup"]["controllers"] == []
+    assert not found["k3s"]["config"]
+
+
+def test_leftovers_of_a_member(tmp_path: Path) -> None:
+    files = {
+        "/etc/rancher/k3s/config.yaml": "node-name: robot1\nserver: https://10.0.0.1:6443\n",
+        "/etc/rancher/node/password": "x",
+        "/var/lib/rancher/k3s/agent/client-kubelet.crt": "x",
+        "/etc/systemd/system/k3s-agent.service": "# Written by Ansible (rosops.fleet.k3s)\n",
+        "/etc/systemd/system/k3s.service": "[Unit]\n",
+    }
+    assert _host_facts.k3s_leftovers(tree(tmp_path, files)) == {
+        "config": True,
+        "server_url": "https://10.0.0.1:6443",
+        "node_password": True,
+        "server_data": False,
+        "agent_data": True,
+        "units": ["k3s.service", "k3s-agent.service"],
+        "foreign_units": ["k3s.service"],
+    }
+
+
+def test_the_board_ends_with_no_zero_byte(tmp_path: Path) -> None:
+    host = tree(tmp_path, {"/proc/device-tree/model": "Raspberry Pi 4 Model B Rev 1.4\0"})
+    assert _host_facts.system(host)["board"] == "Raspberry Pi 4 Model B Rev 1.4"
+
+
+def test_ports_are_open_or_refuse() -> None:
+    with socket.socket() as listener, socket.socket() as silent:
+        listener.bind(("127.0.0.1", 0))
+        listener.listen()
+        silent.bind(("127.0.0.1", 0))  # bound and not listening: the kernel refuses
+        ports = [listener.getsockname()[1], silent.getsockname()[1]]
+        found = _host_facts.reach([f"127.0.0.1:{port}" for port in ports], 2)
+    assert [target["outcome"] for target in found] == ["open", "refused"]
+
+
+@pytest.mark.parametrize(
+    ("raised", "outcome"),
+    [
+        (socket.timeout(), "timeout"),
+        (socket.gaierror(-2, "no name"), "unresolved"),
+        (OSError(113, "x"), "no route to host"),
+        (OSError("odd"), "unreachable"),
+    ],
+)
+def test_silence_and_other_ends(monkeypatch: pytest.MonkeyPatch, raised: OSError, outcome: str) -> None:
+    def connect(*_args: Any) -> None:
+        raise raised
+
+    monkeypatch.setattr(socket, "create_connection", connect)
+    assert _host_facts.reach(["[fd00::1]:6443"], 1) == [{"host": "fd00::1", "port": 6443, "outcome": outcome}]

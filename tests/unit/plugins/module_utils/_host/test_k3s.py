@@ -1,0 +1,192 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tokens, unit states and readiness of k3s, without k3s."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s as _k3s
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import K3sHost
+
+HASH = "a" * 64
+FULL = f"K10{HASH}::server:s3cret"
+ACTIVE = {"LoadState": "loaded", "ActiveState": "active", "SubState": "running", "NRestarts": "0"}
+
+
+@pytest.mark.parametrize(
+    ("token", "password"),
+    [
+        ("s3cret\n", "s3cret"),
+        (FULL, "s3cret"),
+        (f"K10{HASH}::node:with:colons", "with:colons"),
+        ("K10short::x:y", "K10short::x:y"),
+    ],
+)
+def test_the_secret_part_of_a_token(token: str, password: str) -> None:
+    assert _k3s.token_password(token) == password
+
+
+@pytest.mark.parametrize(
+    ("given", "kept", "cluster", "verdict"),
+    [
+        ("", "", "", "absent"),
+        ("s3cret", "", "", "absent"),
+        ("", "s3cret\n", FULL, "same"),
+        ("s3cret", "s3cret\n", FULL, "same"),
+        ("s3cret", FULL, "", "same"),
+        (FULL, "s3cret", FULL, "same"),
+        ("other", "s3cret", FULL, "differs"),
+        ("other", "s3cret", "", "differs"),
+        ("other", "", FULL, "differs"),
+        ("", "other", FULL, "differs"),
+        ("s3cret", "", FULL, "restore"),
+        ("", "", FULL, "lost"),
+    ],
+)
+def test_given_tokens_against_the_running_one(given: str, kept: str, cluster: str, verdict: str) -> None:
+    assert _k3s.token_verdict(given, kept, cluster) == verdict
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'level=error msg="token {FULL} is bad"',
+        "starting with --token=s3cret",
+        'config: {"token": "s3cret"}',
+        "K3S_TOKEN=s3cret1",
+        "etcd-s3-secret-key: s3cret-key",
+        "my s3cret in a line",
+    ],
+)
+def test_no_secret_gets_into_a_message(text: str) -> None:
+    assert "s3cret" not in _k3s.redact(text, ["s3cret\n"])
+
+
+def test_ordinary_lines_stay_as_they_are() -> None:
+    line = 'time="2026-11-21" level=fatal msg="starting kubernetes: address already in use"'
+    assert _k3s.redact(line, ["", "s3cret"]) == line
+
+
+@pytest.mark.parametrize(
+    ("text", "version"),
+    [("k3s version v1.34.2+k3s1 (deadbee)\ngo version go1.24.9", "v1.34.2+k3s1"), ("", ""), ("not k3s", "")],
+)
+def test_version(text: str, version: str) -> None:
+    assert _k3s.version_of(text) == version
+
+
+@pytest.mark.parametrize(
+    ("shown", "verdict", "part"),
+    [
+        (ACTIVE, "pass", "active (running)"),
+        ({**ACTIVE, "ActiveState": "activating", "SubState": "start"}, "wait", "activating (start)"),
+        ({**ACTIVE, "ActiveState": "failed", "Result": "exit-code"}, "fail", "failed: exit-code"),
+        ({**ACTIVE, "ActiveState": "activating", "NRestarts": "9", "Result": "exit-code"}, "fail", "started 4 times"),
+        ({**ACTIVE, "NRestarts": "7"}, "pass", "active"),
+        ({"LoadState": "not-found", "ActiveState": "inactive"}, "fail", "not-found"),
+        ({}, "fail", "unknown"),
+    ],
+)
+def test_what_systemd_says(shown: dict[str, str], verdict: str, part: str) -> None:
+    seen = _k3s.service_verdict(shown, restarts_before=5 if "NRestarts" in shown and shown["NRestarts"] != "0" else 0)
+    assert seen.verdict == verdict
+    assert part in seen.observed
+
+
+@pytest.mark.parametrize(
+    ("conditions", "verdict"),
+    [
+        ([], "pass"),
+        ([{"type": "EtcdIsVoter", "status": "True"}], "pass"),
+        ([{"type": "EtcdIsVoter", "status": "False", "message": "Node is a learner"}], "wait"),
+        ([{"type": "Ready", "status": "False"}], "pass"),
+    ],
+)
+def test_a_learner_has_no_vote(conditions: list[dict[str, str]], verdict: str) -> None:
+    assert _k3s.member_verdict({"status": {"conditions": conditions}}).verdict == verdict
+
+
+class Commands:
+    """Answers by the words of a command."""
+
+    def __init__(self, answers: dict[str, tuple[int, str, str]]) -> None:
+        self.answers = answers
+        self.asked: list[str] = []
+
+    def __call__(self, command: list[str], **_options: Any) -> tuple[int, str, str]:
+        line = " ".join(command)
+        self.asked.append(line)
+        return next((answer for part, answer in self.answers.items() if part in line), (1, "", "unexpected"))
+
+
+def systemctl(**changes: str) -> tuple[int, str, str]:
+    return 0, "\n".join(f"{key}={value}" for key, value in {**ACTIVE, **changes}.items()), ""
+
+
+def test_an_agent_that_runs_is_ready_without_a_word_to_the_server() -> None:
+    run = Commands({"show k3s-agent": systemctl()})
+    assert K3sHost(run).look("agent").verdict == "pass"
+    assert len(run.asked) == 1
+
+
+def test_a_server_is_ready_when_its_api_is() -> None:
+    run = Commands({"show k3s": systemctl(), "/readyz": (1, "", "connection refused")})
+    seen = K3sHost(run).look("server")
+    assert (seen.verdict, seen.observed) == ("wait", "/readyz: connection refused")
+    run.answers["/readyz"] = (0, "ok", "")
+    assert K3sHost(run).look("server").verdict == "pass"
+
+
+def test_a_member_waits_for_its_node_and_its_vote() -> None:
+    run = Commands({"show k3s": systemctl(), "/readyz": (0, "ok", ""), "/nodes/edge2": (1, "", "not found")})
+    assert K3sHost(run).look("server", "edge2").observed == "Node edge2: not found"
+    node = {"status": {"conditions": [{"type": "EtcdIsVoter", "status": "True"}]}}
+    run.answers["/nodes/edge2"] = (0, json.dumps(node), "")
+    assert K3sHost(run).look("server", "edge2").verdict == "pass"
+
+
+def test_stale_compares_with_what_the_unit_wrote_down(tmp_path: Path) -> None:
+    config = tmp_path / "etc/rancher/k3s/config.yaml"
+    config.parent.mkdir(parents=True)
+    config.write_text("a: 1\n")
+    names = ["/etc/rancher/k3s/config.yaml", "/etc/rancher/k3s/registries.yaml"]
+    host = K3sHost(Commands({}), str(tmp_path))
+    assert host.stale("k3s", names)  # nothing written down: nothing is known
+    stat = config.stat()
+    record = tmp_path / "run/rosops-fleet-k3s.started"
+    record.parent.mkdir()
+    record.write_text(f"{names[0]} {stat.st_ino} {stat.st_size} {int(stat.st_mtime)}\n")
+    assert not host.stale("k3s", names)
+    (tmp_path / names[1].lstrip("/")).write_text("mirrors: {}\n")
+    assert host.stale("k3s", names)
+
+
+def test_files_are_described_and_missing_ones_too(tmp_path: Path) -> None:
+    (tmp_path / "x").write_text("abc")
+    (tmp_path / "x").chmod(0o600)
+    host = K3sHost(Commands({}), str(tmp_path))
+    assert host.describe("/x") == {
+        "exists": True,
+        "sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad",
+        "size": 3,
+        "mode": "0600",
+    }
+    assert host.describe("/y") == {"exists": False, "sha256": "", "size": 0, "mode": ""}
+    assert host.sizes("/nowhere") == {}
+    assert host.version() == ""
+
+
+def test_the_journal_comes_without_secrets() -> None:
+    run = Commands({"journalctl": (0, f"bad token {FULL}\n", "")})
+    assert K3sHost(run).journal("k3s", 5, 0, ["s3cret"]) == "bad token ********"
+
+
+def test_the_journal_comes_with_what_matters() -> None:
+    wrong = 'time="2026-11-21" level=fatal msg="flag provided but not defined: -nodename"'
+    journal = [wrong, "I1121 04:06:58 all is well", '{"level":"warn","msg":"slow"}', "x" * 999]
+    assert _k3s.worth_telling(journal, 5) == [wrong]
+    assert _k3s.worth_telling(journal[1:], 2) == [journal[2], "x" * 300]

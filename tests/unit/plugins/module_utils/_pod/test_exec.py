@@ -1,0 +1,91 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import exec as _hook_exec
+
+CODE = Path(_hook_exec.__file__).read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("uri", "address"),
+    [
+        ("http://ros-master:11311", ("ros-master", 11311)),
+        ("http://ros-master.fleet:11311/", ("ros-master.fleet", 11311)),
+        ("http://[fd00::1]:11311/", ("fd00::1", 11311)),
+    ],
+)
+def test_the_masters_address(uri: str, address: tuple[str, int]) -> None:
+    assert _hook_exec.address_of({"ROS_MASTER_URI": uri}) == address
+
+
+def test_every_attempt_is_a_new_one_until_one_succeeds() -> None:
+    clock, answers = [0.0], iter([False, False, True])
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    assert _hook_exec.wait(lambda: next(answers), 30, lambda: clock[0], sleep)
+    assert clock[0] == pytest.approx(2 * _hook_exec.PAUSE)
+
+
+def test_a_master_that_stays_away_is_not_waited_for_for_ever() -> None:
+    clock = [0.0]
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    assert not _hook_exec.wait(lambda: False, 30, lambda: clock[0], sleep)
+    assert 30 <= clock[0] < 31
+
+
+def started(tmp_path: Path, port: int, *command: str) -> subprocess.Popen[str]:
+    script = tmp_path / "exec.py"
+    script.write_text(CODE + "\nraise SystemExit(main(sys.argv[1:]))\n")
+    return subprocess.Popen(  # noqa: S603 - our own
+        [sys.executable, "-I", "-S", str(script), *command],
+        env={"ROS_MASTER_URI": f"http://127.0.0.1:{port}", "PATH": os.environ["PATH"], "KEPT": "yes"},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def test_the_command_begins_when_the_master_listens(tmp_path: Path) -> None:
+    """It is the very process, has its environment, and dies of SIGPIPE as programs that Python did not start do."""
+    with socket.socket() as master:
+        master.bind(("127.0.0.1", 0))
+        process = started(tmp_path, master.getsockname()[1], "sh", "-c", "echo $$ $KEPT; grep SigIgn /proc/$$/status")
+        time.sleep(0.4)
+        assert process.poll() is None, "it did not wait"
+        master.listen()
+        out, _err = process.communicate(timeout=20)
+    words = out.split()
+    assert words[:2] == [str(process.pid), "yes"]
+    assert int(words[-1], 16) & (1 << 12) == 0, "SIGPIPE is ignored"
+
+
+@pytest.fixture
+def listening() -> int:
+    master = socket.create_server(("127.0.0.1", 0))
+    threading.Thread(target=lambda: master.accept() and master.close(), daemon=True).start()
+    return int(master.getsockname()[1])
+
+
+def test_a_command_that_is_not_there(tmp_path: Path, listening: int) -> None:
+    process = started(tmp_path, listening, "/nowhere/node")
+    _out, err = process.communicate(timeout=20)
+    assert (process.returncode, err) == (127, "rosops.fleet: cannot start /nowhere/node: No such file or directory\n")
+
+
+def test_a_command_that_is_no_program(tmp_path: Path, listening: int) -> None:
+    process = started(tmp_path, listening, str(tmp_path))
+    assert "cannot start" in process.communicate(timeout=20)[1]
+    assert process.returncode == 126

@@ -1,0 +1,215 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The startup probe's judgement: what keeps a pod from being ready, and what must not."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, NodeAnswer, Rate, ServiceProbe
+from ansible_collections.rosops.fleet.tests.unit.plugins.hook_graph import (
+    OWN,
+    PUBLISHER,
+    SUBSCRIBER,
+    World,
+    bus,
+    contract,
+)
+
+
+def judged(world: World, owed: dict[str, Any] | None = None) -> tuple[str, str]:
+    """Verdict, and the reasons of what is not as it should be."""
+    state = world.state(types=True)
+    graph = world.ask(state, probe.first_questions(state, OWN))
+    missing = [name for names in probe.missing_subscribers(state, graph, OWN).values() for name in names]
+    peers = world.ask(state, probe.Questions({name: frozenset() for name in missing})).nodes
+    checks = probe.judge(graph, state, probe.Wanted(OWN, owed), peers)
+    return overall([check.verdict for check in checks]), "; ".join(str(c) for c in checks if c.verdict != PASS)
+
+
+def test_a_wholly_connected_node_passes() -> None:
+    assert judged(World()) == (PASS, "")
+    assert judged(World(), contract()) == (PASS, "")
+
+
+def _unheard(world: World) -> None:
+    world.replies(OWN, bus=bus())
+
+
+def _said_by_subscriber_alone(world: World) -> None:
+    world.replies(OWN, bus=[[1, "http://x/", "i", "TCPROS", "/in", 1]])
+
+
+def _publisher_lacks_us(world: World) -> None:
+    world.replies(PUBLISHER, bus=bus(("/in", "/other")))
+
+
+def _publisher_is_late(world: World) -> None:
+    world.replies(PUBLISHER, error="no answer within 2 s")
+
+
+def _subscriber_is_late(world: World) -> None:
+    world.replies(OWN, bus=bus())
+    world.replies(SUBSCRIBER, error="no answer within 2 s")
+
+
+def _down(world: World) -> None:
+    world.replies(OWN, error="nothing listens", refused=True)
+
+
+def _service_not_served(world: World) -> None:
+    world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", error="the connection was closed")
+
+
+def _service_of_another(world: World) -> None:
+    world.services["/add"] = [OWN, "/other"]
+    world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", "/other")
+
+
+def _tells_no_connections(world: World) -> None:
+    world.replies(OWN, bus=None)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_unheard, f"topic /out: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
+        (_said_by_subscriber_alone, f"topic /out: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
+        (_publisher_lacks_us, f"topic /in: not connected to its publishers: missing {PUBLISHER}"),
+        (_publisher_is_late, f"topic /in: not connected to its publishers: missing {PUBLISHER} (no answer"),
+        (_subscriber_is_late, f"missing {SUBSCRIBER} (no answer within 2 s)"),
+        (_down, f"node {OWN}: registered, but down"),
+        (_service_not_served, "service /add: registered by"),
+        (_service_of_another, f"service /add: /other answers at rosrpc://127.0.0.1:1, not {OWN}"),
+        (_tells_no_connections, "it does not tell its connections"),
+    ],
+)
+def test_what_is_waited_for(change: Callable[[World], None], words: str) -> None:
+    world = World()
+    change(world)
+    verdict, reasons = judged(world)
+    assert verdict == WAIT
+    assert words in reasons
+
+
+def _dead_subscriber(world: World) -> None:
+    world.replies(OWN, bus=bus())
+    world.replies(SUBSCRIBER, error="nothing listens", refused=True)
+
+
+def _dead_publisher(world: World) -> None:
+    world.replies(PUBLISHER, error="nothing listens", refused=True)
+
+
+def _tools(world: World) -> None:
+    world.subscribers["/out"] += ["/rostopic_4711_1700000000000", "/rqt_gui", "/ros_keeper"]
+    world.publishers["/in"] += ["/rostopic_4712_1700000000000"]
+    for name in (*world.subscribers["/out"][1:], *world.publishers["/in"][1:]):
+        world.answers[name] = NodeAnswer("http://192.0.2.1:1/", error="no answer")
+
+
+def _nobody_there(world: World) -> None:
+    world.subscribers["/out"] = []
+    world.publishers["/in"] = []
+    world.replies(OWN, bus=bus())
+
+
+@pytest.mark.parametrize("change", [_dead_subscriber, _dead_publisher, _tools, _nobody_there])
+def test_what_blocks_nobody(change: Callable[[World], None]) -> None:
+    world = World()
+    change(world)
+    assert judged(world) == (PASS, "")
+
+
+def test_rosout_is_not_waited_for() -> None:
+    world = World()
+    state = world.state()
+    assert "/rosout" not in probe.first_questions(state, OWN).nodes
+    world.subscribers["/rosout"] = [OWN]  # rosout itself as an app
+    assert judged(world) == (PASS, "")
+
+
+@pytest.mark.parametrize(
+    ("owed", "verdict", "words"),
+    [
+        ({"topics": {"/gone": {"type": "", "rate": None}}}, WAIT, "does not publish /gone"),
+        ({"subscriptions": {"/gone": {"type": ""}}}, WAIT, "does not subscribe to /gone"),
+        ({"services": {"/gone": {"type": "", "md5sum": None}}}, WAIT, "does not offer the service /gone"),
+        ({"actions": ["/move"]}, WAIT, "does not serve the action /move"),
+        (
+            {"topics": {"/out": {"type": "std_msgs/Bool", "rate": None}}},
+            FAIL,
+            "this version has the type std_msgs/String, the one before had std_msgs/Bool",
+        ),
+        ({"subscriptions": {"/in": {"type": "std_msgs/Bool"}}}, FAIL, "topic /in: this version has the type"),
+        ({"topics": {"/out": {"type": "", "rate": None}}}, PASS, ""),
+        ({"topics": {"/out": {"type": "*", "rate": None}}}, PASS, ""),
+    ],
+)
+def test_what_the_version_before_gave_is_owed(owed: dict[str, Any], verdict: str, words: str) -> None:
+    found = judged(World(), contract(**owed))
+    assert found[0] == verdict
+    assert words in found[1]
+
+
+def test_an_action_is_served_with_all_of_its_topics() -> None:
+    world = World()
+    owed = contract(actions=["/move"])
+    world.publishers["/move/status"] = [OWN]
+    world.subscribers["/move/goal"] = [OWN]
+    assert judged(world, owed)[0] == WAIT
+    world.subscribers["/move/cancel"] = [OWN]
+    assert judged(world, owed) == (PASS, "")
+
+
+@pytest.mark.parametrize(
+    ("sums", "service", "words"),
+    [
+        ({"/out": "bb"}, "aa", ""),
+        ({}, "", ""),
+        ({"/out": "*"}, "*", ""),
+        ({"/out": "cc"}, "aa", "topic /out: this version's definition of std_msgs/String has the md5sum cc"),
+        (
+            {"/out": "bb"},
+            "dd",
+            "service /add: this version's definition of rospy_tutorials/AddTwoInts has the md5sum dd",
+        ),
+    ],
+)
+def test_definitions_must_be_the_same(sums: dict[str, str], service: str, words: str) -> None:
+    world = World()
+    world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", OWN, md5sum=service)
+    state = world.state()
+    checks = probe.check_sums(world.ask(state, probe.first_questions(state, OWN)), contract(), sums)
+    assert [check.verdict for check in checks] == ([FAIL] if words else [])
+    assert words in "".join(str(check) for check in checks)
+    assert probe.check_sums(world.ask(state, probe.first_questions(state, OWN)), None, {"/out": "zz"}) == []
+
+
+def test_rates_are_the_higher_of_what_is_promised_and_what_was() -> None:
+    world = World()
+    state = world.state()
+    own = world.ask(state, probe.first_questions(state, OWN)).nodes[OWN]
+
+    def least(owed: dict[str, Any] | None, **promised: float) -> dict[str, float]:
+        return probe.least_rates(own, probe.Wanted(OWN, owed, {f"/{name}": hz for name, hz in promised.items()}))
+
+    assert least(None) == {}
+    assert least(None, out=50, others=10) == {"/out": 50}  # what others publish is not this pod's
+    assert least(contract(), out=50) == {"/out": 90.0}
+    assert least(contract(), out=95) == {"/out": 95}
+    assert least(contract(topics={"/out": {"rate": None}, "/gone": {"rate": 5.0}})) == {}
+
+
+@pytest.mark.parametrize(("hz", "verdict"), [(90.0, PASS), (89.5, PASS), (45.0, WAIT), (0.0, WAIT)])
+def test_half_the_rate_is_not_ready(hz: float, verdict: str) -> None:
+    rate = Rate(hz, 9, 1.0)
+    checks = probe.check_rates({"/out": 90.0}, OWN, {"/out": Rate(hz, 9, 1.0, by={OWN: rate})})
+    assert [check.verdict for check in checks] == [verdict]
+
+
+def test_a_node_without_registrations_is_asked_for_nothing_more() -> None:
+    assert probe.first_questions(MasterState(), OWN) == probe.Questions({OWN: frozenset({"bus", "types"})})

@@ -1,0 +1,206 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The startup probe from look to line, on a fake clock and a fake graph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as hook
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
+from ansible_collections.rosops.fleet.tests.unit.plugins.hook_graph import OWN, URI, World, bus, contract
+
+SETTINGS = {"node": OWN, "expect_node": True, "command": None, "min_rates": {}}
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.at = 0.0
+        self.when: list[tuple[float, Any]] = []
+
+    def now(self) -> float:
+        return self.at
+
+    def sleep(self, seconds: float) -> None:
+        self.at += seconds
+        for at, change in [item for item in self.when if item[0] <= self.at]:
+            self.when.remove((at, change))
+            change()
+
+
+@pytest.fixture(autouse=True)
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "SCRATCH", str(tmp_path))
+    monkeypatch.setattr(hook, "is_here", lambda uri: uri == URI)
+
+
+def started(world: World, clock: Clock | None = None, before: Any = None, run: Any = None, **settings: Any) -> str:
+    clock = clock or Clock()
+    return hook.started(
+        {**SETTINGS, **settings}, before or {}, world, run or (lambda *_: ""), clock.now, clock.sleep
+    )  # fmt: skip
+
+
+def owe(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
+    monkeypatch.setattr(hook, "load_contract", lambda *_: contract(**changes))
+
+
+def test_ready_keeps_what_later_calls_need() -> None:
+    assert started(World()) == ""
+    assert kept.load_state(OWN) == {
+        "node": OWN, "uri": URI, "pid": 71, "services": {"/add": "rosrpc://127.0.0.1:40004"},
+    }  # fmt: skip
+
+
+def test_without_contract_and_command_it_waits_until_nothing_more_is_registered() -> None:
+    """A node is registered before it has advertised anything: connected to nobody, it would pass."""
+    world, clock = World(), Clock()
+    late = world.publishers.pop("/out")
+    world.replies(OWN, bus=bus())
+
+    def advertise() -> None:
+        world.publishers["/out"] = late
+
+    clock.when = [(0.3, advertise)]
+    assert started(world, clock).startswith("not ready: topic /out: 0 of 1 subscriber connected")
+
+    world, clock = World(), Clock()
+    assert started(world, clock) == ""
+    assert hook.SETTLE <= clock.at <= hook.SETTLE + 0.2
+
+
+@pytest.mark.parametrize("what", ["contract", "command"])
+def test_a_contract_or_a_command_needs_no_settling(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    if what == "contract":
+        owe(monkeypatch)
+    assert started(World(), clock, command=["true"] if what == "command" else None) == ""
+    assert clock.at == 0
+
+
+def test_the_command_is_asked_before_the_graph() -> None:
+    """Else what the app registers in between, and then agrees, would not be looked at."""
+    world = World()
+    order: list[str] = []
+
+    def run(*_words: Any) -> str:
+        order.append(f"command after {len(world.asked)}")
+        return ""
+
+    assert started(world, command=["x"], run=run) == ""
+    assert order == ["command after 0"]
+
+
+def test_the_commands_word_counts_and_rates_wait_for_it() -> None:
+    world, clock, words = World(), Clock(), ["readiness.command exited with 1"]
+    clock.when = [(3.0, words.clear)]
+
+    def run(*_words: Any) -> str:
+        return words[0] if words else ""
+
+    assert started(world, clock, command=["x"], run=run, min_rates={"/out": 50}) == ""
+    assert 3.0 <= clock.at < 3.2
+    assert world.asked.count("rates") == 1
+    words = ["readiness.command exited with 1: no fix yet"]
+    assert started(World(), command=["x"], run=lambda *_: words[0]) == (
+        "not ready: command readiness: readiness.command exited with 1: no fix yet"
+    )
+
+
+def test_it_looks_ten_times_a_second_and_gives_up_after_ten() -> None:
+    world, clock = World(), Clock()
+    world.replies(OWN, bus=bus())
+    assert started(world, clock).startswith("not ready: topic /out")
+    assert clock.at == pytest.approx(hook.SECONDS)
+    assert world.asked.count("state") == pytest.approx(101, abs=2)
+
+
+def test_after_a_call_in_vain_it_looks_less_often() -> None:
+    world = World()
+    world.replies(OWN, bus=bus())
+    assert started(world, before={"failed": "not ready: x"}).startswith("not ready: topic /out")
+    assert world.asked.count("state") < 25
+
+
+def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
+    owe(monkeypatch, topics={"/out": {"type": "std_msgs/Bool", "rate": None}})
+    clock = Clock()
+    line = started(World(), clock)
+    assert line == (
+        "cannot become ready: topic /out: this version has the type std_msgs/String, the one before had std_msgs/Bool"
+    )
+    assert clock.at == 0
+    assert started(World(), clock, before={"failed": line}) == line
+    assert clock.at == pytest.approx(hook.SECONDS)
+
+
+def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) -> None:
+    owe(monkeypatch)
+    world = World()
+    world.sums["/out"] = "cc"
+    assert started(world).startswith("cannot become ready: topic /out: this version's definition")
+    assert "rates" not in world.asked
+
+
+def test_half_the_recorded_rate_is_not_ready(monkeypatch: pytest.MonkeyPatch) -> None:
+    owe(monkeypatch)
+    world = World()
+    world.hz["/out"] = 50.0
+    assert started(world).startswith("not ready: rate /out: 50.0 Hz")
+    world.hz["/out"] = 91.0
+    assert started(world) == ""
+
+
+def test_a_contract_that_comes_later_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, owed = Clock(), [None]
+    monkeypatch.setattr(hook, "load_contract", lambda *_: owed[0])
+    clock.when = [(0.2, lambda: owed.__setitem__(0, contract(services={"/gone": {}})))]  # type: ignore[call-overload]
+    assert started(World(), clock) == f"not ready: node {OWN}: as the version before: does not offer the service /gone"
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (lambda world: setattr(world, "publishers", {}) or setattr(world, "subscribers", {}) or world.services.clear(),
+         f"not ready: node {OWN}: not registered with the master"),
+        (lambda world: world.replies(OWN, uri="http://10.42.0.9:1/"),
+         f"not ready: node {OWN}: registered from http://10.42.0.9:1/, which is not this pod"),
+    ],
+)  # fmt: skip
+def test_the_own_node_must_be_there(change: Any, line: str) -> None:
+    world = World()
+    change(world)
+    assert started(world) == line
+
+
+def test_a_master_that_is_away_is_a_reason_to_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World()
+
+    def away(types: bool = False) -> Any:  # noqa: ARG001
+        raise RosError("the ROS master does not answer: nothing listens")
+
+    monkeypatch.setattr(world, "state", away)
+    line = "not ready: master http://ros-master:11311: the ROS master does not answer: nothing listens"
+    assert started(world) == line
+
+
+def test_where_no_node_can_be_known_only_the_command_counts() -> None:
+    world = World()
+    assert started(world, expect_node=False) == ""
+    assert started(world, expect_node=False, command=["x"], run=lambda *_: "no").startswith("not ready: command")
+    assert world.asked == []
+
+
+def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(hook, "load_settings", lambda _environ: SETTINGS)
+    monkeypatch.setattr(hook, "ros_of", lambda _environ: None)
+    monkeypatch.setattr(hook, "started", lambda *_: "not ready: x")
+    assert hook.main([]) == 1
+    assert capsys.readouterr().out == "not ready: x\n"
+    assert kept.load_state(OWN) == {"failed": "not ready: x"}
+    monkeypatch.setattr(hook, "started", lambda *_: "")
+    assert hook.main([]) == 0
+    assert capsys.readouterr().out == ""

@@ -1,0 +1,196 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The stop hook's order of things, on a fake clock and a fake node."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as hook
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.sockets import established
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import StatusReading
+
+IDLE, ACTIVE, DONE = StatusReading(((), ())), StatusReading(((1,),)), StatusReading(((3,), (3,)))
+
+
+class Node:
+    """What is done to it stands in `done`, with the time."""
+
+    def __init__(self, statuses: dict[str, list[StatusReading]] | None = None) -> None:
+        self.at = 0.0
+        self.statuses = statuses or {}
+        self.calls: list[int] = []
+        self.done: list[tuple[str, float]] = []
+        self.raising: set[str] = set()
+
+    def now(self) -> float:
+        return self.at
+
+    def sleep(self, seconds: float) -> None:
+        self.at += seconds
+
+    def _note(self, what: str) -> None:
+        self.done.append((what, round(self.at, 3)))
+        if what.split()[0] in self.raising:
+            raise OSError("it is gone")
+
+    @property
+    def order(self) -> list[str]:
+        """Without repetitions."""
+        return list(dict.fromkeys(what for what, _at in self.done))
+
+    def actions(self) -> list[str]:
+        self._note("actions")
+        return list(self.statuses)
+
+    def status(self, action: str) -> StatusReading:
+        self.at += 0.2  # servers say it five times a second
+        readings = self.statuses[action]
+        return readings.pop(0) if len(readings) > 1 else readings[0]
+
+    def isolate(self, action: str) -> None:
+        self._note(f"isolate {action}")
+
+    def connections(self) -> int:
+        self._note("connections")
+        return self.calls.pop(0) if self.calls else 0
+
+    def unregister(self) -> None:
+        self._note("unregister")
+
+    def shut_down(self) -> None:
+        self._note("shutdown")
+
+
+def stop(node: Node, hold: Callable[[str, str, float], str] | None = None, **settings: Any) -> list[str]:
+    settings = {"node": "/server", "handoff": "overlap", "stop_deadline": 5, **settings}
+    return hook.stop(node, settings, hold, node.now, node.sleep)
+
+
+def drained(node: Node, hold: Any = None, **settings: Any) -> list[str]:
+    return stop(node, hold, handoff="drain", **{"stop_deadline": 30, **settings})
+
+
+def held(node: Node) -> Callable[[str, str, float], str]:
+    def hold(action: str, server: str, seconds: float) -> str:
+        assert server == "/server"
+        assert seconds > 300
+        node._note(f"hold {action}")
+        return ""
+
+    return hold
+
+
+def test_a_node_without_actions_ends_at_once() -> None:
+    node = Node()
+    assert stop(node) == []
+    assert node.done == [("connections", 0), ("unregister", 0), ("shutdown", 0)]
+
+
+def test_calls_under_way_are_let_end_but_a_persistent_client_is_not_waited_for() -> None:
+    node = Node()
+    node.calls = [2, 1, 1]
+    assert stop(node) == []
+    assert dict(node.done)["shutdown"] == pytest.approx(0.15)
+    node = Node()
+    node.calls = [1] * 1000
+    assert stop(node) == []
+    assert dict(node.done)["shutdown"] == pytest.approx(hook.CALLS)
+    assert node.at < 5
+
+
+def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
+    node = Node({"/move": [IDLE]})
+    assert drained(node, held(node)) == []
+    assert node.order == ["actions", "hold /move", "isolate /move", "unregister", "shutdown"]
+    assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
+
+
+def test_open_goals_are_waited_for_and_one_idle_look_is_not_enough() -> None:
+    node = Node({"/move": [ACTIVE, ACTIVE, IDLE, ACTIVE, DONE, DONE]})
+    assert drained(node, held(node)) == []
+    assert node.statuses["/move"] == [DONE]
+    assert dict(node.done)["shutdown"] > 1.0
+
+
+def test_all_actions_of_a_node_have_to_rest() -> None:
+    node = Node({"/a": [IDLE], "/b": [ACTIVE, ACTIVE, IDLE]})
+    assert drained(node, held(node)) == []
+    assert node.statuses["/b"] == [IDLE]
+    assert "hold /a" in node.order
+    assert "hold /b" in node.order
+
+
+@pytest.mark.parametrize(
+    ("hold", "remark"),
+    [
+        (None, "goals of /move are not held: there is no keeper"),
+        (lambda *_: "nothing listens at x", "goals of /move are not held: nothing listens at x"),
+    ],
+)
+def test_without_a_keeper_it_drains_without_cutting_off(hold: Any, remark: str) -> None:
+    """Goals of a client that is cut off would be lost with nobody to hold them."""
+    node = Node({"/move": [ACTIVE, IDLE]})
+    assert drained(node, hold) == [remark]
+    assert "isolate /move" not in node.order
+    assert node.order[-2:] == ["unregister", "shutdown"]
+
+
+@pytest.mark.parametrize(("total", "share"), [(30.0, 27.0), (3.0, 2.0)])
+def test_the_deadline_holds_and_says_what_was_cut_short(total: float, share: float) -> None:
+    node = Node({"/move": [ACTIVE]})
+    remarks = drained(node, held(node), stop_deadline=total)
+    assert remarks == [f"stopped with open goals after {remarks[0].split()[5]} s: /move ACTIVE"]
+    assert share <= dict(node.done)["shutdown"] <= share + 0.5
+    assert node.at <= total
+
+
+def test_a_status_that_cannot_be_read_is_no_idleness() -> None:
+    assert hook.busy("/a", StatusReading(((),), "timed out")) == ["/a unknown (timed out)"]
+    assert hook.busy("/a", StatusReading(((0,), (3,)))) == ["/a PENDING"]
+    assert hook.busy("/a", StatusReading(((3, 4), (3, 4)))) == []
+
+
+@pytest.mark.parametrize("what", ["connections", "unregister", "actions", "isolate", "hold"])
+def test_whatever_fails_the_node_is_shut_down(what: str) -> None:
+    node = Node({"/move": [IDLE]})
+    node.raising = {what}
+    remarks = stop(node, held(node), handoff="overlap" if what == "connections" else "drain", stop_deadline=30)
+    assert "shutdown" in node.order
+    assert bool(remarks) == (what != "connections")
+
+
+def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(hook, "tell", told.append)
+
+    def broken(_environ: Any) -> Any:
+        raise RuntimeError("no such thing")
+
+    monkeypatch.setattr(hook, "load_settings", broken)
+    assert hook.main([]) == 0
+    assert told == ["rosops.fleet: stop hook: RuntimeError: no such thing"]
+    monkeypatch.setattr(hook, "load_settings", lambda _environ: {"expect_node": False})
+    assert hook.main([]) == 0
+    monkeypatch.setattr(hook, "load_settings", lambda _environ: {"expect_node": True, "node": "/x"})
+    monkeypatch.setattr(hook, "find_node", lambda _settings: (None, "node /x: not registered with the master"))
+    assert hook.main([]) == 0
+    assert told[1:] == ["rosops.fleet: left to SIGTERM: node /x: not registered with the master"]
+    assert capsys.readouterr().out == ""
+
+
+TABLE = """\
+  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
+   0: 0100007F:9F6B 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 3487123 1
+   1: 0100007F:9F6B 0100007F:BE2E 01 00000000:00000000 00:00000000 00000000     0        0 3487124 1
+   2: 0100007F:BE2E 0100007F:9F6B 01 00000000:00000000 00:00000000 00000000     0        0 3487125 1
+   3: 0100007F:9F6B 0100007F:BE30 06 00000000:00000000 03:00001000 00000000     0        0 0 3
+"""
+
+
+def test_established_counts_what_peers_hold_to_a_port() -> None:
+    assert established([TABLE], {0x9F6B}) == 1
+    assert established([TABLE, TABLE], {0x9F6B, 0xBE2E}) == 4
+    assert established([TABLE], {1}) == 0
+    assert established(["", "header only\n"], {1}) == 0

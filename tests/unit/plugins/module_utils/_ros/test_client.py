@@ -1,0 +1,475 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The backend against the recorded graph, served over loopback, and against the same graph with peers gone wrong."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from typing import Any, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import RosMaster, _count
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Questions, Rate, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import TimedSocket
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import encode_header
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, Peers, frames, recorded
+
+SHORT = 1.0  # where something hangs; what answers must do so within it on a busy machine, too
+
+
+def framed(body: bytes) -> bytes:
+    return struct.pack("<I", len(body)) + body
+
+
+class Replay:
+    """The recorded graph on loopback: what a test changes in `nodes` or `services` before `start` goes wrong."""
+
+    def __init__(self) -> None:
+        self.peers = Peers()
+        self.tcpros = self.peers.tcpros(self.answers)
+        self.nodes = {name: self.node(name, replies) for name, replies in recorded("nodes").items()}
+        self.nodes[DEAD] = f"http://127.0.0.1:{self.peers.dead()}/"
+        self.services: dict[str, str] = {}
+        self.statuses = [frames("statuses", "never had a goal")[1]] * 2
+        self.messages: list[bytes] = []
+        self.state = recorded("master")["getSystemState with a client"]
+        self.handshakes: list[dict[str, str]] = []
+
+    def node(self, name: str, replies: dict[str, Any]) -> str:
+        known = {call: reply for call, reply in replies.items() if "fault" not in reply}
+        known["requestTopic"] = lambda topic, _: (
+            [1, "ready", ["TCPROS", "127.0.0.1", self.tcpros]]
+            if topic in self.published(name)
+            else [-1, f"Not a publisher of [{topic}]", []]
+        )
+        return self.peers.api(name, known)
+
+    def published(self, name: str) -> list[str]:
+        return [topic for topic, nodes in self.state[2][0] if name in nodes]
+
+    def answers(self, fields: dict[str, str]) -> Iterator[bytes]:
+        self.handshakes.append(fields)
+        if fields.get("service") == "/trigger":
+            yield framed(frames("services", "/trigger by rospy")[0])
+        elif "service" in fields:
+            yield framed(frames("services", "/rosout/get_loggers by roscpp, unknown service")[0])
+        elif fields["topic"] == "/work/status":
+            yield framed(frames("statuses", "active")[0])
+            yield from map(framed, self.statuses)
+        else:
+            yield framed(frames("topics", "/chatter by rospy")[0])
+            yield from self.messages
+
+    def start(self, multicall: bool = True, timeout: float = 10) -> RosMaster:
+        def look_up(names: dict[str, str], name: str) -> list[Any]:
+            return [1, "", names[name]] if name in names else [-1, f"unknown node [{name}]", ""]
+
+        services = {"/trigger": f"rosrpc://127.0.0.1:{self.tcpros}", **self.services}
+        replies = {
+            **{call: reply for call, reply in recorded("master").items() if " " not in call},
+            "getSystemState": lambda: self.state,
+            "lookupNode": lambda name: look_up(self.nodes, name),
+            "lookupService": lambda name: look_up(services, name),
+        }
+        del replies["system.multicall"]
+        return RosMaster(self.peers.api("master", replies, multicall), timeout, "/test")
+
+    def calls_of(self, label: str) -> list[str]:
+        return [method for name, method in self.peers.calls if name == label]
+
+
+@pytest.fixture
+def ros() -> Iterator[Replay]:
+    replay = Replay()
+    yield replay
+    replay.peers.close()
+
+
+def judge(master: RosMaster, **params: Any) -> dict[tuple[str, str], tuple[str, str]]:
+    seen = look(master, conditions_from(params))
+    return {(check.kind, check.name): (check.verdict, check.reason) for check in seen.checks if check.kind != "master"}
+
+
+# ---- the master
+
+
+@pytest.mark.parametrize("multicall", [True, False])
+def test_the_state(ros: Replay, multicall: bool) -> None:
+    state = ros.start(multicall).state(types=True)
+    assert state.publishers["/chatter"] == ("/talker_a", "/talker_b")
+    assert state.types["/chatter"] == "std_msgs/String"
+    assert ros.start(multicall).state().types == {}
+
+
+@pytest.mark.parametrize(
+    ("uri", "words"),
+    [
+        ("http://127.0.0.1:{dead}", "the ROS master does not answer: nothing listens at"),
+        ("http://127.0.0.1:{hung}", "the ROS master does not answer: no answer from"),
+        ("http://no-such-host.invalid:11311", "does not resolve here"),
+        ("http://127.0.0.1:{other}", "is not one"),
+    ],
+)
+def test_a_master_that_is_none(ros: Replay, uri: str, words: str) -> None:
+    other = ros.peers.api("other", {}).split(":")[2].rstrip("/")
+    master = RosMaster(uri.format(dead=ros.peers.dead(), hung=ros.peers.hung(), other=other), SHORT)
+    start = time.monotonic()
+    with pytest.raises(RosError, match=words):
+        master.state(types=True)
+    assert time.monotonic() - start < SHORT + 3
+
+
+@pytest.mark.parametrize(("uri", "timeout"), [("master:11311", 2.0), ("http://m", 2.0), ("http://m:1", 0.0)])
+def test_options_that_cannot_be(uri: str, timeout: float) -> None:
+    with pytest.raises(RosError):
+        RosMaster(uri, timeout)
+
+
+# ---- one look
+
+
+@pytest.mark.parametrize("multicall", [True, False])
+def test_a_look_at_the_recorded_graph(ros: Replay, multicall: bool) -> None:
+    seen = judge(
+        ros.start(multicall),
+        nodes=["/talker_a", "/relay", DEAD, "/nobody"],
+        topics=[
+            {"name": "/chatter", "type": "std_msgs/String", "publishers": 2, "connected": True},
+            {"name": "/chatter_relay", "connected": True},
+        ],
+        services=[{"name": "/trigger"}],
+        actions=[{"name": "/work", "state": "idle"}],
+        absent=["/gone"],
+    )
+    unmet = {key: reason for key, (verdict, reason) in seen.items() if verdict != PASS}
+    down = f"nothing listens at {ros.nodes[DEAD]}"
+    assert unmet == {
+        ("node", DEAD): f"registered, but down: {down}",
+        ("node", "/nobody"): "not registered with the master",
+        ("topic", "/chatter"): f"3 of 4 subscribers connected to /talker_a: missing {DEAD} (down: {down}); "
+        f"3 of 4 subscribers connected to /talker_b: missing {DEAD} (down: {down})",
+    }
+    assert seen["service", "/trigger"] == (PASS, "served by /helper")
+    assert seen["action", "/work"] == (PASS, "idle on /worker, seen twice")
+
+
+def test_only_what_is_needed_is_asked(ros: Replay) -> None:
+    master = ros.start()
+    judge(master, nodes=["/talker_a"])
+    assert ros.calls_of("talker_a") == []  # labels are full names
+    assert ros.calls_of("/talker_a") == ["getPid"]
+    assert ros.calls_of("/talker_b") == []
+    assert "getTopicTypes" not in ros.calls_of("master")
+    judge(master, topics=[{"name": "/chatter_relay", "connected": True, "type": "std_msgs/String"}])
+    assert ros.calls_of("/relay") == ["getPid", "getBusInfo", "getPublications", "getSubscriptions"]
+    assert ros.calls_of("/listener_relay") == ["getPid", "getPublications", "getSubscriptions"]
+
+
+def test_hung_nodes_cost_one_time_out_together(ros: Replay) -> None:
+    for name in ("/talker_b", "/listener_a", "/helper", "/worker"):
+        ros.nodes[name] = f"http://127.0.0.1:{ros.peers.hung()}/"
+    ros.services["/trigger"] = f"rosrpc://127.0.0.1:{ros.peers.hung()}"
+    master = ros.start(timeout=SHORT)
+    start = time.monotonic()
+    seen = judge(
+        master,
+        nodes=["/talker_a", "/talker_b", "/listener_a", "/helper", "/worker", DEAD],
+        topics=[{"name": "/chatter", "connected": True}],
+        services=[{"name": "/trigger"}],
+        actions=[{"name": "/work"}],
+    )
+    assert time.monotonic() - start < 3 * SHORT  # one after the other they would take 7
+    assert seen["node", "/talker_a"][0] == PASS
+    for key in (("node", "/talker_b"), ("topic", "/chatter"), ("service", "/trigger"), ("action", "/work")):
+        assert seen[key][0] == WAIT
+        assert "within 1 s" in seen[key][1]
+
+
+def test_a_node_whose_name_does_not_resolve(ros: Replay) -> None:
+    ros.nodes["/relay"] = "http://robot-without-dns.invalid:4711/"
+    seen = judge(ros.start(), nodes=["/relay", "/talker_a"])
+    assert seen["node", "/relay"] == (
+        WAIT,
+        "registered, but down: the name in http://robot-without-dns.invalid:4711/ does not resolve here",
+    )
+    assert seen["node", "/talker_a"][0] == PASS
+
+
+def test_a_node_that_left_between_the_two_questions(ros: Replay) -> None:
+    del ros.nodes["/relay"]
+    seen = judge(ros.start(), nodes=["/relay"])
+    assert seen["node", "/relay"] == (WAIT, "registered, but down: unknown node [/relay]")
+
+
+@pytest.mark.parametrize("uri", ["", "rosrpc://h:1", "http://h:x/", 7])
+def test_a_node_registered_with_no_address(ros: Replay, uri: Any) -> None:
+    ros.nodes["/relay"] = uri
+    assert judge(ros.start(), nodes=["/relay"])["node", "/relay"][0] == WAIT
+
+
+def test_a_node_that_moved_is_found_by_the_next_look(ros: Replay) -> None:
+    there, ros.nodes["/relay"] = ros.nodes["/relay"], f"http://127.0.0.1:{ros.peers.dead()}/"
+    master = ros.start()
+    assert judge(master, nodes=["/relay"])["node", "/relay"][0] == WAIT
+    ros.nodes["/relay"] = there
+    assert judge(master, nodes=["/relay"])["node", "/relay"][0] == PASS
+
+
+def test_a_dead_node_whose_port_a_living_one_took(ros: Replay) -> None:
+    ros.nodes[DEAD] = ros.nodes["/listener_relay"]
+    seen = judge(ros.start(), nodes=["/listener_relay", DEAD])
+    assert seen["node", "/listener_relay"][0] == PASS
+    assert seen["node", DEAD][0] == WAIT
+    assert "another node answers" in seen["node", DEAD][1]
+
+
+def test_a_node_that_lacks_a_call_is_up_with_that_part_unknown(ros: Replay) -> None:
+    ros.nodes["/relay"] = ros.peers.api("bare", {"getPid": [1, "", 7]})
+    seen = judge(ros.start(), nodes=["/relay"], topics=[{"name": "/chatter_relay", "connected": True}])
+    assert seen["node", "/relay"][0] == PASS
+    assert seen["topic", "/chatter_relay"][0] == WAIT
+    assert "it did not tell them" in seen["topic", "/chatter_relay"][1]
+
+
+def test_a_process_id_that_is_no_number(ros: Replay) -> None:
+    ros.nodes["/relay"] = ros.peers.api("odd", {"getPid": [1, "", "7"]})
+    assert "not a number" in judge(ros.start(), nodes=["/relay"])["node", "/relay"][1]
+
+
+# ---- services
+
+
+@pytest.mark.parametrize(
+    ("uri", "words"),
+    [
+        ("rosrpc://127.0.0.1:{dead}", "not served: nothing listens at rosrpc://127.0.0.1:"),
+        ("rosrpc://127.0.0.1:{hung}", "not served: no answer from rosrpc://127.0.0.1:"),
+        ("rosrpc://127.0.0.1:{closes}", "not served: the connection was closed"),
+        ("rosrpc://127.0.0.1:{stranger}", "/stranger answers at rosrpc://127.0.0.1:"),
+        ("http://127.0.0.1:1", "is not rosrpc://host:port"),
+    ],
+)
+def test_a_service_that_is_not_there(ros: Replay, uri: str, words: str) -> None:
+    ports = {
+        "dead": ros.peers.dead(),
+        "hung": ros.peers.hung(),
+        "closes": ros.peers.tcp(lambda sock: sock.recv(65536)),
+        "stranger": ros.peers.tcpros(lambda _: [encode_header({"callerid": "/stranger"})]),
+    }
+    ros.services["/trigger"] = uri.format(**ports)
+    verdict, reason = judge(ros.start(timeout=SHORT), services=[{"name": "/trigger"}])["service", "/trigger"]
+    assert verdict == WAIT
+    assert words in reason
+
+
+def test_the_services_reply_is_read(ros: Replay) -> None:
+    """roscpp takes the connection of a probe for a service that it no longer has; only its reply says so."""
+    ros.services["/relay/get_loggers"] = f"rosrpc://127.0.0.1:{ros.tcpros}"
+    seen = judge(ros.start(), services=[{"name": "/relay/get_loggers"}])
+    verdict, reason = seen["service", "/relay/get_loggers"]
+    assert (verdict, "refused: received a tcpros connection for a nonexistent service" in reason) == (WAIT, True)
+    assert ros.handshakes == [{"callerid": "/test", "service": "/relay/get_loggers", "md5sum": "*", "probe": "1"}]
+
+
+# ---- actions
+
+
+@pytest.mark.parametrize(
+    ("statuses", "verdict", "reason"),
+    [
+        (["never had a goal", "never had a goal"], PASS, "idle on /worker, seen twice"),
+        (["preempted", "preempted"], PASS, "idle on /worker, seen twice"),
+        (["active"], WAIT, "busy on /worker: 1 ACTIVE"),
+        (["preempting"], WAIT, "busy on /worker: 1 PREEMPTING"),
+        # the goal was on its way at the first status
+        (["never had a goal", "active"], WAIT, "busy on /worker: 1 ACTIVE"),
+    ],
+)
+def test_idle(ros: Replay, statuses: list[str], verdict: str, reason: str) -> None:
+    ros.statuses = [frames("statuses", name)[1] for name in statuses]
+    assert judge(ros.start(), actions=[{"name": "/work", "state": "idle"}])["action", "/work"] == (verdict, reason)
+
+
+def test_a_status_that_comes_only_once_is_not_idle(ros: Replay) -> None:
+    ros.statuses = ros.statuses[:1]
+    master = ros.start(timeout=SHORT)
+    verdict, reason = judge(master, actions=[{"name": "/work", "state": "idle"}])["action", "/work"]
+    assert (verdict, reason.startswith("idle on /worker, seen once only: no answer from")) == (WAIT, True)
+    assert judge(master, actions=[{"name": "/work"}])["action", "/work"][0] == PASS
+
+
+def test_a_status_that_is_none(ros: Replay) -> None:
+    ros.statuses = [b"\x01\x02\x03"]
+    verdict, reason = judge(ros.start(), actions=[{"name": "/work"}])["action", "/work"]
+    assert (verdict, "the message ends early" in reason) == (WAIT, True)
+
+
+# ---- rates
+
+
+def test_rates_are_counted_over_all_publishers(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 30]
+    master = ros.start()
+    state = master.state()
+    graph = master.ask(state, Questions({"/talker_a": frozenset(), "/talker_b": frozenset()}))
+    rates = master.rates(graph, {"/chatter": 0.6, "/chatter_relay": 0.4, "/nothing": 0.1})
+    assert (rates["/chatter"].messages, rates["/chatter_relay"].messages) == (60, 30)
+    assert rates["/chatter"].seconds >= 0.6
+    assert rates["/nothing"] == Rate(error="no publisher")
+    wanted = {"callerid": "/test", "topic": "/chatter", "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
+    assert wanted in ros.handshakes
+
+
+def test_each_publishers_rate_comes_from_the_same_count(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 30]
+    master = ros.start()
+    graph = master.ask(master.state(), Questions())
+    rate = master.rates(graph, {"/chatter": 0.4})["/chatter"]
+    assert {name: part.messages for name, part in rate.by.items()} == {"/talker_a": 30, "/talker_b": 30}
+    assert (rate.messages, rate.hz) == (60, sum(part.hz for part in rate.by.values()))
+    assert len([fields for fields in ros.handshakes if fields.get("topic") == "/chatter"]) == 2
+
+
+def test_only_the_publishers_asked_for_are_counted(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 30]
+    master = ros.start()
+    graph = master.ask(master.state(), Questions())
+    rates = master.rates(graph, {"/chatter": 0.2, "/chatter_relay": 0.2}, {"/chatter": ["/talker_b", "/nobody"]})
+    assert {name: list(rate.by) for name, rate in rates.items()} == {
+        "/chatter": ["/talker_b"],
+        "/chatter_relay": ["/relay"],
+    }
+    assert len([fields for fields in ros.handshakes if fields.get("topic") == "/chatter"]) == 1
+
+
+def test_a_publisher_that_is_gone_stands_in_the_rates_with_its_reason(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 5]
+    ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.dead()}/"
+    master = ros.start()
+    rate = master.rates(master.ask(master.state(), Questions()), {"/chatter": 0.2})["/chatter"]
+    assert (rate.error, rate.by["/talker_b"].messages) == ("", 5)
+    assert rate.by["/talker_a"].error.startswith("/talker_a: nothing listens at")
+
+
+def test_md5sums_come_from_the_first_publisher_that_lives(ros: Replay) -> None:
+    ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.dead()}/"
+    master = ros.start()
+    graph = master.ask(master.state(), everything(master.state()))
+    assert master.md5sums(graph, ["/chatter", "/chatter_relay", "/nothing", "/work/result"]) == {
+        "/chatter": "992ce8a1687cec8c8bd883ec73ca41d1",
+        "/chatter_relay": "992ce8a1687cec8c8bd883ec73ca41d1",
+        "/work/result": "992ce8a1687cec8c8bd883ec73ca41d1",
+    }
+    assert graph.services["/trigger"].probe is not None
+    assert graph.services["/trigger"].probe.md5sum == "937c9679a518e3a18d831e57125ea522"
+
+
+def test_a_refusal_counts_when_it_comes_twice(ros: Replay) -> None:
+    port = ros.peers.dead()
+    ros.nodes["/talker_a"] = f"http://127.0.0.1:{port}/"
+    ros.nodes["/talker_b"] = f"http://127.0.0.1:{ros.peers.hung()}/"
+    master = ros.start(timeout=SHORT)
+    asked = ["/talker_a", "/talker_b", "/relay"]
+    graph = master.ask(master.state(), Questions(dict.fromkeys(asked, frozenset())))
+    assert {name: graph.nodes[name].refused for name in asked} == {
+        "/talker_a": True,  # dead
+        "/talker_b": False,  # late: it may only be busy
+        "/relay": False,
+    }
+
+
+def test_a_refusal_that_comes_once_is_no_death(ros: Replay, monkeypatch: pytest.MonkeyPatch) -> None:
+    ask_node = RosMaster._ask_node
+    refusals = [ConnectionRefusedError()]
+
+    def once(self: RosMaster, uri: Any, asked: frozenset[str]) -> Any:
+        if refusals:
+            raise refusals.pop()
+        return ask_node(self, uri, asked)
+
+    monkeypatch.setattr(RosMaster, "_ask_node", once)
+    assert judge(ros.start(), nodes=["/relay"])["node", "/relay"][0] == PASS
+
+
+def test_a_rate_of_publishers_that_are_gone(ros: Replay) -> None:
+    ros.nodes["/talker_a"] = ros.nodes["/talker_b"] = f"http://127.0.0.1:{ros.peers.dead()}/"
+    master = ros.start()
+    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter": 0.1})
+    assert rates["/chatter"].error.startswith("/talker_a: nothing listens at")
+
+
+def test_one_of_two_publishers_gone_leaves_the_others_rate(ros: Replay) -> None:
+    ros.messages = [framed(b"hello") * 5]
+    ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.hung()}/"
+    master = ros.start(timeout=SHORT)
+    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter": 0.5})
+    assert (rates["/chatter"].messages, rates["/chatter"].error) == (5, "")
+
+
+def test_large_messages_are_skipped(ros: Replay) -> None:
+    ros.messages = [framed(bytes(3_000_000))] * 5
+    master = ros.start()
+    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter_relay": 2.0})
+    assert rates["/chatter_relay"].messages == 5
+
+
+def test_a_publisher_that_closes_the_stream(ros: Replay) -> None:
+    def talk(sock: socket.socket) -> None:
+        sock.recv(65536)
+        sock.sendall(encode_header({"callerid": "/relay"}) + framed(b"last") * 3)
+
+    port = ros.peers.tcp(talk)
+    ros.nodes["/relay"] = ros.peers.api("closing", {"requestTopic": [1, "", ["TCPROS", "127.0.0.1", port]]})
+    master = ros.start()
+    rate = master.rates(master.ask(master.state(), Questions()), {"/chatter_relay": 0.3})["/chatter_relay"]
+    assert (rate.messages, rate.hz < 11) == (3, True)
+
+
+@pytest.mark.parametrize("offer", [[], ["UDPROS", "h", 1], ["TCPROS"], ["TCPROS", 5, 5], ["TCPROS", "h", 0], "TCPROS"])
+def test_a_publisher_that_offers_nothing_usable(ros: Replay, offer: Any) -> None:
+    ros.nodes["/relay"] = ros.peers.api("odd", {"requestTopic": [1, "", offer]})
+    master = ros.start()
+    rates = master.rates(master.ask(master.state(), Questions()), {"/chatter_relay": 0.1})
+    assert "it offers" in rates["/chatter_relay"].error
+
+
+# ---- the whole graph
+
+
+def test_everything(ros: Replay) -> None:
+    master = ros.start()
+    state = master.state(types=True)
+    graph = master.ask(state, everything(state)).as_dict()
+    assert [name for name, node in graph["nodes"].items() if not node["reachable"]] == [DEAD]
+    assert graph["services"]["/trigger"]["provider"] == "/helper"
+    assert graph["services"]["/relay/get_loggers"] == {
+        "providers": ["/relay"],
+        "uri": "",
+        "provider": "",
+        "type": "",
+        "error": "unknown node [/relay/get_loggers]",
+        "md5sum": "",
+        "up": False,
+        "connections": None,
+    }
+    assert graph["actions"]["/work"]["up"] is True
+    assert {"publisher": "/relay", "subscriber": "/listener_relay"} in graph["topics"]["/chatter_relay"]["connections"]
+
+
+def test_what_waited_while_other_streams_were_opened_makes_no_topic_faster() -> None:
+    """A dead peer takes its time-out of 2 s; meanwhile a 500 Hz stream, opened before, piles up."""
+    ours, theirs = socket.socketpair()
+    stream = TimedSocket(fileno=ours.detach())
+    stream.opened = time.monotonic() - 2.0
+    theirs.sendall((struct.pack("<I", 8) + bytes(8)) * 1000)
+    with theirs:
+        rate = _count({("/scan", "/lidar"): stream}, {"/scan": 0.1})["/scan", "/lidar"]
+    assert rate.messages == 1000
+    assert rate.hz <= 501
+    assert rate.seconds == pytest.approx(2.1, abs=0.1)

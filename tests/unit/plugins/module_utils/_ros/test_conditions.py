@@ -1,0 +1,125 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import (
+    ActionCondition,
+    Conditions,
+    EdgeCondition,
+    TopicCondition,
+    conditions_from,
+    resolve,
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace", "expected"),
+    [
+        ("/chatter", "/", "/chatter"),
+        ("chatter", "/", "/chatter"),
+        ("chatter", "/robot1", "/robot1/chatter"),
+        ("chatter", "/robot1/", "/robot1/chatter"),
+        ("chatter", "robot1", "/robot1/chatter"),
+        ("/chatter", "/robot1", "/chatter"),
+        ("a/b", "/r/s", "/r/s/a/b"),
+    ],
+)
+def test_resolve(name: str, namespace: str, expected: str) -> None:
+    assert resolve(name, namespace) == expected
+
+
+def test_conditions_from_the_modules_options() -> None:
+    found = conditions_from(
+        {
+            "namespace": "/robot1",
+            "nodes": ["talker", "/rosout"],
+            "topics": [
+                {"name": "chatter", "type": "std_msgs/String", "publishers": 1, "connected": True, "min_rate": 450.0},
+                {"name": "/cmd", "type": None, "publishers": None, "subscribers": 0, "connected": None, "min_rate": 0},
+            ],
+            "services": [{"name": "add"}],
+            "actions": [{"name": "move", "state": "idle"}, {"name": "/look"}],
+            "absent": ["/old_1234"],
+            "edges": [
+                {"publisher": "talker", "topic": "chatter", "subscriber": "/ear", "peer": "subscriber"},
+                {"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": None},
+            ],
+        }
+    )
+    assert found == Conditions(
+        nodes=("/robot1/talker", "/rosout"),
+        topics=(
+            TopicCondition("/robot1/chatter", "std_msgs/String", 1, None, True, 450.0),
+            TopicCondition("/cmd", None, None, 0, False, None),
+        ),
+        services=("/robot1/add",),
+        actions=(ActionCondition("/robot1/move", "idle"), ActionCondition("/look", "up")),
+        absent=("/old_1234",),
+        edges=(
+            EdgeCondition("/robot1/talker", "/robot1/chatter", "/ear", "subscriber"),
+            EdgeCondition("/a", "/t", "/b"),
+        ),
+    )
+
+
+def test_a_publisher_is_a_name_like_the_others() -> None:
+    found = conditions_from({"namespace": "/r", "topics": [{"name": "t", "publisher": "p"}, {"name": "u"}]})
+    assert [topic.publisher for topic in found.topics] == ["/r/p", None]
+
+
+def test_no_options_are_no_conditions() -> None:
+    assert conditions_from({}) == Conditions()
+
+
+@pytest.mark.parametrize(
+    ("params", "path"),
+    [
+        ({"nodes": ["a b"]}, "nodes[0]"),
+        ({"nodes": ["/ok", ""]}, "nodes[1]"),
+        ({"nodes": ["/a/"]}, "nodes[0]"),
+        ({"nodes": ["/a//b"]}, "nodes[0]"),
+        ({"nodes": ["/a\n"]}, "nodes[0]"),
+        ({"nodes": ["tälker"]}, "nodes[0]"),
+        ({"nodes": ["9lives"]}, "nodes[0]"),
+        ({"absent": ["~private"]}, "absent[0]"),
+        ({"absent": ["/a-b"]}, "absent[0]"),
+        ({"topics": [{"name": "/t", "type": "String"}]}, "topics[0].type"),
+        ({"topics": [{"name": "/t", "publishers": -1}]}, "topics[0].publishers"),
+        ({"topics": [{"name": "/t", "subscribers": -1}]}, "topics[0].subscribers"),
+        ({"topics": [{"name": "/t", "min_rate": -0.5}]}, "topics[0].min_rate"),
+        ({"topics": [{"name": "/t", "min_rate": float("nan")}]}, "topics[0].min_rate"),
+        ({"topics": [{"name": "/t"}, {"name": "?"}]}, "topics[1].name"),
+        ({"services": [{"name": "a.b"}]}, "services[0].name"),
+        ({"actions": [{"name": "a", "state": "busy"}]}, "actions[0].state"),
+        ({"namespace": "a b"}, "namespace"),
+        ({"nodes": ["a"], "absent": ["/a"]}, "absent"),
+        ({"timeout": -1.0}, "timeout"),
+        ({"timeout": float("inf")}, "timeout"),
+        ({"interval": 0.0}, "interval"),
+        ({"consecutive": 0}, "consecutive"),
+        ({"node_timeout": 0.0}, "node_timeout"),
+        ({"stable": -1.0}, "stable"),
+        ({"stable": float("nan")}, "stable"),
+        ({"stable": 10.0, "timeout": 5.0}, "stable"),
+        ({"topics": [{"name": "/t", "publisher": "a b"}]}, "topics[0].publisher"),
+        ({"edges": [{"publisher": "/a", "topic": "/t"}]}, "edges[0].subscriber"),
+        ({"edges": [{"publisher": "/a", "topic": "t!", "subscriber": "/b"}]}, "edges[0].topic"),
+        ({"edges": [{"publisher": "", "topic": "/t", "subscriber": "/b"}]}, "edges[0].publisher"),
+        ({"edges": [{"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": "both"}]}, "edges[0].peer"),
+    ],
+)
+def test_a_bad_option_is_named_with_its_path(params: dict[str, Any], path: str) -> None:
+    with pytest.raises(SpecError) as caught:
+        conditions_from(params)
+    assert [error.split(":")[0] for error in caught.value.details["errors"]] == [path]
+
+
+def test_all_bad_options_come_in_one_error() -> None:
+    with pytest.raises(SpecError) as caught:
+        conditions_from({"nodes": ["?"], "absent": ["!"], "timeout": -1.0, "services": [{"name": ""}]})
+    assert len(caught.value.details["errors"]) == 4
+    assert all(error in str(caught.value) for error in caught.value.details["errors"])

@@ -1,0 +1,262 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import EdgeCondition, conditions_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, is_tool, record, renamed
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    Extras,
+    Rate,
+    ServiceProbe,
+    StatusReading,
+    build,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded_answers, recorded_state
+
+OLD, NEW = "/temperature_1a2b3c4d", "/temperature_5e6f7a8b"
+STATS_OLD, STATS_NEW = "/stats_11111111", "/stats_22222222"
+TOOL = "/rostopic_4711_1700000000000"
+
+
+def node(reachable: bool = True) -> dict[str, Any]:
+    return {"reachable": reachable}
+
+
+def topic(
+    publishers: list[str], subscribers: list[str], missing: tuple[str, ...] = (), rates: Any = None, kind: str = "a/B"
+) -> dict[str, Any]:
+    """A topic with every subscriber connected but the missing ones."""
+    ends = [{"publisher": p, "subscriber": s} for p in publishers for s in subscribers if s not in missing]
+    return {
+        "type": kind,
+        "md5sum": "5" * 32,
+        "publishers": publishers,
+        "subscribers": subscribers,
+        "connections": ends,
+        "rates": rates or {},
+    }
+
+
+def service(provider: str, up: bool = True) -> dict[str, Any]:
+    return {"providers": [provider], "provider": provider if up else "", "type": "a/S", "md5sum": "6" * 32, "up": up}
+
+
+def graph() -> dict[str, Any]:
+    """A publisher and its statistics, both ours in some tests, with a foreign listener, a dead one and a tool."""
+    everybody = [OLD, STATS_OLD, "/display", "/rosout", TOOL]
+    return {
+        "nodes": {**{name: node() for name in everybody}, "/dead": node(reachable=False)},
+        "topics": {
+            "/temperature": topic([OLD], [STATS_OLD, "/display", "/dead", TOOL], ("/dead",), {OLD: 499.8}),
+            "/rosout": topic([OLD, STATS_OLD], ["/rosout"], rates={OLD: 3.0}),
+            f"{OLD}/debug": topic([OLD], [STATS_OLD, "/display"], rates={OLD: 20.0}),
+            "/config": topic(["/display"], [OLD, STATS_OLD]),
+            "/latched": topic([OLD], [], rates={OLD: 0.5}, kind="*"),
+            "/mean": topic([STATS_OLD], ["/display"], rates={STATS_OLD: 10.0}),
+            "/cook/status": topic([OLD], ["/display"], rates={OLD: 5.0}),
+            "/cook/feedback": topic([OLD], ["/display"], rates={OLD: 50.0}),
+        },
+        "services": {
+            "/calibrate": service(OLD),
+            f"{OLD}/reset": service(OLD),
+            f"{OLD}/get_loggers": service(OLD),
+            "/broken": service(OLD, up=False),
+            "/foreign": service("/display"),
+        },
+        "actions": {
+            "/cook": {"servers": [OLD], "up": True},
+            "/stuck": {"servers": [OLD], "up": False},
+            "/other": {"servers": ["/display"], "up": True},
+        },
+    }
+
+
+def test_a_publishers_contract_in_its_new_names() -> None:
+    found = record(graph(), [OLD], {OLD: NEW}, "5e6f7a8b", 1790000000, 0.2)
+    assert {key: found[key] for key in ("revision", "until", "tolerance", "node", "nodes")} == {
+        "revision": "5e6f7a8b",
+        "until": 1790000000,
+        "tolerance": 0.2,
+        "node": NEW,
+        "nodes": [NEW],
+    }
+    assert found["topics"]["/temperature"] == {
+        "type": "a/B",
+        "md5sum": "5" * 32,
+        "rate": 499.8,
+        "publishers": {NEW: {"rate": 499.8, "connected": True}},
+    }
+    assert set(found["topics"]) == {
+        "/temperature", f"{NEW}/debug", "/latched", "/cook/status", "/cook/feedback",
+    }  # fmt: skip
+    assert found["topics"]["/latched"] == {
+        "type": "",
+        "md5sum": "5" * 32,
+        "rate": None,
+        "publishers": {NEW: {"rate": None, "connected": False}},
+    }
+    assert found["subscriptions"] == {"/config": {"type": "a/B"}}
+    both = {"type": "a/S", "md5sum": "6" * 32}
+    assert found["services"] == {"/calibrate": both, f"{NEW}/reset": both}
+    assert found["actions"] == ["/cook"]
+    assert json.loads(json.dumps(found)) == found
+
+
+def test_edges_have_our_end_renamed_and_leave_out_who_was_dead_or_is_a_tool() -> None:
+    assert record(graph(), [OLD], {OLD: NEW})["edges"] == [
+        ["/display", "/config", NEW],
+        [NEW, "/cook/feedback", "/display"],
+        [NEW, "/cook/status", "/display"],
+        [NEW, "/temperature", "/display"],
+        [NEW, "/temperature", STATS_OLD],
+    ]
+
+
+def test_edges_between_apps_that_are_updated_together_keep_both_ends() -> None:
+    renames = {OLD: NEW, STATS_OLD: STATS_NEW}
+    edges = record(graph(), [OLD], renames)["edges"]
+    assert [NEW, "/temperature", STATS_NEW] in edges
+    assert [NEW, f"{NEW}/debug", STATS_NEW] in edges  # a private topic follows, for whoever follows along
+    assert [NEW, f"{NEW}/debug", "/display"] not in edges  # who asked for the old name goes on asking for it
+    assert ["/display", "/config", STATS_NEW] not in edges  # the other app's own affair
+    both = record(graph(), [OLD, STATS_OLD], renames)
+    assert ["/display", "/config", STATS_NEW] in both["edges"]
+    assert both["nodes"] == [NEW, STATS_NEW]
+    assert both["topics"]["/mean"]["publishers"] == {STATS_NEW: {"rate": 10.0, "connected": True}}
+
+
+def test_nothing_is_renamed_for_an_app_that_keeps_its_name() -> None:
+    found = record(graph(), [OLD])
+    assert (found["node"], f"{OLD}/debug" in found["topics"]) == (OLD, True)
+    assert [OLD, f"{OLD}/debug", "/display"] in found["edges"]
+
+
+@pytest.mark.parametrize("rate", [None, 0.0, 0.99])
+def test_a_rate_that_was_not_measured_or_is_too_low_to_tell_is_none(rate: float | None) -> None:
+    of = graph()
+    of["topics"]["/temperature"]["rates"] = {OLD: rate} if rate is not None else {}
+    assert record(of, [OLD])["topics"]["/temperature"]["rate"] is None
+
+
+def test_the_topics_of_an_action_promise_no_rate() -> None:
+    topics = record(graph(), [OLD])["topics"]
+    assert [topics[f"/cook/{part}"]["rate"] for part in ("status", "feedback")] == [None, None]
+    of = graph()
+    of["actions"] = {}
+    assert record(of, [OLD])["topics"]["/cook/feedback"]["rate"] == 50.0
+
+
+def test_connected_is_what_every_living_subscriber_was() -> None:
+    of = graph()
+    of["topics"]["/temperature"] = topic([OLD], [STATS_OLD, "/display"], ("/display",))
+    assert record(of, [OLD])["topics"]["/temperature"]["publishers"][OLD]["connected"] is False
+    of["topics"]["/temperature"] = topic([OLD], [TOOL, "/dead"])
+    assert record(of, [OLD])["topics"]["/temperature"]["publishers"][OLD]["connected"] is False
+
+
+def test_several_publishers_of_one_topic_each_have_their_own_rate() -> None:
+    of = graph()
+    of["topics"]["/temperature"] = topic([STATS_OLD, OLD], ["/display"], rates={OLD: 100.0, STATS_OLD: 40.0})
+    found = record(of, [OLD, STATS_OLD])["topics"]["/temperature"]
+    assert {name: seen["rate"] for name, seen in found["publishers"].items()} == {OLD: 100.0, STATS_OLD: 40.0}
+    assert found["rate"] == 100.0  # of the first node named
+    assert list(record(of, [OLD])["topics"]["/temperature"]["publishers"]) == [OLD]
+
+
+def test_a_node_that_is_down_or_gone_leaves_nothing_to_restore() -> None:
+    of = graph()
+    of["nodes"][OLD] = node(reachable=False)
+    for nodes in ([OLD], ["/never_there"]):
+        found = record(of, nodes, {OLD: NEW})
+        assert [found[key] for key in ("nodes", "topics", "subscriptions", "services", "actions", "edges")] == [
+            [], {}, {}, {}, [], [],
+        ]  # fmt: skip
+    assert record(of, [])["node"] == ""
+
+
+def test_what_the_update_changes_on_purpose_is_left_out() -> None:
+    found = record(graph(), [OLD], ignore=["/temperature", "/calibrate", "/cook", "/config"])
+    assert set(found["topics"]) == {f"{OLD}/debug", "/latched"}
+    assert (found["subscriptions"], set(found["services"]), found["actions"]) == ({}, {f"{OLD}/reset"}, [])
+    assert {edge[1] for edge in found["edges"]} == {f"{OLD}/debug"}
+
+
+@pytest.mark.parametrize(
+    ("name", "tool"),
+    [
+        (TOOL, True),
+        ("/rviz_1700000000000000000", True),
+        ("/rosops_fleet_123", True),
+        ("/ros_keeper", True),
+        ("/ns/rqt_graph", True),
+        ("/temperature_1a2b3c4d", False),
+        ("/temperature_12345678", False),
+        ("/camera_1_2", False),
+        ("/my_rqt", False),
+    ],
+)
+def test_tools(name: str, tool: bool) -> None:
+    assert is_tool(name) is tool
+
+
+def test_our_own_node_counts_whatever_its_name_looks_like() -> None:
+    of = graph()
+    assert ["/display", "/config", OLD] in record(of, [OLD])["edges"]
+    anonymous = json.loads(json.dumps(of).replace(OLD, "/rqt_4711_1700000000000"))
+    assert ["/display", "/config", "/rqt_4711_1700000000000"] in record(anonymous, ["/rqt_4711_1700000000000"])["edges"]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [(OLD, NEW), (f"{OLD}/a/b", f"{NEW}/a/b"), (f"{OLD}x", f"{OLD}x"), ("/x", "/x"), (f"/x{OLD}", f"/x{OLD}")],
+)
+def test_renamed(name: str, expected: str) -> None:
+    assert renamed(name, {OLD: NEW}) == expected
+
+
+# ---- conditions
+
+
+def test_the_contract_as_conditions() -> None:
+    contract = record(graph(), [OLD], {OLD: NEW}, tolerance=0.1)
+    found = conditions(contract, absent=[OLD])
+    assert found["nodes"] == [NEW]
+    assert found["topics"][0] == {
+        "name": "/temperature",
+        "publisher": NEW,
+        "connected": True,
+        "type": "a/B",
+        "min_rate": pytest.approx(449.82),
+    }
+    latched = next(entry for entry in found["topics"] if entry["name"] == "/latched")
+    assert latched == {"name": "/latched", "publisher": NEW, "connected": False}
+    assert found["services"] == [{"name": "/calibrate"}, {"name": f"{NEW}/reset"}]
+    assert found["actions"] == [{"name": "/cook", "state": "up"}]
+    assert found["absent"] == [OLD]
+    assert conditions(contract, tolerance=0.5)["topics"][0]["min_rate"] == pytest.approx(249.9)
+
+
+def test_only_an_end_that_is_not_ours_may_leave() -> None:
+    renames = {OLD: NEW, STATS_OLD: STATS_NEW}
+    edges = conditions(record(graph(), [OLD, STATS_OLD], renames))["edges"]
+    peers = {(edge["publisher"], edge["topic"], edge["subscriber"]): edge.get("peer") for edge in edges}
+    assert peers[NEW, "/temperature", STATS_NEW] is None
+    assert peers[NEW, "/temperature", "/display"] == "subscriber"
+    assert peers["/display", "/config", NEW] == "publisher"
+
+
+def test_the_recorded_graph_gives_options_that_ros_ready_takes() -> None:
+    probes = {"/trigger": ServiceProbe("rosrpc://h:1", "/helper", "std_srvs/Trigger", md5sum="9")}
+    statuses = {"/work": {"/worker": StatusReading(((), ()))}}
+    rates = Extras({"/chatter": Rate(99.9, 100, 1.0, by={"/talker_a": Rate(49.9, 50, 1.0), "/talker_b": Rate(50.0)})})
+    of = build(recorded_state(), recorded_answers(), probes, statuses).as_dict(rates)
+    nodes = ["/talker_a", "/helper", "/worker", "/relay"]
+    found = conditions_from(conditions(record(of, nodes)))
+    assert EdgeCondition("/talker_a", "/chatter", "/relay") in found.edges
+    assert EdgeCondition("/talker_b", "/chatter", "/relay", "publisher") in found.edges
+    assert [(t.name, t.publisher, t.min_rate) for t in found.topics if t.min_rate] == [("/chatter", "/talker_a", 44.91)]
+    assert (found.services, [action.name for action in found.actions]) == (("/trigger",), ["/work"])

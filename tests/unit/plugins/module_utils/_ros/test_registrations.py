@@ -1,0 +1,148 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import registrations
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
+    ALIVE,
+    DEAD,
+    UNKNOWN,
+    Answer,
+    Call,
+    Entry,
+)
+
+URI, OTHER = "http://10.0.0.1:1/", "http://10.0.0.1:2/"
+TALKER = Entry(URI, 7, {"/a": "x/A"}, {"/b": "x/B"}, {"/s": "rosrpc://10.0.0.1:3"})
+YES = Answer(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset({"/s"}))
+
+
+def test_the_calls_are_the_masters_api_in_the_nodes_name() -> None:
+    plan = registrations.restore({"/n": TALKER}, {}, {"/n": YES})
+    assert [call.request for call in plan.calls] == [
+        ("registerPublisher", "/n", "/a", "x/A", URI),
+        ("registerService", "/n", "/s", "rosrpc://10.0.0.1:3", URI),
+        ("registerSubscriber", "/n", "/b", "x/B", URI),
+    ]
+    gone = Answer(DEAD, "refused")
+    plan = registrations.remove({"/n": TALKER}, [{"/n": gone}, {"/n": gone}])
+    assert [call.request for call in plan.calls] == [
+        ("unregisterSubscriber", "/n", "/b", URI),
+        ("unregisterService", "/n", "/s", "rosrpc://10.0.0.1:3"),
+        ("unregisterPublisher", "/n", "/a", URI),
+    ]
+
+
+def test_all_publishers_come_before_the_first_subscriber() -> None:
+    """Else roscpp's subscribers, told of some publishers only, would hang up on the others."""
+    need = {"/a": TALKER, "/z": Entry(OTHER, 7, {"/b": "x/B"})}
+    kinds = [call.kind for call in registrations.restore(need, {}, {"/a": YES, "/z": Answer(ALIVE)}).calls]
+    assert kinds == ["publisher", "publisher", "service", "subscriber"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "calls", "why"),
+    [
+        (YES, 3, None),
+        (Answer(ALIVE, "", 7, None, None, frozenset({"/s"})), 3, None),  # it does not say what it has
+        (Answer(ALIVE, "", 7, frozenset(), frozenset({"/b"}), frozenset({"/s"})), 2, "/a"),
+        (Answer(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset()), 2, "/s"),
+        (Answer(ALIVE, "", 8), 0, "another process"),
+        (Answer(DEAD, "nothing listens"), 0, "nothing listens"),
+        (Answer(UNKNOWN, "no answer"), 0, "no answer"),
+    ],
+)
+def test_only_what_the_node_confirms_is_restored(answer: Answer, calls: int, why: str | None) -> None:
+    plan = registrations.restore({"/n": TALKER}, {}, {"/n": answer})
+    assert len(plan.calls) == calls
+    assert (why or "") in plan.skipped.get("/n", "")
+    assert bool(plan.skipped) == bool(why)
+
+
+def test_a_pid_that_was_not_recorded_is_not_compared() -> None:
+    entry = Entry(URI, None, {"/a": "x/A"})
+    assert registrations.restore({"/n": entry}, {}, {"/n": Answer(ALIVE, "", 8)}).calls
+
+
+def test_the_newer_process_of_a_name_is_left_alone() -> None:
+    """The master would shut it down: its address is not the one that would be registered."""
+    plan = registrations.restore({"/n": TALKER}, {"/n": Entry(OTHER, None, {"/a": "x/A"})}, {"/n": YES})
+    assert (plan.calls, list(plan.skipped)) == ((), ["/n"])
+
+
+@pytest.mark.parametrize(
+    ("present", "take", "missing"),
+    [
+        ({}, False, {"publications", "subscriptions", "services"}),
+        ({"/n": TALKER}, True, set()),
+        ({"/n": Entry(URI, None, {"/a": "x/A"})}, False, {"subscriptions", "services"}),
+        # the service points elsewhere
+        ({"/n": Entry(URI, 0, {"/a": ""}, {"/b": ""}), "/m": Entry(OTHER, 0, services={"/s": "y"})}, False, set()),
+        (
+            {"/n": Entry(URI, 0, {"/a": ""}, {"/b": ""}), "/m": Entry(OTHER, 0, services={"/s": "y"})},
+            True,
+            {"services"},
+        ),
+    ],
+)
+def test_what_is_missing(present: dict[str, Entry], take: bool, missing: set[str]) -> None:
+    found = registrations.missing({"/n": TALKER}, present, take)
+    kinds = ("publications", "subscriptions", "services")
+    assert {kind for entry in found.values() for kind in kinds if getattr(entry, kind)} == missing
+    assert bool(found) == bool(missing)
+
+
+@pytest.mark.parametrize(
+    ("answers", "removed"),
+    [
+        ([Answer(DEAD), Answer(DEAD)], True),
+        ([Answer(DEAD), Answer(UNKNOWN)], False),
+        ([Answer(UNKNOWN), Answer(UNKNOWN)], False),  # late twice is still late
+        ([Answer(DEAD), Answer(ALIVE, "", 7)], False),
+        ([Answer(ALIVE, "", 8), Answer(ALIVE, "", 8)], True),  # somebody else at its address
+        ([Answer(ALIVE, "", 7), Answer(ALIVE, "", 7)], False),
+    ],
+)
+def test_only_who_is_gone_twice_is_removed(answers: list[Answer], removed: bool) -> None:
+    plan = registrations.remove({"/n": TALKER}, [{"/n": answer} for answer in answers])
+    assert (bool(plan.calls), bool(plan.skipped)) == (removed, not removed)
+
+
+def test_who_was_not_asked_is_not_removed() -> None:
+    assert not registrations.remove({"/n": TALKER}, [{"/n": Answer(DEAD)}, {}]).calls
+
+
+def test_a_graph_of_ros_graph_info() -> None:
+    graph: dict[str, Any] = {
+        "nodes": {
+            "/n": {"uri": URI, "pid": 7, "publications": ["/a"], "subscriptions": ["/b"], "services": ["/s", "/gone"]},
+            "/nowhere": {"uri": "", "pid": None, "publications": ["/a"], "subscriptions": [], "services": []},
+        },
+        "topics": {"/a": {"type": "x/A"}, "/b": {"type": ""}},
+        "services": {"/s": {"uri": "rosrpc://10.0.0.1:3"}, "/gone": {"uri": ""}},
+    }
+    expected = Entry(URI, 7, {"/a": "x/A"}, {"/b": "*"}, {"/s": "rosrpc://10.0.0.1:3"})
+    assert registrations.from_graph(graph) == {"/n": expected}
+    assert registrations.from_graph({}) == {}
+
+
+def test_a_snapshot_of_the_master() -> None:
+    state = MasterState({"/a": ("/n",)}, {"/b": ("/n", "/m")}, {"/s": ("/n",)}, {"/a": "x/A"})
+    found = registrations.from_master(state, {"/n": URI}, {"/s": "rosrpc://h:1"})
+    assert found == {"/n": Entry(URI, None, {"/a": "x/A"}, {"/b": "*"}, {"/s": "rosrpc://h:1"})}
+
+
+def test_the_difference_shows_whom_a_service_is_taken_from() -> None:
+    present = {"/m": Entry(OTHER, None, services={"/s": "y"}), "/idle": Entry(URI, 7, {"/a": "x/A"})}
+    shown = registrations.difference(present, [Call("service", "/n", "/s", "x", URI)])
+    assert set(shown["before"]) == {"/m"}
+    assert set(shown["after"]) == {"/n"}
+    assert registrations.difference(present, []) == {"before": {}, "after": {}}
+
+
+def test_an_entry_survives_its_record() -> None:
+    assert registrations.from_dict(TALKER.as_dict()) == TALKER

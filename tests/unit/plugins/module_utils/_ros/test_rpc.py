@@ -1,0 +1,281 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Peers on loopback that are dead, hung, slow, or wrong. Nothing here waits longer than the time-out under test."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from functools import partial
+from typing import Any, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import rpc as _peers
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import (
+    Api,
+    Deadline,
+    address_of,
+    connect,
+    handshake,
+    in_parallel,
+    read_frame,
+    reason,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import encode_header
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, read_request
+
+SHORT = 0.3
+
+
+@pytest.fixture
+def peers() -> Iterator[Peers]:
+    started = Peers()
+    yield started
+    started.close()
+
+
+def ask(uri: str, method: str = "getPid", seconds: float = SHORT) -> Any:
+    with Api(uri, "/test", Deadline(seconds)) as api:
+        return api.call(method)
+
+
+def why(uri: str, seconds: float = SHORT) -> str:
+    """The reason that a call gives, and that it gave it in time."""
+    start = time.monotonic()
+    with pytest.raises(Exception) as caught:
+        ask(uri, seconds=seconds)
+    assert time.monotonic() - start < seconds + 3
+    return reason(caught.value, uri, seconds)
+
+
+# ---- addresses
+
+
+@pytest.mark.parametrize(
+    ("uri", "expected"),
+    [
+        ("http://127.0.0.1:11311", ("127.0.0.1", 11311)),
+        ("http://robot7:4711/", ("robot7", 4711)),
+        ("http://[fd00::1]:11311/", ("fd00::1", 11311)),
+    ],
+)
+def test_addresses(uri: str, expected: tuple[str, int]) -> None:
+    assert address_of(uri, "http") == expected
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["", "robot7", "robot7:11311", "https://robot7:1", "http://robot7", "http://:1", "http://h:99999", "http://h:x",
+     "http://[h:1", "rosrpc://h:1", "http://h:0"],
+)  # fmt: skip
+def test_what_is_no_address(uri: str) -> None:
+    with pytest.raises(RosError, match="is not http://host:port"):
+        address_of(uri, "http")
+
+
+# ---- calls
+
+
+def test_a_call_and_its_caller_id(peers: Peers) -> None:
+    seen = []
+    uri = peers.api("node", {"getPid": [1, "", 7], "echo": lambda *args: [1, "", list(args)]})
+    with Api(uri, "/test", Deadline(5)) as api:
+        seen.append(api.call("getPid"))
+        seen.append(api.call("echo", "a", [["TCPROS"]]))
+    assert seen == [7, ["a", [["TCPROS"]]]]
+
+
+def test_one_connection_serves_all_calls(peers: Peers) -> None:
+    uri = peers.api("node", {"getPid": [1, "", 7]})
+    with Api(uri, "/test", Deadline(5)) as api:
+        api.call("getPid")
+        kept = api.http.sock
+        api.call("getPid")
+        assert api.http.sock is kept
+        assert kept is not None
+
+
+def test_a_peer_that_closes_after_each_call(peers: Peers) -> None:
+    uri = peers.api("node", {"getPid": [1, "", 7]}, keep=False)
+    with Api(uri, "/test", Deadline(5)) as api:
+        assert [api.call("getPid"), api.call("getPid")] == [7, 7]
+
+
+def test_a_kept_connection_that_the_peer_dropped_is_opened_again(peers: Peers) -> None:
+    uri = peers.api("node", {"getPid": [1, "", 7]})
+    with Api(uri, "/test", Deadline(5)) as api:
+        api.call("getPid")
+        assert api.http.sock is not None
+        api.http.sock.shutdown(socket.SHUT_RDWR)
+        assert api.call("getPid") == 7
+
+
+def test_a_dead_peer(peers: Peers) -> None:
+    uri = f"http://127.0.0.1:{peers.dead()}/"
+    assert why(uri) == f"nothing listens at {uri}"
+
+
+def test_a_hung_peer(peers: Peers) -> None:
+    uri = f"http://127.0.0.1:{peers.hung()}/"
+    assert why(uri) == f"no answer from {uri} within 0.3 s"
+
+
+def test_a_name_that_does_not_resolve() -> None:
+    uri = "http://no-such-host.invalid:11311/"
+    assert why(uri, 5) == f"the name in {uri} does not resolve here"
+
+
+def test_a_peer_that_drips_bytes_cannot_hold_us(peers: Peers) -> None:
+    """Each byte comes well within the time-out; the whole does not."""
+    ended = threading.Event()
+
+    def talk(sock: socket.socket) -> None:
+        sock.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n")
+        for _byte in range(1000):
+            sock.sendall(b"x")
+            if ended.wait(0.05):
+                return
+
+    uri = f"http://127.0.0.1:{peers.tcp(talk)}/"
+    assert why(uri).startswith("no answer")
+    ended.set()
+
+
+def reply(body: bytes, status: bytes = b"200 OK", length: int | None = None) -> bytes:
+    return b"HTTP/1.1 %s\r\nContent-Length: %d\r\n\r\n" % (status, len(body) if length is None else length) + body
+
+
+VALUE = b"<?xml version='1.0'?><methodResponse><params><param><value>%s</value></param></params></methodResponse>"
+BOMB = (
+    b"<?xml version='1.0'?><!DOCTYPE x [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]>"
+    b"<methodResponse><params><param><value>&b;</value></param></params></methodResponse>"
+)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"SSH-2.0-OpenSSH_9.2\r\n", "nonsense"),
+        (b"", "closed connection without response"),
+        (reply(b"not xml"), "not plain XML-RPC"),
+        (reply(BOMB), "not plain XML-RPC"),
+        (reply(b"<?xml version='1.0'?><methodResponse>"), "nonsense"),
+        (reply(b"", b"404 Not Found"), "HTTP status 404"),
+        (reply(VALUE % b"<i4>7</i4>"), "not [code, message, value]"),
+        (reply(VALUE % b"<i4>x</i4>"), "nonsense"),
+        (reply(b"<?xml", length=500), "nonsense"),
+        (reply(b"x" * 100, length=_peers.MAX_REPLY * 10), "not plain XML-RPC"),
+        (b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 200, "nonsense"),
+    ],
+    ids=["ssh", "nothing", "text", "entities", "cut", "404", "shape", "number", "short", "long", "headers"],
+)
+def test_a_peer_that_talks_nonsense(peers: Peers, data: bytes, words: str) -> None:
+    def talk(sock: socket.socket) -> None:
+        read_request(sock)
+        sock.sendall(data)
+
+    told = why(f"http://127.0.0.1:{peers.tcp(talk)}/", 2)
+    assert words in told
+    assert len(told) < 300
+
+
+def test_a_reply_that_is_too_long(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_peers, "MAX_REPLY", 1000)
+    assert "longer than 1000 bytes" in why(peers.api("node", {"getPid": [1, "x" * 1000, 7]}), 2)
+
+
+def test_a_fault(peers: Peers) -> None:
+    assert "refused" in why(peers.api("node", {}), 2)
+
+
+# ---- several calls
+
+
+@pytest.mark.parametrize("multicall", [True, False])
+def test_several_calls_with_and_without_multicall(peers: Peers, multicall: bool) -> None:
+    replies = {"getPid": [1, "", 7], "lookupNode": lambda name: [-1, f"unknown node [{name}]", ""]}
+    uri = peers.api("master", replies, multicall=multicall)
+    with Api(uri, "/test", Deadline(5)) as api:
+        results = api.calls([("getPid",), ("lookupNode", "/x"), ("noSuchCall",), ("getPid",)])
+    assert [results[0], results[3]] == [7, 7]
+    assert [type(result) for result in results[1:3]] == [RosError, RosError]
+    assert str(results[1]) == "unknown node [/x]"
+    assert "refused" in str(results[2])
+
+
+# ---- TCPROS
+
+
+def test_a_handshake(peers: Peers) -> None:
+    seen: list[dict[str, str]] = []
+
+    def answers(fields: dict[str, str]) -> list[bytes]:
+        seen.append(fields)
+        return [encode_header({"callerid": "/peer"}), b"\x03\x00\x00\x00abc"]
+
+    with connect("127.0.0.1", peers.tcpros(answers), Deadline(5)) as sock:
+        assert handshake(sock, {"callerid": "/us", "probe": "1"}) == {"callerid": "/peer"}
+        assert read_frame(sock, 10) == b"abc"
+    assert seen == [{"callerid": "/us", "probe": "1"}]
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (encode_header({"error": "no such service"}), "refused: no such service"),
+        (b"", "the connection was closed"),
+        (b"\x10\x00\x00\x00abc", "in the middle of a message"),
+        (b"\xff\xff\xff\xff", "a message of 4294967295 bytes"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "a message of"),
+    ],
+)
+def test_a_handshake_that_fails(peers: Peers, data: bytes, words: str) -> None:
+    def talk(sock: socket.socket) -> None:
+        sock.recv(65536)
+        sock.sendall(data)
+
+    with connect("127.0.0.1", peers.tcp(talk), Deadline(5)) as sock, pytest.raises(RosError, match=words):
+        handshake(sock, {"callerid": "/us"})
+
+
+# ---- at the same time
+
+
+def test_tasks_run_at_the_same_time_and_keep_their_order() -> None:
+    together = threading.Barrier(20, timeout=10)
+
+    def task(number: int) -> int:
+        together.wait()  # passes only when all twenty are in it
+        return number
+
+    results = in_parallel({n: partial(task, n) for n in range(20)}, 10, lambda *_: -1)
+    assert list(results.items()) == [(n, n) for n in range(20)]
+
+
+def test_a_task_that_cannot_be_interrupted_is_left_behind() -> None:
+    release = threading.Event()
+    start = time.monotonic()
+    tasks = {"quick": lambda: "done", "stuck": lambda: str(release.wait(30))}
+    results = in_parallel(tasks, SHORT, lambda key, error: f"{key}: {reason(error, 'u', SHORT)}")
+    assert time.monotonic() - start < SHORT + 2
+    release.set()
+    assert results == {"quick": "done", "stuck": "stuck: no answer from u within 0.3 s"}
+
+
+def test_whatever_a_task_raises_is_its_own_result() -> None:
+    def broken() -> str:
+        raise RecursionError("deep")
+
+    results = in_parallel({"a": broken, "b": lambda: "fine"}, 5, lambda _, error: type(error).__name__)
+    assert results == {"a": "RecursionError", "b": "fine"}
+
+
+def test_more_tasks_than_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_peers, "MAX_THREADS", 3)
+    assert in_parallel({n: partial(int, n) for n in range(50)}, 5, lambda *_: -1) == {n: n for n in range(50)}
+
+
+def test_no_task_at_all() -> None:
+    assert in_parallel({}, 5, lambda *_: 0) == {}

@@ -1,0 +1,155 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kubernetes objects as the API shows them, in the few fields that matter to the tests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+
+NS = "robot-robot1"
+NOON = "2026-01-01T12:00:00Z"
+LATER = "2026-01-01T12:10:00Z"
+
+
+def ref(kind: str, name: str = "talker", api_version: str = "") -> Ref:
+    return Ref(kind, name, "" if kind == "Node" else NS, api_version)
+
+
+def obj(kind: str, name: str, spec: Object | None = None, status: Object | None = None, **metadata: Any) -> Object:
+    meta = {"name": name, "namespace": NS, "uid": f"uid-{name}", **metadata}
+    if kind in ("Node", "StorageClass"):
+        del meta["namespace"]
+    return {"kind": kind, "metadata": meta, "spec": spec or {}, "status": status or {}}
+
+
+def owner(kind: str, name: str, uid: str = "") -> list[Object]:
+    return [{"kind": kind, "name": name, "uid": uid or f"uid-{name}", "controller": True}]
+
+
+def conditions(**states: str) -> list[Object]:
+    return [{"type": kind, "status": state} for kind, state in states.items()]
+
+
+def container(name: str = "ros-app", ready: bool = False, **state: Object) -> Object:
+    return {"name": name, "ready": ready, "image": "lab/apps:1.0", "restartCount": 0, "state": state}
+
+
+def waiting(reason: str, message: str = "", **more: Any) -> Object:
+    return {**container(waiting={"reason": reason, "message": message}), **more}
+
+
+def pod(name: str, owners: list[Object], containers: list[Object] | None = None, **more: Any) -> Object:
+    """A running pod, Ready unless containers are given."""
+    ready = containers is None
+    status = {
+        "phase": "Running",
+        "conditions": conditions(PodScheduled="True", Ready="True" if ready else "False"),
+        "containerStatuses": containers if containers is not None else [container(ready=True, running={})],
+    }
+    metadata = {"ownerReferences": owners, "creationTimestamp": NOON, **more.pop("metadata", {})}
+    made = obj("Pod", name, {"nodeName": "robot1"}, {**status, **more.pop("status", {})}, **metadata)
+    made["spec"].update(more.pop("spec", {}))
+    return made
+
+
+def gone_soon(made: Object) -> Object:
+    return {**made, "metadata": {**made["metadata"], "deletionTimestamp": LATER}}
+
+
+def unscheduled(name: str, owners: list[Object], message: str) -> Object:
+    status = {
+        "phase": "Pending",
+        "conditions": [{"type": "PodScheduled", "status": "False", "reason": "Unschedulable", "message": message}],
+    }
+    made = pod(name, owners, [], status=status)
+    del made["spec"]["nodeName"]
+    return made
+
+
+# --- Deployment -----------------------------------------------------------------------------------------------------
+
+
+def deployment(replicas: int = 1, status: Object | None = None, revision: str = "2", **spec: Any) -> Object:
+    """Generation 2, seen; rolled out unless the status says otherwise."""
+    done = {
+        "observedGeneration": 2,
+        "replicas": replicas,
+        "updatedReplicas": replicas,
+        "readyReplicas": replicas,
+        "availableReplicas": replicas,
+    }
+    return obj(
+        "Deployment",
+        "talker",
+        {"replicas": replicas, **spec},
+        {**done, **(status or {})},
+        generation=2,
+        annotations={"deployment.kubernetes.io/revision": revision},
+    )
+
+
+def replica_set(name: str, revision: str) -> Object:
+    return obj(
+        "ReplicaSet",
+        name,
+        ownerReferences=owner("Deployment", "talker"),
+        annotations={"deployment.kubernetes.io/revision": revision},
+    )
+
+
+NEW, OLD = owner("ReplicaSet", "talker-new"), owner("ReplicaSet", "talker-old")
+
+
+def rolled(*pods: Object, **changes: Any) -> View:
+    """A Deployment with an old and a new replica set and these pods."""
+    return View([deployment(**changes), replica_set("talker-old", "1"), replica_set("talker-new", "2"), *pods])
+
+
+# --- StatefulSet, DaemonSet -----------------------------------------------------------------------------------------
+
+
+def set_pod(
+    kind: str, name: str, revision: str, containers: list[Object] | None = None, owner_name: str = ""
+) -> Object:
+    owners = owner(kind, owner_name or "talker")
+    return pod(name, owners, containers, metadata={"labels": {"controller-revision-hash": revision}})
+
+
+def stateful_set(replicas: int = 2, status: Object | None = None, **spec: Any) -> Object:
+    done = {
+        "observedGeneration": 2,
+        "replicas": replicas,
+        "readyReplicas": replicas,
+        "availableReplicas": replicas,
+        "updatedReplicas": replicas,
+        "currentRevision": "old",
+        "updateRevision": "new",
+    }
+    return obj("StatefulSet", "talker", {"replicas": replicas, **spec}, {**done, **(status or {})}, generation=2)
+
+
+def daemon_set(desired: int = 2, status: Object | None = None, **spec: Any) -> Object:
+    done = {
+        "observedGeneration": 2,
+        "desiredNumberScheduled": desired,
+        "updatedNumberScheduled": desired,
+        "numberReady": desired,
+        "numberAvailable": desired,
+    }
+    return obj("DaemonSet", "talker", spec, {**done, **(status or {})}, generation=2)
+
+
+def controller_revision(revision: str, number: int) -> Object:
+    made = obj(
+        "ControllerRevision",
+        f"talker-{revision}",
+        ownerReferences=owner("DaemonSet", "talker"),
+        labels={"controller-revision-hash": revision},
+    )
+    return {**made, "revision": number}
+
+
+REVISIONS = [controller_revision("old", 1), controller_revision("new", 2)]

@@ -1,0 +1,794 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rollout verdicts, row by row: a view of the cluster, the verdict, words of the reason, what has to last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, parse_refs, watched
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, Verdict
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
+    LATER,
+    NEW,
+    NOON,
+    NS,
+    OLD,
+    REVISIONS,
+    conditions,
+    container,
+    controller_revision,
+    daemon_set,
+    deployment,
+    gone_soon,
+    obj,
+    owner,
+    pod,
+    ref,
+    replica_set,
+    rolled,
+    set_pod,
+    stateful_set,
+    unscheduled,
+    waiting,
+)
+
+
+@dataclass
+class Case:
+    name: str
+    ref: Ref
+    view: View
+    verdict: str
+    words: str = ""
+    suspect: str = ""
+    refs: tuple[Ref, ...] = ()
+
+
+def check(case: Case) -> None:
+    verdict = judge(case.ref, case.view, case.refs or (case.ref,))
+    assert verdict.verdict == case.verdict, verdict
+    assert case.words in verdict.reason, verdict
+    assert verdict.suspect == case.suspect, verdict
+
+
+DEPLOYMENT, STATEFUL, DAEMON = ref("Deployment"), ref("StatefulSet"), ref("DaemonSet")
+new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
+starting = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
+gated = pod(
+    "talker", [], [container(ready=True, running={})], spec={"readinessGates": [{"conditionType": "ros/graph"}]}
+)
+readied = [container(ready=True, running={})]
+
+# The states that kubernetes.core's waiters misjudge (measured with its 6.2.0 and 6.6.0), one row each.
+OTHERS_FAIL = [
+    Case(
+        "0 of 1 updated: not ready",
+        DEPLOYMENT,
+        rolled(old_pod, status={"updatedReplicas": 0, "unavailableReplicas": 0}),
+        "wait",
+        "0 of 1 pods updated",
+    ),
+    Case(
+        "1 of 3 updated: not ready",
+        DEPLOYMENT,
+        rolled(
+            new_pod,
+            pod("talker-old-1", OLD),
+            pod("talker-old-2", OLD),
+            replicas=3,
+            status={"updatedReplicas": 1, "unavailableReplicas": 0},
+        ),
+        "wait",
+        "1 of 3 pods updated",
+    ),
+    Case(
+        "paused, new template: not ready",
+        DEPLOYMENT,
+        rolled(old_pod, paused=True, status={"updatedReplicas": 0}),
+        "wait",
+        "paused",
+        "Paused",
+    ),
+    Case("readinessGate False: not ready", ref("Pod"), View([gated]), "wait", "readiness gate ros/graph is not True"),
+    Case(
+        "DaemonSet, one unavailable: not ready",
+        DAEMON,
+        View(
+            [
+                daemon_set(status={"numberAvailable": 1, "numberUnavailable": 1}),
+                *REVISIONS,
+                set_pod("DaemonSet", "talker-a", "new"),
+                set_pod("DaemonSet", "talker-b", "new", [waiting("ContainerCreating")]),
+            ]
+        ),
+        "wait",
+        "1 of 2 pods available: pod talker-b, container ros-app: ContainerCreating",
+    ),
+    Case(
+        "StatefulSet OnDelete, 0 ready: not ready",
+        STATEFUL,
+        View([stateful_set(status={"readyReplicas": 0, "availableReplicas": 0}, updateStrategy={"type": "OnDelete"})]),
+        "wait",
+        "0 of 2 pods available",
+    ),
+    Case(
+        "StatefulSet, partition satisfied: ready",
+        STATEFUL,
+        View(
+            [
+                stateful_set(
+                    status={"updatedReplicas": 1},
+                    updateStrategy={"type": "RollingUpdate", "rollingUpdate": {"partition": 1}},
+                ),
+                set_pod("StatefulSet", "talker-0", "old"),
+                set_pod("StatefulSet", "talker-1", "new"),
+            ]
+        ),
+        "pass",
+        "1 left at an older revision (partition 1)",
+    ),
+    Case(
+        "DaemonSet OnDelete: ready",
+        DAEMON,
+        View(
+            [
+                daemon_set(status={"updatedNumberScheduled": 0}, updateStrategy={"type": "OnDelete"}),
+                *REVISIONS,
+                set_pod("DaemonSet", "talker-a", "old"),
+                set_pod("DaemonSet", "talker-b", "old"),
+            ]
+        ),
+        "pass",
+        "2 left at an older revision (OnDelete)",
+    ),
+    *(
+        Case(f"{kind} missing: waited for", ref(kind), View(), "wait", "is not there yet")
+        for kind in (
+            "Deployment",
+            "StatefulSet",
+            "DaemonSet",
+            "Job",
+            "Pod",
+            "Node",
+            "PersistentVolumeClaim",
+        )
+    ),
+]
+
+
+@pytest.mark.parametrize("case", OTHERS_FAIL, ids=lambda case: case.name)
+def test_states_that_other_waiters_misjudge(case: Case) -> None:
+    check(case)
+
+
+def exceeded(when: str) -> Object:
+    progressing = {
+        "type": "Progressing",
+        "status": "False",
+        "reason": "ProgressDeadlineExceeded",
+        "message": 'ReplicaSet "talker-new" has timed out progressing.',
+        "lastTransitionTime": when,
+    }
+    return {"updatedReplicas": 1, "replicas": 2, "conditions": [progressing]}
+
+
+refused = {
+    "type": "ReplicaFailure",
+    "status": "True",
+    "reason": "FailedCreate",
+    "message": "exceeded quota: robot",
+}
+DEPLOYMENTS = [
+    Case("rolled out", DEPLOYMENT, rolled(new_pod), "pass", "1 of 1 pods"),
+    Case("generation unseen", DEPLOYMENT, rolled(new_pod, status={"observedGeneration": 1}), "wait", "generation 2"),
+    Case("no status yet", DEPLOYMENT, View([obj("Deployment", "talker", generation=1)]), "wait", "generation 1"),
+    Case("being deleted", DEPLOYMENT, View([gone_soon(deployment())]), "wait", "being deleted"),
+    Case("replica set unseen", DEPLOYMENT, View([deployment(), new_pod]), "wait", "0 pods seen, 1 wanted"),
+    Case(
+        "only the old replica set seen",
+        DEPLOYMENT,
+        View([deployment(), replica_set("talker-old", "1"), old_pod]),
+        "wait",
+        "0 pods seen",
+    ),
+    Case(
+        "old pod terminates", DEPLOYMENT, rolled(new_pod, gone_soon(old_pod)), "wait", "talker-old-1 is terminating on"
+    ),
+    Case("old pod still there", DEPLOYMENT, rolled(new_pod, old_pod), "wait", "talker-old-1 still runs on robot1"),
+    Case("own pod terminates", DEPLOYMENT, rolled(new_pod, gone_soon(pod("talker-new-0", NEW))), "wait", "terminating"),
+    Case(
+        "old pod of a deleted replica set",
+        DEPLOYMENT,
+        rolled(new_pod, gone_soon(pod("talker-4f5-x", owner("ReplicaSet", "talker-4f5")))),
+        "wait",
+        "talker-4f5-x is terminating",
+    ),
+    Case(
+        "another app's pod does not count",
+        DEPLOYMENT,
+        rolled(new_pod, gone_soon(pod("talker-b-4f5-x", owner("ReplicaSet", "talker-b-4f5")))),
+        "pass",
+    ),
+    Case("old pods by number only", DEPLOYMENT, rolled(new_pod, status={"replicas": 2}), "wait", "1 old pods left"),
+    Case(
+        "unavailable",
+        DEPLOYMENT,
+        rolled(starting, status={"availableReplicas": 0, "unavailableReplicas": 1}),
+        "wait",
+        "0 of 1 pods available: pod talker-new-1, container ros-app: ContainerCreating",
+    ),
+    Case(
+        "readiness probe not passed",
+        DEPLOYMENT,
+        rolled(pod("talker-new-1", NEW, [container(running={})]), status={"availableReplicas": 0}),
+        "wait",
+        "container ros-app: not ready yet",
+    ),
+    Case("scaled to nothing", DEPLOYMENT, rolled(replicas=0), "pass", "0 of 0"),
+    Case("scaled to nothing, pod left", DEPLOYMENT, rolled(new_pod, replicas=0), "wait", "1 pods seen, 0 wanted"),
+    Case("paused but done", DEPLOYMENT, rolled(new_pod, paused=True), "pass", "paused"),
+    Case(
+        "paused half way",
+        DEPLOYMENT,
+        rolled(new_pod, old_pod, paused=True, replicas=2, status={"updatedReplicas": 1}),
+        "wait",
+        "resume it",
+        "Paused",
+    ),
+    Case(
+        "deadline exceeded",
+        DEPLOYMENT,
+        rolled(pod("talker-new-1", NEW, [container(running={})]), old_pod, status=exceeded(LATER)),
+        "fail",
+        "ProgressDeadlineExceeded: ReplicaSet",
+    ),
+    Case(
+        "deadline exceeded by the template before this one",
+        DEPLOYMENT,
+        rolled(
+            pod("talker-new-1", NEW, [waiting("ContainerCreating")], metadata={"creationTimestamp": LATER}),
+            old_pod,
+            status=exceeded(NOON),
+        ),
+        "wait",
+        "ProgressDeadlineExceeded",
+        "ProgressDeadlineExceeded",
+    ),
+    Case(
+        "pods refused",
+        DEPLOYMENT,
+        rolled(status={"updatedReplicas": 0, "replicas": 0, "conditions": [refused]}),
+        "wait",
+        "exceeded quota",
+        "ReplicaFailure",
+    ),
+    Case(
+        "pods refused, and the deadline has passed over it",
+        DEPLOYMENT,
+        rolled(old_pod, status={"updatedReplicas": 0, "conditions": [refused, *exceeded(NOON)["conditions"]]}),
+        "wait",
+        "exceeded quota",
+        "ReplicaFailure",
+    ),
+    Case(
+        "pods refused while an old one still takes the quota",
+        DEPLOYMENT,
+        rolled(gone_soon(old_pod), status={"updatedReplicas": 0, "conditions": [refused]}),
+        "wait",
+        "exceeded quota",
+    ),
+    Case(
+        "the old pod's crash loop is no failure of the new one",
+        DEPLOYMENT,
+        rolled(new_pod, pod("talker-old-1", OLD, [waiting("CrashLoopBackOff", restartCount=2)])),
+        "wait",
+        "old pod talker-old-1",
+    ),
+]
+
+
+@pytest.mark.parametrize("case", DEPLOYMENTS, ids=lambda case: case.name)
+def test_deployment(case: Case) -> None:
+    check(case)
+
+
+crashed = waiting(
+    "CrashLoopBackOff",
+    "back-off 20s restarting failed container",
+    restartCount=3,
+    lastState={"terminated": {"exitCode": 1, "reason": "Error", "message": "ImportError: rospy"}},
+)
+unbound = "0/3 nodes are available: pod has unbound immediate PersistentVolumeClaims."
+no_room = "0/3 nodes are available: 3 Insufficient memory."
+OPEN = {"updatedReplicas": 1, "availableReplicas": 0, "unavailableReplicas": 1}
+
+
+def new_container(state: Object) -> View:
+    return rolled(pod("talker-new-1", NEW, [state]), status=OPEN)
+
+
+PODS = [
+    *(
+        Case(
+            reason,
+            DEPLOYMENT,
+            new_container(waiting(reason, "not found")),
+            "fail",
+            f"{reason}: image lab/apps:1.0: not",
+        )
+        for reason in ("ErrImagePull", "ImagePullBackOff", "InvalidImageName", "ErrImageNeverPull")
+    ),
+    Case(
+        "crash loop",
+        DEPLOYMENT,
+        new_container(crashed),
+        "fail",
+        "container ros-app: CrashLoopBackOff: 3 restarts, last exit code 1 (Error): ImportError",
+    ),
+    Case(
+        "a first crash is not a loop",
+        DEPLOYMENT,
+        new_container(container(terminated={"exitCode": 1, "reason": "Error"})),
+        "wait",
+        "ended with exit code 1 (Error)",
+    ),
+    Case(
+        "a back-off before any restart is not a loop yet",
+        DEPLOYMENT,
+        new_container(waiting("CrashLoopBackOff")),
+        "wait",
+        "0 restarts",
+        "CrashLoopBackOff",
+    ),
+    Case(
+        "restarted once and running",
+        DEPLOYMENT,
+        new_container({**container(running={}), "restartCount": 1, "lastState": {"terminated": {"exitCode": 1}}}),
+        "wait",
+        "not ready yet",
+    ),
+    Case(
+        "missing configuration",
+        DEPLOYMENT,
+        new_container(waiting("CreateContainerConfigError", 'configmap "params" not found')),
+        "fail",
+        'CreateContainerConfigError: configmap "params" not found',
+    ),
+    Case(
+        "configuration not synced yet",
+        DEPLOYMENT,
+        new_container(waiting("CreateContainerConfigError", "failed to sync configmap cache: timed out")),
+        "wait",
+        suspect="CreateContainerConfigError",
+    ),
+    Case(
+        "no such command",
+        DEPLOYMENT,
+        new_container(waiting("RunContainerError", 'exec: "talkerr": not found')),
+        "wait",
+        "talkerr",
+        "RunContainerError",
+    ),
+    Case(
+        "init container's image",
+        DEPLOYMENT,
+        rolled(
+            pod("talker-new-1", NEW, [], status={"initContainerStatuses": [waiting("ImagePullBackOff", name="setup")]}),
+            status=OPEN,
+        ),
+        "fail",
+        "container setup: ImagePullBackOff",
+    ),
+    Case(
+        "unschedulable",
+        DEPLOYMENT,
+        rolled(unscheduled("talker-new-1", NEW, no_room), status=OPEN),
+        "wait",
+        "Insufficient memory",
+        "Unschedulable",
+    ),
+    Case(
+        "unschedulable while another pod makes room",
+        DEPLOYMENT,
+        rolled(unscheduled("talker-new-1", NEW, no_room), gone_soon(old_pod), status=OPEN),
+        "wait",
+    ),
+    Case(
+        "its volume is being made",
+        DEPLOYMENT,
+        rolled(unscheduled("talker-new-1", NEW, unbound), status=OPEN),
+        "wait",
+        "unbound immediate",
+    ),
+    Case(
+        "not scheduled yet",
+        DEPLOYMENT,
+        rolled(pod("talker-new-1", NEW, [], spec={"nodeName": None}, status={"conditions": []}), status=OPEN),
+        "wait",
+        "not scheduled yet",
+    ),
+    Case(
+        "a pod on its way out has no trouble",
+        DEPLOYMENT,
+        rolled(gone_soon(pod("talker-new-0", NEW, [crashed])), new_pod),
+        "wait",
+        "is terminating",
+    ),
+    Case("pod ready", ref("Pod"), View([pod("talker", [])]), "pass", "ready"),
+    Case("pod being deleted", ref("Pod"), View([gone_soon(pod("talker", []))]), "wait", "terminating"),
+    Case("pod done", ref("Pod"), View([pod("talker", [], [], status={"phase": "Succeeded"})]), "pass", "succeeded"),
+    Case(
+        "pod failed",
+        ref("Pod"),
+        View([pod("talker", [], [container(terminated={"exitCode": 2})], status={"phase": "Failed"})]),
+        "fail",
+        "exit code 2",
+    ),
+    Case(
+        "pod evicted",
+        ref("Pod"),
+        View([pod("talker", [], [], status={"phase": "Failed", "reason": "Evicted", "message": "low on memory"})]),
+        "fail",
+        "Evicted: low on memory",
+    ),
+    Case(
+        "pod with its gate open",
+        ref("Pod"),
+        View(
+            [
+                {
+                    **gated,
+                    "status": {
+                        **gated["status"],
+                        "conditions": [{"type": "Ready", "status": "True"}, {"type": "ros/graph", "status": "True"}],
+                    },
+                }
+            ]
+        ),
+        "pass",
+    ),
+    Case(
+        "pod with an unknown image",
+        ref("Pod"),
+        View([pod("talker", [], [waiting("ErrImagePull")])]),
+        "fail",
+        "ErrImage",
+    ),
+]
+
+
+@pytest.mark.parametrize("case", PODS, ids=lambda case: case.name)
+def test_pods(case: Case) -> None:
+    check(case)
+
+
+def two(kind: str, first: str, second: str, containers: list[Object] | None = None) -> list[Object]:
+    return [set_pod(kind, "talker-0", first), set_pod(kind, "talker-1", second, containers)]
+
+
+SETS = [
+    Case("rolled out", STATEFUL, View([stateful_set(), *two("StatefulSet", "new", "new")]), "pass", "2 of 2"),
+    Case("generation unseen", STATEFUL, View([stateful_set(status={"observedGeneration": 1})]), "wait", "generation"),
+    Case(
+        "one old pod",
+        STATEFUL,
+        View([stateful_set(), *two("StatefulSet", "old", "new")]),
+        "wait",
+        "1 of 2 pods updated, old pod talker-0 still runs",
+    ),
+    Case(
+        "the partition is not reached yet",
+        STATEFUL,
+        View([stateful_set(updateStrategy={"rollingUpdate": {"partition": 1}}), *two("StatefulSet", "old", "old")]),
+        "wait",
+        "0 of 2 pods updated",
+    ),
+    Case(
+        "partition counted from the first ordinal",
+        STATEFUL,
+        View(
+            [
+                stateful_set(ordinals={"start": 5}, updateStrategy={"rollingUpdate": {"partition": 1}}),
+                set_pod("StatefulSet", "talker-5", "old"),
+                set_pod("StatefulSet", "talker-6", "new"),
+            ]
+        ),
+        "pass",
+        "1 left at an older revision",
+    ),
+    Case(
+        "OnDelete, all ready",
+        STATEFUL,
+        View([stateful_set(updateStrategy={"type": "OnDelete"}), *two("StatefulSet", "old", "new")]),
+        "pass",
+        "1 left at an older revision (OnDelete)",
+    ),
+    Case(
+        "OnDelete, one deleted",
+        STATEFUL,
+        View(
+            [
+                stateful_set(updateStrategy={"type": "OnDelete"}),
+                set_pod("StatefulSet", "talker-0", "old"),
+                gone_soon(set_pod("StatefulSet", "talker-1", "old")),
+            ]
+        ),
+        "wait",
+        "talker-1 is terminating",
+    ),
+    Case(
+        "a broken pod of a revision before blocks",
+        STATEFUL,
+        View([stateful_set(), *two("StatefulSet", "new", "bad", containers=[crashed])]),
+        "wait",
+        "may block the rollout",
+    ),
+    Case(
+        "the new revision crashes",
+        STATEFUL,
+        View([stateful_set(), *two("StatefulSet", "old", "new", containers=[crashed])]),
+        "fail",
+        "CrashLoopBackOff",
+    ),
+    Case(
+        "scaled down, one left",
+        STATEFUL,
+        View([stateful_set(replicas=1), *two("StatefulSet", "new", "new")]),
+        "wait",
+        "talker-1 still runs",
+    ),
+    Case(
+        "pods of a deleted namesake",
+        STATEFUL,
+        View(
+            [
+                {**stateful_set(), "metadata": {**stateful_set()["metadata"], "uid": "uid-other"}},
+                *two("StatefulSet", "new", "new"),
+            ]
+        ),
+        "wait",
+        "still runs",
+    ),
+    Case("rolled out", DAEMON, View([daemon_set(), *REVISIONS, *two("DaemonSet", "new", "new")]), "pass", "2 of 2"),
+    Case("revision unseen", DAEMON, View([daemon_set(), *two("DaemonSet", "new", "new")]), "wait", "revision has not"),
+    Case("one old pod", DAEMON, View([daemon_set(), *REVISIONS, *two("DaemonSet", "old", "new")]), "wait", "old pod"),
+    Case("no node wants it", DAEMON, View([daemon_set(0), *REVISIONS]), "pass", "no node wants it"),
+    Case(
+        "kept on a node that is no longer chosen",
+        DAEMON,
+        View([daemon_set(1), *REVISIONS, *two("DaemonSet", "new", "new")]),
+        "pass",
+    ),
+    Case(
+        "back to an earlier template",
+        DAEMON,
+        View(
+            [
+                daemon_set(),
+                controller_revision("new", 3),
+                controller_revision("bad", 2),
+                *two("DaemonSet", "new", "new"),
+            ]
+        ),
+        "pass",
+    ),
+    Case(
+        "bad image",
+        DAEMON,
+        View([daemon_set(), *REVISIONS, *two("DaemonSet", "old", "new", containers=[waiting("ImagePullBackOff")])]),
+        "fail",
+        "ImagePullBackOff",
+    ),
+]
+
+
+@pytest.mark.parametrize("case", SETS, ids=lambda case: f"{case.ref.kind}: {case.name}")
+def test_sets(case: Case) -> None:
+    check(case)
+
+
+def job(status: Object | None = None, **spec: object) -> Object:
+    return obj("Job", "talker", dict(spec), status)
+
+
+JOBS = owner("Job", "talker")
+over = {"conditions": [{"type": "Failed", "status": "True", "reason": "BackoffLimitExceeded", "message": "limit"}]}
+dead = pod("talker-x", JOBS, [container(terminated={"exitCode": 3})], status={"phase": "Failed"})
+JOB_CASES = [
+    Case("complete", ref("Job"), View([job({"conditions": conditions(Complete="True")})]), "pass", "complete"),
+    Case(
+        "failed", ref("Job"), View([job(over), dead]), "fail", "BackoffLimitExceeded: limit; last pod talker-x failed"
+    ),
+    Case(
+        "under way", ref("Job"), View([job({"failed": 1}, completions=2), dead]), "wait", "0 of 2 completed, 1 failed"
+    ),
+    Case(
+        "crash loop counts for the Job", ref("Job"), View([job(), pod("talker-x", JOBS, [crashed])]), "wait", "0 of 1"
+    ),
+    Case("bad image", ref("Job"), View([job(), pod("talker-x", JOBS, [waiting("ErrImagePull")])]), "fail", "ErrImage"),
+    Case("suspended", ref("Job"), View([job(suspend=True)]), "wait", "resume it", "Suspended"),
+    Case("an old one is being deleted", ref("Job"), View([gone_soon(job(over))]), "wait", "being deleted"),
+]
+
+
+def claim(phase: str = "Pending", storage_class: str | None = "local-path") -> Object:
+    return obj(
+        "PersistentVolumeClaim", "logs-pvc", {"storageClassName": storage_class, "volumeName": "pv1"}, {"phase": phase}
+    )
+
+
+def user(kind: str = "Deployment", **spec: object) -> Object:
+    volumes = [{"name": "logs", "persistentVolumeClaim": {"claimName": "logs-pvc"}}]
+    return obj(kind, "talker", {"template": {"spec": {"volumes": volumes}}, **spec})
+
+
+def storage_class(mode: str) -> Object:
+    return {**obj("StorageClass", "local-path"), "volumeBindingMode": mode}
+
+
+PVC, LAZY = ref("PersistentVolumeClaim", "logs-pvc"), storage_class("WaitForFirstConsumer")
+unreadable = View([claim()])
+unreadable.hidden.add("StorageClass")
+CLAIMS = [
+    Case("bound", PVC, View([claim("Bound"), LAZY]), "pass", "bound to pv1"),
+    Case("lost", PVC, View([claim("Lost"), LAZY]), "fail", "Lost"),
+    Case("no consumer given", PVC, View([claim(), LAZY, user()]), "pass", "first consumer"),
+    Case(
+        "a given consumer",
+        PVC,
+        View([claim(), LAZY, user()]),
+        "wait",
+        "the pod of Deployment talker",
+        "",
+        (PVC, DEPLOYMENT),
+    ),
+    Case(
+        "a given consumer without pods", PVC, View([claim(), LAZY, user(replicas=0)]), "pass", "", "", (PVC, DEPLOYMENT)
+    ),
+    Case(
+        "a StatefulSet's own claim",
+        ref("PersistentVolumeClaim", "logs-talker-0"),
+        View(
+            [
+                {**claim(), "metadata": {**claim()["metadata"], "name": "logs-talker-0"}},
+                LAZY,
+                obj("StatefulSet", "talker", {"volumeClaimTemplates": [{"metadata": {"name": "logs"}}]}),
+            ]
+        ),
+        "wait",
+        "StatefulSet talker",
+        "",
+        (PVC, STATEFUL),
+    ),
+    Case("immediate", PVC, View([claim(), storage_class("Immediate")]), "wait", "no volume is bound yet"),
+    Case("no such class", PVC, View([claim()]), "wait", "storage class local-path does not exist"),
+    Case("no class named", PVC, View([claim(storage_class=None)]), "wait", "none is the default"),
+    Case("classes not readable", PVC, unreadable, "wait", "may not read storage classes"),
+    Case("being deleted", PVC, View([gone_soon(claim("Bound"))]), "wait", "being deleted"),
+]
+
+
+def node(ready: str = "True", unschedulable: bool = False, **more: str) -> View:
+    return View(
+        [obj("Node", "robot1", {"unschedulable": unschedulable}, {"conditions": conditions(Ready=ready, **more)})]
+    )
+
+
+NODE = ref("Node", "robot1")
+NODES = [
+    Case("ready", NODE, node(), "pass", "Ready"),
+    Case("not ready", NODE, node("False"), "wait", "NotReady"),
+    Case("unknown", NODE, node("Unknown"), "wait", "NotReady"),
+    Case("pressure", NODE, node(DiskPressure="True"), "wait", "DiskPressure"),
+    Case("no network", NODE, node(NetworkUnavailable="True"), "wait", "NetworkUnavailable"),
+    Case("cordoned", NODE, node(unschedulable=True), "pass", "cordoned"),
+]
+OTHER = [
+    Case("no rollout", ref("ConfigMap"), View(), "pass", "has no rollout"),
+    Case("a Job of another API", ref("Job", api_version="batch.volcano.sh/v1alpha1"), View(), "pass", "has no rollout"),
+    Case("with its API version", ref("Deployment", api_version="apps/v1"), View(), "wait", "not there yet"),
+]
+
+
+@pytest.mark.parametrize("case", JOB_CASES + CLAIMS + NODES + OTHER, ids=lambda case: f"{case.ref.kind}: {case.name}")
+def test_other_kinds(case: Case) -> None:
+    check(case)
+
+
+def test_a_suspicion_fails_only_when_it_lasts() -> None:
+    tracker, doubt = Tracker(grace=10), Verdict("wait", "no room", suspect="Unschedulable")
+    assert tracker.settle(DEPLOYMENT, doubt, now=100).verdict == "wait"
+    assert tracker.due() == 110
+    other_words = Verdict("wait", "no room at all", suspect="Unschedulable")
+    assert tracker.settle(DEPLOYMENT, other_words, now=109.9).verdict == "wait"
+    assert tracker.settle(DEPLOYMENT, other_words, now=110).verdict == "fail"
+
+
+@pytest.mark.parametrize("between", [Verdict("wait", "starting"), Verdict("wait", "quota", suspect="ReplicaFailure")])
+def test_a_suspicion_that_went_away_starts_over(between: Verdict) -> None:
+    tracker, doubt = Tracker(grace=10), Verdict("wait", "no room", suspect="Unschedulable")
+    tracker.settle(DEPLOYMENT, doubt, now=100)
+    tracker.settle(DEPLOYMENT, between, now=105)
+    assert tracker.settle(DEPLOYMENT, doubt, now=111).verdict == "wait"
+    assert tracker.due() == 121
+
+
+def test_suspicions_of_different_objects_are_apart() -> None:
+    tracker, doubt = Tracker(grace=10), Verdict("wait", "no room", suspect="Unschedulable")
+    tracker.settle(DEPLOYMENT, doubt, now=100)
+    tracker.settle(STATEFUL, doubt, now=105)
+    assert tracker.settle(STATEFUL, doubt, now=110).verdict == "wait"
+    assert tracker.settle(DEPLOYMENT, doubt, now=110).verdict == "fail"
+
+
+def test_references_and_definitions_are_read_alike() -> None:
+    full = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": {"name": "talker", "namespace": NS}, "spec": {}}
+    short = {"kind": "Deployment", "name": "talker", "namespace": NS, "api_version": "apps/v1"}
+    node_ref = {"kind": "Node", "name": "robot1", "namespace": "ignored"}
+    assert parse_refs([full, short, node_ref]) == [Ref("Deployment", "talker", NS, "apps/v1"), Ref("Node", "robot1")]
+
+
+def test_all_errors_of_the_references_at_once() -> None:
+    with pytest.raises(SpecError) as error:
+        parse_refs([{"kind": "Deployment", "name": "talker"}, {"metadata": {"name": "x"}}, {"kind": "ConfigMap"}])
+    assert str(error.value) == "objects[0].namespace: missing; objects[1].kind: missing; objects[2].name: missing"
+
+
+def test_what_is_watched() -> None:
+    assert watched([DEPLOYMENT, PVC, NODE, ref("Secret")]) == {
+        "Deployment": {NS},
+        "ReplicaSet": {NS},
+        "Pod": {NS},
+        "PersistentVolumeClaim": {NS},
+        "StorageClass": set(),
+        "Node": set(),
+    }
+
+
+def test_a_fresh_listing_replaces_what_was_known() -> None:
+    view = rolled(new_pod, old_pod)
+    view.replace("Pod", NS, [new_pod])
+    assert judge(DEPLOYMENT, view).verdict == "pass"
+    view.replace("Pod", "elsewhere", [])
+    assert judge(DEPLOYMENT, view).verdict == "pass"
+    view.drop("Pod", new_pod)
+    assert judge(DEPLOYMENT, view).verdict == "wait"
+
+
+# --- whose news count -----------------------------------------------------------------------------------------------
+
+
+def names(of: Ref, view: View) -> list[str]:
+    return [str(one["metadata"]["name"]) for one in present_pods(of, view)]
+
+
+def test_present_pods_of_a_deployment_are_those_of_its_newest_replica_set() -> None:
+    pods = (pod("new-1", NEW), pod("old-1", OLD), gone_soon(pod("new-2", NEW)), pod("other", owner("ReplicaSet", "x")))
+    assert names(ref("Deployment"), rolled(*pods)) == ["new-1"]
+    # the controller has not seen the new template: what is newest now is the old one
+    assert names(ref("Deployment"), rolled(*pods, status={"observedGeneration": 1})) == []
+    assert names(ref("Deployment"), rolled(*pods, revision="3")) == []
+
+
+@pytest.mark.parametrize("kind", ["StatefulSet", "DaemonSet"])
+def test_present_pods_of_a_set_are_those_of_its_revision(kind: str) -> None:
+    made = stateful_set() if kind == "StatefulSet" else daemon_set()
+    pods = [set_pod(kind, "talker-0", "old"), set_pod(kind, "talker-1", "new")]
+    foreign = set_pod(kind, "talker-2", "new")
+    foreign["metadata"]["ownerReferences"][0]["uid"] = "uid-of-a-namesake"
+    assert names(ref(kind), View([made, *REVISIONS, *pods, foreign])) == ["talker-1"]
+    made["status"].pop("updateRevision", None)
+    assert names(ref(kind), View([made, *pods])) == []
+
+
+def test_present_pods_of_what_is_one_or_has_none() -> None:
+    alone = pod("talker", [])
+    assert names(ref("Pod"), View([alone])) == ["talker"]
+    assert names(ref("Pod"), View([])) == []
+    assert names(ref("ConfigMap"), View([alone])) == []
+    job = obj("Job", "talker")
+    assert names(ref("Job"), View([job, pod("talker-x", owner("Job", "talker"))])) == []

@@ -1,0 +1,517 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The wait, with a cluster, a clock and a stream that the test holds in its hands."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Iterable
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import latest, probe_line
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
+    Settings,
+    look_once,
+    run,
+    targets_for,
+    wait_for_rollout,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
+    NEW,
+    NS,
+    OLD,
+    container,
+    deployment,
+    gone_soon,
+    obj,
+    pod,
+    ref,
+    replica_set,
+    unscheduled,
+    waiting,
+)
+
+DEPLOYMENT = ref("Deployment")
+DEPLOYMENTS, SETS, PODS = Target("Deployment", NS), Target("ReplicaSet", NS), Target("Pod", NS)
+TALKER = {"kind": "Deployment", "name": "talker", "namespace": NS}
+new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.time = 1000.0
+
+    def __call__(self) -> float:
+        return self.time
+
+
+class Script:
+    """Plays changes at set times; the clock moves only while the wait waits."""
+
+    def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[Change]]]) -> None:
+        self.clock, self.start = clock, clock.time
+        self.steps = sorted(steps, key=lambda step: step[0])
+        self.followed: list[Target] = []
+
+    def __call__(self, _kube: Any, targets: Iterable[Target]) -> Script:
+        self.follow(targets)
+        return self
+
+    def __enter__(self) -> Script:
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        """Nothing to end."""
+
+    def follow(self, targets: Iterable[Target]) -> None:
+        self.followed += targets
+
+    def changes(self, timeout: float) -> list[Change]:
+        until = self.clock.time + timeout
+        if self.steps and self.start + self.steps[0][0] <= until:
+            at, found = self.steps.pop(0)
+            self.clock.time = max(self.clock.time, self.start + at)
+            return found
+        self.clock.time = until
+        return []
+
+
+class FakeKube:
+    host = "https://edge1:6443"
+
+    def __init__(self, lists: dict[str, list[Object]] | None = None, log: str = "", refuse: int = 0) -> None:
+        self.lists, self.log, self.refuse = lists or {}, log, refuse
+        self.no_previous = False
+        self.asked: list[tuple[str, ...]] = []
+
+    def objects(self, kind: str, *where: str, **which: str) -> list[Object]:
+        self.asked.append((kind, *where, *which.values()))
+        if self.refuse:
+            raise ApiError("no", status=self.refuse)
+        return self.lists.get(kind, [])
+
+    def log_tail(self, *_whose: Any, previous: bool = True) -> str:
+        if previous and self.no_previous:
+            raise ApiError("previous terminated container not found", status=400)
+        return self.log
+
+
+def listed(target: Target, *objects: Object) -> Change:
+    return Change("listed", target, list(objects))
+
+
+def changed(target: Target, obj: Object, what: str = "set") -> Change:
+    return Change(what, target, [obj])
+
+
+def lists(*pods: Object, **state: Any) -> list[Change]:
+    return [
+        listed(DEPLOYMENTS, deployment(**state)),
+        listed(SETS, replica_set("talker-old", "1"), replica_set("talker-new", "2")),
+        listed(PODS, *pods),
+    ]
+
+
+class Run:
+    """One wait and all that came of it."""
+
+    def __init__(
+        self, *steps: tuple[float, list[Change]], refs: list[Ref] | None = None, kube: Any = None, **more: Any
+    ):
+        self.clock = Clock()
+        self.said: list[str] = []
+        self.script = Script(self.clock, steps)
+        settings = Settings(say=self.said.append, now=self.clock, watch=self.script, **more)
+        self.error: Exception | None = None
+        self.result: dict[str, Any] = {}
+        try:
+            self.result = wait_for_rollout(kube or FakeKube(), refs or [DEPLOYMENT], settings)
+        except (NotReadyError, ApiError) as exc:
+            self.error = exc
+            self.result = dict(exc.details)
+        self.took = self.clock.time - 1000.0
+
+    @property
+    def message(self) -> str:
+        return str(self.error)
+
+
+def test_ready_at_the_first_look() -> None:
+    done = Run((0.1, lists(new_pod)))
+    assert done.result == {
+        "objects": [{**TALKER, "verdict": "pass", "reason": "1 of 1 pods updated and available"}],
+        "elapsed": 0.1,
+    }
+
+
+def test_returns_with_the_change_that_makes_it_ready() -> None:
+    done = Run(
+        (0.1, lists(new_pod, old_pod)),
+        (2.0, [changed(PODS, gone_soon(old_pod))]),
+        (4.5, [changed(PODS, old_pod, "gone")]),
+    )
+    assert done.error is None
+    assert done.took == pytest.approx(4.5)
+
+
+def test_nothing_passes_before_every_stream_has_listed() -> None:
+    first, second, third = lists(new_pod, gone_soon(old_pod))
+    done = Run((0.1, [first, second]), (3.0, [third]), (4.0, [changed(PODS, old_pod, "gone")]))
+    assert done.took == pytest.approx(4.0)
+
+
+def test_an_object_that_comes_later_is_waited_for() -> None:
+    done = Run((0.1, [listed(DEPLOYMENTS), listed(SETS), listed(PODS)]), (2.0, lists(new_pod)))
+    assert done.error is None
+
+
+def test_fails_at_once_with_the_pods_reason() -> None:
+    bad = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "not found")])
+    done = Run((0.1, lists(old_pod, status={"availableReplicas": 0})), (1.0, [changed(PODS, bad)]))
+    assert done.took == pytest.approx(1.0)
+    assert done.message == (
+        f"1 of 1 cannot be rolled out:\n  Deployment {NS}/talker: pod talker-new-1, container ros-app: "
+        "ImagePullBackOff: image lab/apps:1.0: not found"
+    )
+    assert done.result["objects"][0]["verdict"] == "fail"
+
+
+def test_unschedulable_fails_after_the_grace_without_any_further_news() -> None:
+    stuck = unscheduled("talker-new-1", NEW, "0/3 nodes are available: 3 Insufficient memory.")
+    done = Run((0.5, lists(stuck, status={"availableReplicas": 0})), grace=5.0)
+    assert done.took == pytest.approx(5.5)
+    assert "Insufficient memory" in done.message
+
+
+def test_time_out_names_everything_that_is_open_and_its_last_reason() -> None:
+    refs = [DEPLOYMENT, ref("Deployment", "listener"), ref("ConfigMap", "params")]
+    done = Run((0.1, lists(new_pod, old_pod)), refs=refs, timeout=25)
+    assert done.took == pytest.approx(25)
+    assert done.message == (
+        "2 of 3 are not rolled out after 25 s:\n"
+        f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1\n"
+        f"  Deployment {NS}/listener: is not there yet"
+    )
+    assert [row["verdict"] for row in done.result["objects"]] == ["wait", "wait", "pass"]
+    assert done.result["elapsed"] == 25
+
+
+def test_says_every_ten_seconds_what_is_open() -> None:
+    done = Run((0.1, lists(new_pod, old_pod)), timeout=25)
+    assert done.said == [
+        f"rollout: 1 of 1 still open after {seconds} s\n"
+        f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1"
+        for seconds in (10, 20)
+    ]
+
+
+def test_a_progress_message_stays_short() -> None:
+    refs = [ref("Deployment", f"app{index}") for index in range(20)]
+    done = Run((0.1, [listed(DEPLOYMENTS), listed(SETS), listed(PODS)]), refs=refs, timeout=12)
+    assert done.said[0].splitlines()[-1] == "  and 8 more"
+
+
+def test_a_timeout_of_zero_looks_once() -> None:
+    assert "0 s" in Run((0.1, lists(new_pod)), timeout=0).message
+
+
+def test_nothing_to_wait_for() -> None:
+    done = Run(refs=[ref("ConfigMap")])
+    assert (done.took, done.script.followed) == (0, [])
+    assert wait_for_rollout(FakeKube(), [], Settings(watch=done.script))["objects"] == []
+
+
+# --- the API is away ------------------------------------------------------------------------------------------------
+
+REFUSED = ApiError("The Kubernetes API at https://edge1:6443 cannot be reached: connection refused.", transient=True)
+
+
+def lost(target: Target) -> Change:
+    return Change("lost", target, error=REFUSED)
+
+
+def test_never_reached_fails_soon_with_the_cause() -> None:
+    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=300)
+    assert done.error is REFUSED
+    assert done.took == pytest.approx(10, abs=1)
+
+
+def test_never_reached_within_a_short_timeout() -> None:
+    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=3)
+    assert done.error is REFUSED
+    assert done.took == pytest.approx(3)
+
+
+def test_reached_after_some_tries() -> None:
+    assert Run((0.0, [lost(DEPLOYMENTS)]), (6.0, lists(new_pod))).error is None
+
+
+def test_away_later_is_waited_for_and_told() -> None:
+    done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), timeout=25)
+    assert "no news at the moment: The Kubernetes API at https://edge1:6443" in done.said[0]
+    assert "The last news is old" in done.message
+    back = Run((0.1, lists(new_pod, old_pod)), (5.0, [lost(PODS)]), (22.0, [listed(PODS, new_pod)]), timeout=60)
+    assert back.error is None
+
+
+def test_refused_credentials_end_the_wait() -> None:
+    error = ApiError("401", status=401)
+    assert Run((0.1, [Change("refused", DEPLOYMENTS, error=error)])).error is error
+
+
+# --- many namespaces, few permissions -------------------------------------------------------------------------------
+
+
+def fleet(count: int) -> list[Ref]:
+    return [Ref("PersistentVolumeClaim", "logs-pvc", f"robot-{index}") for index in range(count)]
+
+
+def test_few_namespaces_have_streams_of_their_own() -> None:
+    assert targets_for(fleet(2)) == [
+        Target("PersistentVolumeClaim", "robot-0"),
+        Target("PersistentVolumeClaim", "robot-1"),
+        Target("StorageClass"),
+    ]
+
+
+def test_many_namespaces_share_one() -> None:
+    assert targets_for(fleet(5)) == [Target("PersistentVolumeClaim"), Target("StorageClass")]
+
+
+def test_who_may_not_see_the_whole_cluster_looks_namespace_by_namespace() -> None:
+    forbidden = ApiError("403", status=403)
+    refs, everywhere = fleet(5), Target("PersistentVolumeClaim")
+    bound = [{**obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})} for _ref in refs]
+    for one, claim in zip(refs, bound):
+        claim["metadata"]["namespace"] = one.namespace
+    each = [listed(Target("PersistentVolumeClaim", one.namespace), claim) for one, claim in zip(refs, bound)]
+    refusals = [Change("refused", target, error=forbidden) for target in (everywhere, Target("StorageClass"))]
+    done = Run((0.1, refusals), (0.2, each), refs=refs)
+    assert done.error is None
+    assert done.script.followed[2:] == [Target("PersistentVolumeClaim", one.namespace) for one in refs]
+
+
+def test_forbidden_in_the_namespace_itself_is_an_error() -> None:
+    error = ApiError("403", status=403)
+    assert Run((0.1, [Change("refused", PODS, error=error)])).error is error
+
+
+# --- what explains a failure ----------------------------------------------------------------------------------------
+
+
+def warning(name: str, message: str, second: int, reason: str = "FailedMount", kind: str = "Pod") -> Object:
+    return {
+        "involvedObject": {"kind": kind, "name": name, "uid": f"uid-{name}"},
+        "reason": reason,
+        "message": message,
+        "lastTimestamp": f"2026-01-01T12:00:0{second}Z",
+    }
+
+
+def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
+    starting = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
+    other = {**warning("talker-new-1", "of an earlier pod of that name", 7)}
+    other["involvedObject"] = {**other["involvedObject"], "uid": "uid-earlier"}
+    events = [
+        warning("talker-new-1", "second", 2),
+        warning("talker-new-1", "first", 1),
+        warning("talker-new-1", "known", 3, reason="BackOff"),
+        warning("talker-new-1", "Error: is terminating", 4),
+        warning("talker-old-1", "on its way out", 5),
+        warning("talker-gone-1", "gone", 5),
+        warning("other-1", "not ours", 6),
+        other,
+        warning("talker", "of the Deployment itself", 1, "Odd", "Deployment"),
+        warning("talker-new", "of the replica set", 1, "FailedCreate", "ReplicaSet"),
+    ]
+    steps = (0.1, lists(starting, gone_soon(old_pod), status={"availableReplicas": 0}))
+    done = Run(steps, kube=FakeKube({"Event": events}), timeout=5)
+    assert done.message.splitlines()[2:] == [
+        "  event of Pod talker-new-1: FailedMount: second",
+        "  event of Deployment talker: Odd: of the Deployment itself",
+    ]
+
+
+def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
+    crash = waiting("CrashLoopBackOff", restartCount=2, lastState={"terminated": {"exitCode": 1}})
+    steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
+    done = Run(steps, kube=FakeKube(log="Traceback\nImportError: rospy"))
+    assert done.message.splitlines()[-1] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
+
+
+def test_what_may_not_be_read_is_done_without() -> None:
+    done = Run((0.1, lists(old_pod)), kube=FakeKube(refuse=403), timeout=5)
+    assert len(done.message.splitlines()) == 2
+
+
+# --- an end with an error, at once -----------------------------------------------------------------------------------
+
+CRASHED = {"terminated": {"exitCode": 3, "reason": "Error"}}
+
+
+def app(**more: Any) -> Object:
+    return {**container(running={}), **more}
+
+
+def test_an_end_with_an_error_fails_at_once_with_exit_code_and_log() -> None:
+    dead = pod("talker-new-1", NEW, [app(state=CRASHED)])
+    kube = FakeKube(log="Traceback\nImportError: rospy")
+    kube.no_previous = True
+    steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, dead)])]
+    done = Run(*steps, kube=kube, fail_on_restart=True)
+    assert done.took == pytest.approx(1.0)
+    assert done.message.splitlines()[1:] == [
+        f"  Deployment {NS}/talker: pod talker-new-1, container ros-app: ended with exit code 3 (Error)",
+        "  log of pod talker-new-1, container ros-app: Traceback",
+        "  log of pod talker-new-1, container ros-app: ImportError: rospy",
+    ]
+    assert Run(*steps, timeout=5).took == pytest.approx(5)  # without the option it may come back
+
+
+def test_an_end_that_was_missed_is_seen_by_the_restart_even_if_the_pod_is_ready_again() -> None:
+    starting = pod("talker-new-1", NEW, [app()])
+    back = pod("talker-new-1", NEW)
+    back["status"]["containerStatuses"] = [app(ready=True, restartCount=1, lastState=CRASHED)]
+    steps = [(0.1, lists(starting, old_pod)), (2.0, [changed(PODS, back), changed(PODS, old_pod, "gone")])]
+    done = Run(*steps, fail_on_restart=True, kube=FakeKube(log="last words"))
+    assert "exit code 3 (Error) (1 restart)" in done.message
+    assert done.message.endswith("container ros-app: last words")
+    assert Run(*steps).error is None
+
+
+def test_restarts_of_an_earlier_life_and_clean_ends_are_no_failure() -> None:
+    survivor = pod("talker-new-1", NEW)
+    survivor["status"]["containerStatuses"] = [app(ready=True, restartCount=2, lastState=CRASHED)]
+    assert Run((0.1, lists(survivor)), fail_on_restart=True).error is None
+    again = pod("talker-new-1", NEW, [app(restartCount=3, lastState=CRASHED)])
+    later = [(0.1, lists(survivor, old_pod)), (1.0, [changed(PODS, again)])]
+    assert "3 restarts" in Run(*later, fail_on_restart=True).message
+    clean = pod("talker-new-1", NEW)
+    clean["status"]["containerStatuses"] = [
+        app(ready=True, restartCount=1, lastState={"terminated": {"exitCode": 0, "reason": "Completed"}})
+    ]
+    steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, clean)])]
+    assert Run(*steps, (2.0, [changed(PODS, old_pod, "gone")]), fail_on_restart=True).took == pytest.approx(2.0)
+
+
+def test_a_crash_before_the_first_look_counts_for_a_pod_that_is_not_ready() -> None:
+    crashed = pod("talker-new-1", NEW, [app(restartCount=1, lastState=CRASHED)])
+    assert "exit code 3" in Run((0.1, lists(crashed, old_pod)), fail_on_restart=True).message
+
+
+def test_an_old_pods_crash_is_not_this_rollouts() -> None:
+    crashed = pod("talker-old-1", OLD, [app(restartCount=1, lastState=CRASHED)])
+    done = Run((0.1, lists(new_pod, crashed)), (1.0, [changed(PODS, crashed, "gone")]), fail_on_restart=True)
+    assert done.error is None
+
+
+# --- what probes say -------------------------------------------------------------------------------------------------
+
+
+def unhealthy(message: str, second: int, name: str = "talker-new-1", uid: str = "") -> Object:
+    event = warning(name, message, second, reason="Unhealthy")
+    return {**event, "involvedObject": {**event["involvedObject"], "uid": uid or f"uid-{name}"}}
+
+
+def test_a_probe_without_hope_fails_at_once_with_its_line() -> None:
+    line = "Startup probe failed: cannot become ready: /talker_new has /temperature at 250 Hz of 500\n"
+    kube = FakeKube({"Event": [unhealthy("Startup probe failed: not ready: not registered yet", 1)]})
+    starting = pod("talker-new-1", NEW, [app()])
+    calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
+    assert calm.message.splitlines()[1].endswith(
+        "old pod talker-old-1 still runs on robot1; "
+        "pod talker-new-1: Startup probe failed: not ready: not registered yet"
+    )
+    assert len(calm.message.splitlines()) == 2  # and not once more as an event
+    assert "not registered yet" in calm.said[0]
+    kube.lists["Event"].append(unhealthy(line, 2))
+    done = Run((0.1, lists(starting, old_pod)), kube=kube)
+    assert done.took == pytest.approx(0.1)
+    assert done.message == (
+        f"1 of 1 cannot be rolled out:\n  Deployment {NS}/talker: pod talker-new-1: Startup probe failed: "
+        "cannot become ready: /talker_new has /temperature at 250 Hz of 500"
+    )
+
+
+def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_ready() -> None:
+    starting = pod("talker-new-1", NEW, [app()])
+    pulling = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
+    kube = FakeKube()
+    done = Run(
+        (0.1, lists(pulling, old_pod)),
+        (5.0, [changed(PODS, starting)]),
+        *((5.0 + step / 10, [changed(PODS, starting)]) for step in range(30)),
+        (10.0, [changed(PODS, new_pod)]),
+        (20.0, [changed(PODS, old_pod, "gone")]),
+        kube=kube,
+    )
+    assert done.error is None
+    assert 4 <= len(kube.asked) <= 6
+    assert set(kube.asked) == {("Event", NS, "reason=Unhealthy,involvedObject.kind=Pod")}
+
+
+def test_events_of_other_pods_say_nothing_here() -> None:
+    hopeless = "Startup probe failed: cannot become ready: never"
+    events = [
+        unhealthy(hopeless, 1, "talker-old-1"),
+        unhealthy(hopeless, 1, uid="uid-of-an-earlier-pod"),
+        {**unhealthy(hopeless, 1), "reason": "Killing"},
+    ]
+    starting = pod("talker-new-1", NEW, [app()])
+    unready_old = pod("talker-old-1", OLD, [app()])
+    done = Run((0.1, lists(starting, unready_old)), kube=FakeKube({"Event": events}), timeout=3)
+    assert done.took == pytest.approx(3)
+    assert "never" not in done.message.splitlines()[1]
+
+
+def test_events_that_may_not_be_read_are_asked_for_once() -> None:
+    kube = FakeKube(refuse=403)
+    done = Run((0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), kube=kube, timeout=20)
+    assert done.took == pytest.approx(20)
+    assert len(kube.asked) == 2  # and once for the message
+
+
+@pytest.mark.parametrize(
+    ("message", "line"),
+    [
+        ("Startup probe failed: not ready: x\n", "Startup probe failed: not ready: x"),
+        ("(combined from similar events): Startup probe failed: not ready: y", "Startup probe failed: not ready: y"),
+        ("Startup probe failed: Traceback:\n  File\nOSError: z\n", "Startup probe failed: OSError: z"),
+        ("Startup probe failed: cannot become ready: a\nwarning: b", "Startup probe failed: cannot become ready: a"),
+        ('Startup probe errored: command "x" timed out', 'Startup probe errored: command "x" timed out'),
+        ("Startup probe failed: ", "Startup probe failed:"),
+        ("", ""),
+    ],
+)
+def test_a_probes_line(message: str, line: str) -> None:
+    assert probe_line(message) == line
+
+
+def test_the_newest_line_counts() -> None:
+    old = {**unhealthy("Startup probe failed: cannot become ready: a", 1), "lastTimestamp": "2026-01-01T11:00:00Z"}
+    by_series = {**unhealthy("Startup probe failed: b", 1), "series": {"lastObservedTime": "2026-01-01T12:30:00.123Z"}}
+    assert latest([by_series, old, unhealthy("Startup probe failed: c", 5)])["uid-talker-new-1"].text.endswith("b")
+    same = [unhealthy("Startup probe failed: cannot become ready: d", 5), unhealthy("Startup probe failed: e", 5)]
+    assert latest(same)["uid-talker-new-1"].hopeless
+
+
+# --- check mode, parameters -----------------------------------------------------------------------------------------
+
+
+def test_check_mode_looks_once_and_never_fails() -> None:
+    shown = {"Deployment": [deployment()], "ReplicaSet": [replica_set("talker-new", "2")], "Pod": [new_pod]}
+    params = {"objects": [TALKER, {"kind": "Node", "name": "robot1"}]}
+    result = run(params, FakeKube(shown), Settings(), check_mode=True)
+    assert [row["verdict"] for row in result["objects"]] == ["pass", "wait"]
+    assert look_once(FakeKube(refuse=403), [DEPLOYMENT])["objects"][0]["verdict"] == "wait"
+
+
+@pytest.mark.parametrize("check_mode", [True, False])
+def test_bad_parameters_are_told_before_anything_is_asked(check_mode: bool) -> None:
+    watch: Callable[..., Any] = lambda *_: pytest.fail("asked the cluster")  # noqa: E731
+    with pytest.raises(SpecError, match=r"objects\[0\].name: missing"):
+        run({"objects": [{"kind": "Pod", "namespace": "x"}]}, FakeKube(), Settings(watch=watch), check_mode)

@@ -1,0 +1,73 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hosts' variables, by Ansible's own inventory: a value may lead to another host, and what is undefined says so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible.errors import AnsibleError
+from ansible.inventory.manager import InventoryManager
+from ansible.parsing.dataloader import DataLoader
+from ansible.vars.hostvars import HostVars
+from ansible.vars.manager import VariableManager
+from ansible_collections.rosops.fleet.plugins.filter.fleet_context import FilterModule as FleetContext
+from ansible_collections.rosops.fleet.plugins.filter.fleet_hosts import FilterModule as FleetHosts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+
+INVENTORY = """
+all:
+  vars:
+    hub: "{{ hostvars['edge1'].ansible_host }}"
+  hosts:
+    edge1: {ansible_host: 192.0.2.1, place: "{{ 'ha' ~ 'll' }}"}
+    robot1:
+      observability_profile: robot
+      observability_hub_url: "http://{{ hub }}"
+      ros_apps: [{name: talker, image: i, env: {HUB: "{{ hub }}"}}]
+    robot2: {observability_profile: robot, observability_hub_url: "http://{{ hostvars['edge1'].a_fact_not_gathered }}"}
+    robot3: {robot_mode: "{{ nothing }}"}
+"""
+
+
+@pytest.fixture
+def hostvars(tmp_path: Path) -> Any:
+    source = tmp_path / "hosts.yml"
+    source.write_text(INVENTORY, "utf-8")
+    loader = DataLoader()
+    inventory = InventoryManager(loader=loader, sources=[str(source)])
+    return HostVars(inventory, VariableManager(loader=loader, inventory=inventory), loader)
+
+
+def test_a_value_may_lead_to_another_host(hostvars: Any) -> None:
+    hosts = HostVariables(hostvars)
+    assert hosts["robot1"]["observability_hub_url"] == "http://192.0.2.1"
+    assert hosts["edge1"]["place"] == "hall"
+    assert set(hosts) == {"edge1", "robot1", "robot2", "robot3"} and len(hosts) == 4
+    assert "robot4" not in hosts and "missing" not in hosts["robot1"]
+
+
+def test_a_plain_mapping_stays_what_it_is() -> None:
+    plain = {"r": {"a": "{{ x }}"}}
+    assert HostVariables(plain)["r"] is plain["r"]
+
+
+def test_the_filters_see_it(hostvars: Any) -> None:
+    context = FleetContext().filters()["fleet_context"](hostvars, "robot1")
+    assert context["apps"][0]["env"] == {"HUB": "192.0.2.1"}
+    hosts = FleetHosts().filters()["fleet_hosts"](hostvars, ["robot1"])
+    assert hosts["robot1"]["observability_hub_url"] == "http://192.0.2.1"
+
+
+@pytest.mark.parametrize(
+    ("host", "said"),
+    [
+        ("robot2", "observability_hub_url: cannot be templated: .* has no attribute 'a_fact_not_gathered'"),
+        ("robot3", "robot_mode: cannot be templated: 'nothing' is undefined"),
+    ],
+)
+def test_what_is_undefined_is_named(hostvars: Any, host: str, said: str) -> None:
+    with pytest.raises(AnsibleError, match=rf"hosts\.{host}\.{said}"):
+        FleetHosts().filters()["fleet_hosts"](hostvars, [host])

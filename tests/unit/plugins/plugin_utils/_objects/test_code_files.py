@@ -1,0 +1,98 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The code that goes into pods: complete, of Python 3.8's language and library, and runnable from a read-only mount."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import COMMANDS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
+    MODULE_UTILS,
+    app_files,
+    relative_imports,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
+
+FILES = app_files()
+ETCD_LIMIT = 1 << 20  # a ConfigMap holds no more
+
+
+def test_every_command_is_there_with_all_that_it_imports() -> None:
+    assert {f"{module}.py" for command, module in COMMANDS.items() if command != "exporter"} <= set(FILES)
+    for name, text in FILES.items():
+        module = "_pod.run" if name == "run.py" else name[: -len(".py")]
+        assert {f"{found}.py" for found in relative_imports(module, text)} <= set(FILES)
+    assert FILES["run.py"] == (MODULE_UTILS / "_pod" / "run.py").read_text("utf-8")
+    assert sum(map(len, FILES.values())) < ETCD_LIMIT / 2
+
+
+def test_what_goes_into_app_pods_is_of_these_rooms() -> None:
+    assert {name.partition(".")[0] for name in FILES} == {"run", "_common", "_ros", "_pod"}
+
+
+def test_imports_in_functions_and_of_names_count() -> None:
+    text = "from . import a, b\nfrom .c import x\nimport os\nfrom .._d.e import y\ndef f():\n    from .._g import h\n"
+    assert sorted(relative_imports("_p.q", text)) == ["_d.e", "_g.h", "_p.a", "_p.b", "_p.c"]
+
+
+@pytest.mark.parametrize("name", sorted(FILES))
+def test_python_3_8_and_its_library_are_enough(name: str) -> None:
+    tree = ast.parse(FILES[name], name, feature_version=(3, 8))
+    for item in ast.walk(tree):
+        modules = [alias.name for alias in item.names] if isinstance(item, ast.Import) else []
+        if isinstance(item, ast.ImportFrom) and item.level == 0:
+            modules = [item.module or ""]
+        for module in modules:
+            assert module.partition(".")[0] in sys.stdlib_module_names, f"{name} imports {module}"
+
+
+@pytest.fixture
+def mounted(tmp_path: Path) -> Path:
+    """As the kubelet mounts a ConfigMap: links into a directory with a changing name."""
+    real = tmp_path / "hooks" / "..2026_01_01"
+    real.mkdir(parents=True)
+    (tmp_path / "hooks" / "..data").symlink_to(real.name)
+    for name, text in {**FILES, "app-a.json": json.dumps({"node": "/a", "expect_node": False})}.items():
+        (real / name).write_text(text)
+        (tmp_path / "hooks" / name).symlink_to(f"..data/{name}")
+    return tmp_path / "hooks"
+
+
+def run(mounted: Path, word: str, python: str = sys.executable) -> tuple[int, str]:
+    environ = {"PATH": os.environ["PATH"], "ROSOPS_APP": "a", "ROSOPS_NODE_NAME": "a"}
+    command = [python, "-I", "-S", str(mounted / "run.py"), word]
+    found = subprocess.run(command, capture_output=True, text=True, check=False, env=environ, cwd="/")  # noqa: S603
+    return found.returncode, found.stdout + found.stderr
+
+
+@pytest.mark.parametrize("python", pythons())
+@pytest.mark.parametrize("word", ["started", "ready", "stop"])
+def test_it_runs_from_a_mount_and_writes_nothing_there(mounted: Path, word: str, python: str) -> None:
+    before = sorted(mounted.rglob("*"))
+    assert run(mounted, word, python) == (0, "")
+    assert sorted(mounted.rglob("*")) == before
+
+
+@pytest.mark.parametrize("word", ["", "jump"])
+def test_another_word_is_explained(mounted: Path, word: str) -> None:
+    assert run(mounted, word) == (2, "usage: run.py exec|started|ready|stop|keeper|exporter\n")
+
+
+def test_the_readiness_probe_imports_nothing_dear(mounted: Path) -> None:
+    """Its price is the start of Python and these modules; xmlrpc.client alone would double it."""
+    dear = {"xmlrpc.client", "http.client", "subprocess", "dataclasses", "typing", "pathlib", "threading"}
+    script = (
+        f"import runpy, sys; run = runpy.run_path({str(mounted / 'run.py')!r})\n"
+        f"sys.meta_path.append(run['Flat']({str(mounted)!r}))\n"
+        "before = set(sys.modules); import rosops_fleet._pod.ready\n"
+        f"print(sorted({dear!r} & (set(sys.modules) - before)))"
+    )
+    found = subprocess.run([sys.executable, "-I", "-S", "-c", script], capture_output=True, text=True, check=True)  # noqa: S603
+    assert found.stdout == "[]\n"

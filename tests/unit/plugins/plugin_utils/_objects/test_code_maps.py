@@ -1,0 +1,193 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What pods are given: ConfigMaps per namespace, probes and the stop hook; and the order that apps may ask for."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import complete_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import app_settings, hook_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import ros_app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
+
+CODE = {"run.py": "code", "__init__.py": ""}
+
+
+def app(**changes: Any) -> dict[str, Any]:
+    return {"name": "a", "image": "example.org/a:1", "args": ["x"], **changes}
+
+
+def maps(*apps: dict[str, Any], **ctx: Any) -> dict[str, list[str]]:
+    """namespace/name -> keys."""
+    objects = hook_objects({"robot": "r1", "apps": list(apps), **ctx}, CODE)
+    return {f"{o['metadata']['namespace']}/{o['metadata']['name']}": sorted(o["data"]) for o in objects}
+
+
+ROBOT, FLEET = "robot-r1/rosops-hooks", "fleet/rosops-hooks"
+ONLY_CODE = ["__init__.py", "run.py"]
+EXTERNAL = {"mode": "external", "uri": "http://192.0.2.1:11311"}
+
+
+@pytest.mark.parametrize(
+    ("apps", "master", "expected"),
+    [
+        ([], {}, {ROBOT: ONLY_CODE}),  # the keeper's pod needs it
+        ([], EXTERNAL, {}),
+        ([app()], {}, {ROBOT: ["__init__.py", "app-a.json", "run.py"]}),
+        ([app(hooks=False)], {}, {ROBOT: ONLY_CODE}),
+        ([app(hooks=False)], EXTERNAL, {}),
+        ([app()], EXTERNAL, {ROBOT: ["__init__.py", "app-a.json", "run.py"]}),
+        ([app()], {"mode": "shared"}, {ROBOT: ["__init__.py", "app-a.json", "run.py"], FLEET: ONLY_CODE}),
+        ([app(scope="fleet")], {"mode": "shared"}, {FLEET: ONLY_CODE, f"{FLEET}-a": ["app-a.json"]}),
+        ([app(scope="fleet")], EXTERNAL, {FLEET: ONLY_CODE, f"{FLEET}-a": ["app-a.json"]}),
+        ([], {"mode": "shared"}, {FLEET: ONLY_CODE}),
+    ],
+)
+def test_one_map_per_namespace_in_use(apps: list[Any], master: Any, expected: dict[str, list[str]]) -> None:
+    assert maps(*apps, master=master) == expected
+
+
+def test_the_fleets_map_is_the_same_from_a_robot_without_the_fleets_app() -> None:
+    with_app = hook_objects({"robot": "r1", "apps": [app(scope="fleet")], "master": {"mode": "shared"}}, CODE)
+    without = hook_objects({"robot": "r2", "master": {"mode": "shared"}}, CODE)
+    assert without[0] in with_app
+
+
+def settings(**changes: Any) -> dict[str, Any]:
+    ctx = complete_context({"robot": "r-1", "apps": [app(**changes)], "master": changes.pop("master", {})})
+    return app_settings(ctx["apps"][0], ctx)
+
+
+def test_names_are_full_but_for_private_ones_of_a_revision() -> None:
+    readiness = {
+        "topics": [
+            {"name": "out", "min_rate": 5, "publishers": 1},
+            {"name": "~own", "min_rate": 2},
+            {"name": "/x"},
+            {"name": "shared", "min_rate": 9, "publishers": 2},
+        ],
+        "actions": ["move", "~grip", {"name": "/arm", "state": "idle"}],
+    }
+    found = settings(pattern="pubsub", readiness=readiness)
+    assert found["min_rates"] == {"/out": 5, "~own": 2}
+    assert found["actions"] == ["/move", "~grip", "/arm"]
+    found = settings(pattern="pubsub", readiness=readiness, private_names=["own"])
+    assert found["min_rates"] == {"/out": 5, "/a/own": 2}
+    found = settings(pattern="action", readiness=readiness)
+    assert found["actions"] == ["/move", "/a/grip", "/arm"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"pattern": "action"}, 30),
+        ({"pattern": "action", "drain_deadline": 100, "termination_grace_period": 120}, 100),
+        ({"pattern": "pubsub"}, 5),
+        ({"pattern": "pubsub", "drain_deadline": 100}, 5),
+        ({"termination_grace_period": 2}, 2),
+    ],
+)
+def test_the_stop_fits_in_the_grace_period(changes: dict[str, Any], expected: int) -> None:
+    assert settings(**changes)["stop_deadline"] == expected
+
+
+@pytest.mark.parametrize(
+    ("master", "keeper"),
+    [
+        ({}, "http://ros-keeper:11411"),
+        ({"mode": "shared"}, "http://ros-keeper.fleet:11411"),
+        (EXTERNAL, None),
+    ],
+)
+def test_the_keeper_is_the_masters(master: dict[str, Any], keeper: str | None) -> None:
+    ctx = complete_context({"robot": "r1", "apps": [app()], "master": master})
+    assert app_settings(ctx["apps"][0], ctx)["keeper"] == keeper
+
+
+def objects(**changes: Any) -> list[dict[str, Any]]:
+    return ros_app_objects({"robot": "r1", "apps": [app(**changes)], "master": {"mode": "shared"}}, CODE)
+
+
+def test_maps_come_before_the_pods_that_mount_them_and_only_with_code() -> None:
+    assert [item["kind"] for item in objects()] == ["ConfigMap", "ConfigMap", "Deployment"]
+    assert [item["kind"] for item in ros_app_objects({"robot": "r1", "apps": [app()]})] == ["Deployment"]
+
+
+@pytest.mark.parametrize(
+    ("scope", "expected"),
+    [("robot", ["rosops-hooks", "a-update"]), ("fleet", ["rosops-hooks", "rosops-hooks-a", "a-update"])],
+)
+def test_a_pod_mounts_its_maps_and_its_contract(scope: str, expected: list[str]) -> None:
+    made = objects(scope=scope)
+    pod = made[-1]["spec"]["template"]["spec"]
+    sources = [source["configMap"] for source in pod["volumes"][0]["projected"]["sources"]]
+    assert [source["name"] for source in sources] == expected
+    assert [source.get("optional", False) for source in sources] == [False] * (len(expected) - 1) + [True]
+    assert sources[-1]["items"] == [{"key": "contract.json", "path": "contract.json"}]
+    needed = {source["name"] for source in sources[:-1]}
+    namespace = made[-1]["metadata"]["namespace"]
+    there = {
+        o["metadata"]["name"] for o in made if o["kind"] == "ConfigMap" and o["metadata"]["namespace"] == namespace
+    }
+    assert needed <= there
+    settings_file = next(o for o in made if f"app-{'a'}.json" in o.get("data", {}))["data"]["app-a.json"]
+    assert json.loads(settings_file)["app"] == "a"
+
+
+def test_probes_and_the_stop_hook() -> None:
+    container = objects(readiness={"command": "/ready"})[-1]["spec"]["template"]["spec"]["containers"][0]
+    words = {
+        "started": container["startupProbe"]["exec"],
+        "ready": container["readinessProbe"]["exec"],
+        "stop": container["lifecycle"]["preStop"]["exec"],
+    }
+    for word, call in words.items():
+        assert call["command"] == ["python3", "-I", "-S", "/opt/rosops-fleet/hooks/run.py", word]
+    # a node that is not connected yet is no reason to kill it, and a probe that is cut off says nothing
+    assert container["startupProbe"]["failureThreshold"] >= 100000
+    assert container["startupProbe"]["timeoutSeconds"] > 40
+    assert container["readinessProbe"]["periodSeconds"] == 10
+    assert container["readinessProbe"]["timeoutSeconds"] > 7  # 2 s for the node and 5 s for the command
+
+
+def test_overrides_come_last() -> None:
+    containers = [{"name": "ros-app", "startupProbe": None, "readinessProbe": {"periodSeconds": 3}}]
+    override = {"spec": {"template": {"spec": {"containers": containers}}}}
+    container = objects(overrides=override)[-1]["spec"]["template"]["spec"]["containers"][0]
+    assert "startupProbe" not in container
+    assert container["readinessProbe"]["periodSeconds"] == 3
+    assert "lifecycle" in container
+
+
+@pytest.mark.parametrize(
+    "apps",
+    [
+        [app(depends_on=["b"]), app(name="b", depends_on=["c"]), app(name="c")],
+        [app(depends_on=["b", "c"]), app(name="b", depends_on=["c"]), app(name="c")],
+        # within a group and to the outside, but never back
+        [
+            app(update={"group": "g"}, depends_on=["b"]),
+            app(name="b", update={"group": "g"}, depends_on=["c"]),
+            app(name="c"),
+        ],
+        [app(), app(name="c", depends_on=["a"]), app(name="d", depends_on=["a"])],
+    ],
+)
+def test_orders_that_can_be_kept(apps: list[Any]) -> None:
+    ctx = complete_context({"robot": "r1", "apps": apps})
+    pairs = [(f"apps[{index}]", item) for index, item in enumerate(ctx["apps"])]
+    assert list(dependency_problems({**ctx, "declared_apps": apps}, pairs)) == []
+
+
+def test_update_settings_have_defaults() -> None:
+    full = complete_context(
+        {"robot": "r1", "apps": [app(), app(name="b", depends_on=["a", "a"], update={"on_busy": "defer"})]}
+    )
+    assert full["apps"][0]["update"] == {"group": None, "idle": [], "on_busy": None}
+    assert (full["apps"][0]["hooks"], full["apps"][0]["depends_on"]) == (True, [])
+    assert full["apps"][1]["depends_on"] == ["a"]
+    assert full["apps"][1]["update"]["on_busy"] == "defer"
+    assert complete_context(full) == full

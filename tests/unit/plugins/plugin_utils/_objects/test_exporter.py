@@ -1,0 +1,115 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The exporter's ConfigMap and Deployment, against golden files and against what they must agree with."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates as _exporter_updates
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.main import OPTIONS, options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import complete_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import exporter as _exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.tests.unit.golden import regenerate_exporter as golden
+
+CODE = {"run.py": "code"}
+
+
+def objects(settings: Settings | None = None, archive: bytes = b"zip", code: Any = None, **ctx: Any) -> Any:
+    return exporter_objects({"robot": "r1", **ctx}, code or CODE, archive, settings or Settings())
+
+
+@pytest.mark.parametrize("name", sorted(golden.CASES))
+def test_golden(name: str) -> None:
+    """After a change that is meant: tests/unit/golden/regenerate_exporter.py."""
+    expected = yaml.safe_load((golden.FILES / f"{name}.yml").read_text("utf-8"))
+    assert golden.built(name) == expected
+
+
+@pytest.mark.parametrize("mode", ["robot", "shared"])
+def test_beside_its_master(mode: str) -> None:
+    config, deployment = objects(master={"mode": mode, "image": "ros:x"})
+    master = master_objects(complete_context({"robot": "r1", "master": {"mode": mode, "image": "ros:x"}}))[0]
+    pod, masters = deployment["spec"]["template"]["spec"], master["spec"]["template"]["spec"]
+    assert config["metadata"]["namespace"] == deployment["metadata"]["namespace"] == master["metadata"]["namespace"]
+    assert pod["nodeSelector"] == masters["nodeSelector"]
+    assert pod["containers"][0]["image"] == "ros:x"
+
+
+def test_a_shared_masters_are_the_same_from_every_robot() -> None:
+    shared = {"mode": "shared"}
+    looks = Settings(claims_path="/s")
+    one = objects(looks, master=shared, volumes=[{"name": "a"}])
+    other = exporter_objects({"robot": "r2", "master": shared}, CODE, b"zip", looks)
+    assert one == other
+
+
+def test_prometheus_finds_it_and_kubernetes_asks_it() -> None:
+    template = objects()[1]["spec"]["template"]
+    container = template["spec"]["containers"][0]
+    port = container["ports"][0]["containerPort"]
+    assert port == 11511
+    assert {key: value for key, value in template["metadata"]["annotations"].items() if "prometheus" in key} == {
+        "prometheus.io/scrape": "true",
+        "prometheus.io/port": "11511",
+        "prometheus.io/path": "/metrics",
+    }
+    for probe in ("startupProbe", "readinessProbe", "livenessProbe"):
+        assert container[probe]["httpGet"]["port"] == port
+
+
+def test_newer_code_restarts_it() -> None:
+    def template(*made: Any) -> Any:
+        return made[0][1]["spec"]["template"]
+
+    first = template(objects())
+    assert template(objects()) == first
+    assert template(objects(archive=b"newer")) != first
+    assert template(objects(code={"run.py": "newer"})) != first
+
+
+def test_it_may_do_nothing() -> None:
+    pod = objects()[1]["spec"]["template"]["spec"]
+    assert pod["automountServiceAccountToken"] is False
+    context = {"allowPrivilegeEscalation": False, "readOnlyRootFilesystem": True, "capabilities": {"drop": ["ALL"]}}
+    assert pod["containers"][0]["securityContext"] == context
+    pod = objects(Settings(claims_path="/s"), volumes=[{"name": "a"}])[1]["spec"]["template"]["spec"]
+    context["capabilities"] = {"drop": ["ALL"], "add": ["DAC_OVERRIDE"]}
+    assert pod["containers"][0]["securityContext"] == context
+    assert all(mount["readOnly"] for mount in pod["containers"][0]["volumeMounts"])
+
+
+@pytest.mark.parametrize(
+    "settings", [Settings(), Settings(5, 1.5, True, "/s"), Settings(statistics=True), Settings(claims_path="/s")]
+)
+def test_the_process_knows_its_options(settings: Settings) -> None:
+    words = objects(settings, volumes=[{"name": "a", "size": "1Ki"}])[1]["spec"]["template"]["spec"]["containers"][0][
+        "args"
+    ]
+    chosen = options(words)
+    assert set(chosen) == set(OPTIONS)
+    assert float(chosen["--interval"]) == settings.interval
+    assert (chosen["--statistics"] == "on") is settings.statistics
+    assert (chosen["--capacities"] == '{"a-pvc": 1024}') is bool(settings.claims_path)
+
+
+def test_no_claims_no_host_path() -> None:
+    volumes = objects(Settings(claims_path="/s"))[1]["spec"]["template"]["spec"]["volumes"]
+    assert [volume["name"] for volume in volumes] == ["code", "updates"]
+
+
+def test_the_updates_are_where_the_process_looks() -> None:
+    mounts = objects()[1]["spec"]["template"]["spec"]["containers"][0]["volumeMounts"]
+    where = next(mount["mountPath"] for mount in mounts if mount["name"] == "updates")
+    assert f"{where}/updates.json" == _exporter_updates.FILE
+
+
+def test_the_archive_is_in_the_map() -> None:
+    config = objects(archive=b"\0zip")[0]
+    assert base64.b64decode(config["binaryData"]["prometheus_client.zip"]) == b"\0zip"
+    assert config["metadata"]["name"] == _exporter_objects.NAME

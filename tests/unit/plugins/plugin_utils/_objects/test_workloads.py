@@ -1,0 +1,449 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Workloads: golden files, the API's own schema, and the properties that no single example shows."""
+
+from __future__ import annotations
+
+import base64
+import copy
+import importlib.util
+import json
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any, Iterator
+from xmlrpc.server import SimpleXMLRPCServer
+
+import kubernetes_validate
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import complete_context, fleet_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import app as _deployment
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master as _master
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import workloads as _workloads
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
+
+GOLDEN = Path(__file__).resolve().parents[3] / "golden"
+KUBERNETES = "1.34"
+
+
+def _regenerate() -> Any:
+    spec = importlib.util.spec_from_file_location("regenerate", GOLDEN / "regenerate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+regenerate = _regenerate()
+CASES: dict[str, dict[str, Any]] = regenerate.cases()
+
+
+def case_objects(name: str) -> list[dict[str, Any]]:
+    objects: list[dict[str, Any]] = regenerate.built(CASES[name])["objects"]
+    return objects
+
+
+def app(**changes: Any) -> dict[str, Any]:
+    return {"name": "talker", "image": "example.org/talker:1.0", "args": ["talk"], **changes}
+
+
+def ctx(*apps: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    return {"robot": "robot1", "apps": list(apps), **changes}
+
+
+def deployment(*, robot: dict[str, Any] | None = None, **changes: Any) -> dict[str, Any]:
+    return _workloads.ros_app_objects(ctx(app(**changes), **(robot or {})))[0]
+
+
+def pod(item: dict[str, Any]) -> dict[str, Any]:
+    spec: dict[str, Any] = item["spec"]["template"]["spec"]
+    return spec
+
+
+def container(item: dict[str, Any]) -> dict[str, Any]:
+    first: dict[str, Any] = pod(item)["containers"][0]
+    return first
+
+
+def revision(item: dict[str, Any]) -> str:
+    return str(item["spec"]["template"]["metadata"]["labels"]["rosops.fleet/revision"])
+
+
+def env(item: dict[str, Any]) -> dict[str, Any]:
+    return {entry["name"]: entry.get("value", entry.get("valueFrom")) for entry in container(item)["env"]}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_golden(name: str) -> None:
+    assert regenerate.built(CASES[name]) == yaml.safe_load((GOLDEN / f"{name}.yml").read_text("utf-8"))
+
+
+def test_golden_files_have_cases() -> None:
+    assert {path.stem for path in GOLDEN.glob("*.yml")} == set(CASES)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_objects_fit_the_api(name: str) -> None:
+    for item in case_objects(name):
+        kubernetes_validate.validate(item, KUBERNETES, strict=True)
+
+
+def test_the_api_schema_is_strict() -> None:
+    item = copy.deepcopy(deployment())
+    item["spec"]["template"]["spec"]["nodeSelektor"] = {}
+    with pytest.raises(kubernetes_validate.ValidationError):
+        kubernetes_validate.validate(item, KUBERNETES, strict=True)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_golden_cases_pass_validation(name: str) -> None:
+    case = CASES[name]
+    fleet = {"groups": {"edge": ["edge1"], "robots": [case["robot"]]}, "hosts": {case["robot"]: case["variables"]}}
+    assert check_fleet(fleet).problems == []
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_objects_are_json_and_share_nothing(name: str) -> None:
+    objects = case_objects(name)
+    assert json.loads(json.dumps(objects)) == objects
+    before = copy.deepcopy(CASES[name])
+    for item in case_objects(name):
+        item["metadata"]["labels"]["changed"] = "yes"
+        if item["kind"] == "Deployment":
+            container(item)["env"].append({"name": "CHANGED"})
+    assert CASES[name] == before
+    assert case_objects(name) == objects
+
+
+def test_the_order_of_keys_changes_nothing() -> None:
+    one = deployment(env={"A": "1", "B": "2"}, resources={"limits": {"cpu": 1, "memory": "1Gi"}})
+    other = _workloads.ros_app_objects(
+        {
+            "apps": [
+                dict(reversed(app(env={"A": "1", "B": "2"}, resources={"limits": {"memory": "1Gi", "cpu": 1}}).items()))
+            ],
+            "robot": "robot1",
+        }
+    )[0]
+    assert revision(one) == revision(other)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"image": "example.org/talker:1.1"},
+        {"args": ["talk", "more"]},
+        {"env": {"A": "1"}},
+        {"resources": {"limits": {"cpu": 1}}},
+        {"handoff": "replace"},
+        {"overrides": {"spec": {"template": {"spec": {"priorityClassName": "high"}}}}},
+        {"hooks": False},
+        {"hooks": False, "readiness": {"command": "/ready"}},
+    ],
+)
+def test_what_changes_the_pod_changes_the_revision(change: dict[str, Any]) -> None:
+    assert revision(deployment(pattern="pubsub")) != revision(deployment(pattern="pubsub", **change))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"readiness": {"topics": [{"name": "chatter"}]}},
+        {"readiness": {"command": "/ready"}},
+        {"node_name": "another"},
+        {"depends_on": ["other"], "update": {"group": "both", "idle": ["arm"], "on_busy": "defer"}},
+        {"drain_deadline": 40},
+        {},
+    ],
+)
+def test_what_leaves_the_pod_leaves_the_revision(change: dict[str, Any]) -> None:
+    assert revision(deployment(pattern="pubsub")) == revision(deployment(pattern="pubsub", **change))
+
+
+def test_the_deployment_hash_sees_more_than_the_pod() -> None:
+    override = {"spec": {"progressDeadlineSeconds": 60}}
+    one, other = deployment(), deployment(overrides=override)
+    key = "rosops.fleet/spec-hash"
+    assert revision(one) == revision(other)
+    assert one["metadata"]["annotations"][key] != other["metadata"]["annotations"][key]
+
+
+def test_overlap_gives_each_revision_a_name_and_keeps_private_names() -> None:
+    item = deployment(pattern="pubsub", private_names=["~status"])
+    name = f"talker_{revision(item)}"
+    assert len(revision(item)) == 8
+    assert container(item)["args"] == ["talk", "~status:=/talker/status", f"__name:={name}"]
+    assert env(item)["ROSOPS_NODE_NAME"] == name
+    assert item["spec"]["strategy"] == {"type": "RollingUpdate", "rollingUpdate": {"maxSurge": 1, "maxUnavailable": 0}}
+
+
+@pytest.mark.parametrize(("pattern", "handoff"), [("action", None), (None, None), ("pubsub", "replace")])
+def test_other_handoffs_keep_one_name_and_recreate(pattern: str | None, handoff: str | None) -> None:
+    item = deployment(pattern=pattern, handoff=handoff, private_names=["status"])
+    assert container(item)["args"] == ["talk", "__name:=talker"]
+    assert item["spec"]["strategy"] == {"type": "Recreate"}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "handoff"), [("pubsub", "overlap"), ("service", "overlap"), ("action", "drain"), (None, "replace")]
+)
+def test_the_handoff_follows_the_pattern(pattern: str | None, handoff: str) -> None:
+    assert complete_context(ctx(app(pattern=pattern)))["apps"][0]["handoff"] == handoff
+
+
+@pytest.mark.parametrize(
+    ("placement", "selector"), [("local", {"rosops.fleet/robot": "robot1"}), ("remote", {"deploymentType": "remote"})]
+)
+def test_placement_selects_nodes(placement: str, selector: dict[str, str]) -> None:
+    assert pod(deployment(placement=placement))["nodeSelector"] == selector
+    master = _workloads.ros_master_objects(ctx(master={"placement": placement}))[0]
+    assert pod(master)["nodeSelector"] == selector
+
+
+def test_host_network_changes_address_and_dns() -> None:
+    item = deployment(host_network=True)
+    assert pod(item)["hostNetwork"] is True
+    assert pod(item)["dnsPolicy"] == "ClusterFirstWithHostNet"
+    assert env(item)["ROS_IP"] == {"fieldRef": {"fieldPath": "status.hostIP"}}
+    assert env(deployment())["ROS_IP"] == {"fieldRef": {"fieldPath": "status.podIP"}}
+
+
+@pytest.mark.parametrize(
+    ("master", "uri", "namespace"),
+    [
+        ({}, "http://ros-master:11311", None),
+        ({"mode": "shared"}, "http://ros-master.fleet:11311", "/robot_1"),
+        ({"mode": "external", "uri": "http://192.0.2.1:11311"}, "http://192.0.2.1:11311", "/robot_1"),
+    ],
+)
+def test_master_modes_reach_the_app(master: dict[str, Any], uri: str, namespace: str | None) -> None:
+    found = env(deployment(robot={"robot": "robot-1", "master": master}))
+    assert found["ROS_MASTER_URI"] == uri
+    assert found.get("ROS_NAMESPACE") == namespace
+
+
+def test_an_apps_own_environment_wins() -> None:
+    found = env(deployment(env={"ROS_IP": "192.0.2.9", "RATE": 5, "FAST": False}))
+    assert (found["ROS_IP"], found["RATE"], found["FAST"]) == ("192.0.2.9", "5", "false")
+
+
+def test_overrides_may_not_lose_the_app() -> None:
+    with pytest.raises(SpecError, match="remove its container"):
+        deployment(
+            overrides={"spec": {"template": {"spec": {"containers": [{"name": "ros-app", "$patch": "delete"}]}}}}
+        )
+    with pytest.raises(SpecError, match="remove its pod template"):
+        deployment(overrides={"spec": {"template": None}})
+
+
+@pytest.mark.parametrize(
+    ("command", "expected"),
+    [
+        ("/usr/local/bin/readiness_probe.sh", ["/usr/local/bin/readiness_probe.sh"]),
+        ("test -f /tmp/ready", ["/bin/sh", "-c", "test -f /tmp/ready"]),
+        ("a;b", ["/bin/sh", "-c", "a;b"]),
+        (["test", "-f", "/x/a b"], ["test", "-f", "/x/a b"]),
+    ],
+)
+def test_readiness_command(command: Any, expected: list[str]) -> None:
+    probe = container(deployment(hooks=False, readiness={"command": command}))["readinessProbe"]
+    assert probe["exec"]["command"] == expected
+    assert probe["timeoutSeconds"] >= 2
+
+
+def test_no_probe_without_hooks_and_a_command() -> None:
+    item = deployment(hooks=False)
+    assert not {"readinessProbe", "startupProbe", "lifecycle", "volumeMounts"} & set(container(item))
+    assert "volumes" not in pod(item)
+    assert not {"ROSOPS_APP", "ROSOPS_REVISION"} & set(env(item))
+
+
+def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
+    fleet_app = app(scope="fleet", volumes=[{"name": "map"}])
+    found = []
+    for robot in ("robot1", "robot2"):
+        full = ctx(fleet_app, robot=robot, master={"mode": "shared"}, volumes=[{"name": "map"}])
+        objects = [
+            *_workloads.namespace_objects(full),
+            *_workloads.storage_objects(full),
+            *_workloads.ros_master_objects(full),
+            *_workloads.ros_app_objects(full, {"run.py": ""}),
+        ]
+        found.append(
+            [item for item in objects if "fleet" in (item["metadata"]["name"], item["metadata"].get("namespace"))]
+        )
+    assert found[0] == found[1]
+    assert [item["kind"] for item in found[0]] == [
+        "Namespace", "PersistentVolumeClaim", "Deployment", "Service", "Deployment", "Service",
+        "ConfigMap", "ConfigMap", "Deployment",
+    ]  # fmt: skip
+
+
+def test_claims_follow_their_users() -> None:
+    full = ctx(
+        app(name="a", volumes=[{"name": "both"}]),
+        app(name="again", volumes=[{"name": "both"}]),
+        app(name="b", scope="fleet", volumes=[{"name": "both"}, {"name": "fleet-only"}]),
+        volumes=[{"name": "both"}, {"name": "fleet-only"}, {"name": "unused"}],
+        master={"mode": "shared"},
+    )
+    found = [(item["metadata"]["namespace"], item["metadata"]["name"]) for item in _workloads.storage_objects(full)]
+    assert found == [
+        ("robot-robot1", "both-pvc"),
+        ("fleet", "both-pvc"),
+        ("fleet", "fleet-only-pvc"),
+        ("robot-robot1", "unused-pvc"),
+    ]
+
+
+def test_mount_path_defaults_to_the_volumes_then_to_the_seeds() -> None:
+    item = deployment(
+        volumes=[{"name": "a"}, {"name": "b"}, {"name": "c", "mount_path": "/c"}],
+        robot={"volumes": [{"name": "a"}, {"name": "b", "mountPath": "/b"}, {"name": "c", "mountPath": "/other"}]},
+    )
+    assert [mount["mountPath"] for mount in container(item)["volumeMounts"][:3]] == ["/mnt/data/a", "/b", "/c"]
+
+
+def test_devices_need_a_privileged_container() -> None:
+    item = deployment(devices=["/dev/ttyUSB0"])
+    assert container(item)["securityContext"] == {"privileged": True}
+    assert pod(item)["volumes"][0]["hostPath"] == {"path": "/dev/ttyUSB0", "type": "CharDevice"}
+    assert "securityContext" not in container(deployment(host_paths=[{"path": "/data"}]))
+
+
+def test_pull_secrets_become_docker_config() -> None:
+    secret = {"name": "login", "registry": "example.org", "username": "u", "password": "p:w"}
+    objects = _workloads.namespace_objects(ctx(pull_secrets=[secret, {"name": "other"}]))
+    made = [item for item in objects if item["kind"] == "Secret"]
+    assert [item["metadata"]["name"] for item in made] == ["login"]
+    config = json.loads(base64.b64decode(made[0]["data"][".dockerconfigjson"]))
+    assert base64.b64decode(config["auths"]["example.org"]["auth"]) == b"u:p:w"
+    names = [
+        item["name"]
+        for item in pod(deployment(robot={"pull_secrets": [secret, {"name": "other"}]}))["imagePullSecrets"]
+    ]
+    assert names == ["login", "other"]
+
+
+def test_external_master_makes_no_objects() -> None:
+    full = ctx(master={"mode": "external", "uri": "http://192.0.2.1:11311"})
+    assert _workloads.ros_master_objects(full) == []
+    assert _workloads.ros_conditions(full)["master_uri"] == "http://192.0.2.1:11311"
+    assert "master_uri" not in _workloads.ros_conditions(ctx())
+
+
+def test_conditions_unite_all_apps() -> None:
+    conditions = _workloads.ros_conditions(
+        ctx(
+            app(name="a", readiness={"topics": [{"name": "t"}], "timeout": 10, "interval": 0.2, "services": ["s"]}),
+            app(name="b", readiness={"topics": [{"name": "/t"}, {"name": "~p"}], "timeout": 90, "consecutive": 3}),
+            app(
+                name="c",
+                readiness={"nodes": False, "actions": ["move", {"name": "/x", "state": "idle"}], "absent": ["old"]},
+            ),
+        )
+    )
+    assert conditions == {
+        "nodes": ["/a", "/b"],
+        "topics": [{"name": "/t"}, {"name": "/b/p"}],
+        "services": [{"name": "/s"}],
+        "actions": [{"state": "up", "name": "/move"}, {"state": "idle", "name": "/x"}],
+        "absent": ["/old"],
+        "timeout": 90,
+        "interval": 0.2,
+        "consecutive": 3,
+    }
+
+
+def test_conditions_of_a_shared_master_are_in_the_robots_namespace() -> None:
+    item = app(
+        pattern="pubsub",
+        private_names=["kept"],
+        readiness={"topics": [{"name": n} for n in ("t", "/g", "~kept", "~p")]},
+    )
+    full = ctx(item, robot="robot-1", master={"mode": "shared"})
+    node = f"/robot_1/talker_{revision(_workloads.ros_app_objects(full)[0])}"
+    conditions = _workloads.ros_conditions(full)
+    assert conditions["nodes"] == [node]
+    assert [topic["name"] for topic in conditions["topics"]] == [
+        "/robot_1/t",
+        "/g",
+        "/robot_1/talker/kept",
+        f"{node}/p",
+    ]
+
+
+def test_images_by_placement() -> None:
+    init = {"spec": {"template": {"spec": {"initContainers": [{"name": "i", "image": "init:1"}]}}}}
+    full = ctx(app(name="a", image="a:1", placement="local"), app(name="b", image="b:1", overrides=init))
+    assert _workloads.fleet_images(full) == ["a:1", "b:1", "init:1", "ros:noetic-ros-core"]
+    assert _workloads.fleet_images(full, "local") == ["a:1", "ros:noetic-ros-core"]
+    assert _workloads.fleet_images(full, "remote") == ["b:1", "init:1"]
+
+
+def test_context_from_variables_and_defaults() -> None:
+    variables = {"ros_apps": [app()], "persistent_storage": {"volumes": [{"name": "v"}]}, "unrelated": 1}
+    full = fleet_context(variables, "robot1")
+    assert full["namespace"] == "robot-robot1"
+    assert full["mode"] == "agent"
+    assert full["master"] == {
+        "mode": "robot", "image": "ros:noetic-ros-core", "uri": "", "placement": "local", "overrides": {},
+    }  # fmt: skip
+    assert full["volumes"][0]["size"] == "1Gi"
+    assert complete_context(full) == full
+    assert fleet_context({"ros_master_mode": "shared"}, "r")["master"]["placement"] == "remote"
+
+
+def test_master_starts_roscore_as_measured() -> None:
+    master, service, *_keeper = _workloads.ros_master_objects(ctx())
+    assert container(master)["args"] == ["roscore", "-p", "11311", "-t", "2", "-w", "16"]
+    assert "ROS_MASTER_URI" not in env(master)
+    assert master["spec"]["strategy"] == {"type": "Recreate"}
+    labels = master["spec"]["template"]["metadata"]["labels"]
+    assert service["spec"]["selector"].items() <= labels.items()
+    assert service["spec"]["ports"][0]["port"] == 11311
+
+
+@pytest.fixture
+def api_port(request: pytest.FixtureRequest) -> Iterator[int]:
+    """A stand-in for the master's XML-RPC API; `request.param` is the code of getSystemState."""
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
+        server.register_function(lambda _caller: [1, "", 42], "getPid")
+        server.register_function(lambda _caller: [request.param, "", [[], [], []]], "getSystemState")
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server.server_address[1]
+        server.shutdown()
+        thread.join()
+
+
+def probe(port: int) -> int:
+    code = _master.PROBE.replace("11311", str(port))
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode  # noqa: S603
+
+
+@pytest.mark.parametrize(("api_port", "status"), [(1, 0), (0, 1), (-1, 1)], indirect=["api_port"])
+def test_master_probe_asks_the_api(api_port: int, status: int) -> None:
+    assert probe(api_port) == status
+
+
+def test_master_probe_fails_where_nobody_listens() -> None:
+    assert probe(1) != 0
+
+
+def test_selectors_are_among_the_pods_labels() -> None:
+    for name in CASES:
+        for item in case_objects(name):
+            if item["kind"] == "Deployment":
+                labels = item["spec"]["template"]["metadata"]["labels"]
+                assert item["spec"]["selector"]["matchLabels"].items() <= labels.items()
+
+
+def test_hash_is_of_canonical_json() -> None:
+    assert _deployment.canonical_hash({"b": 1, "a": [True, None]}) == _deployment.canonical_hash(
+        {"a": [True, None], "b": 1}
+    )

@@ -1,0 +1,279 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rows of raw objects, and the page that they make."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import fleet_status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import size_words, status_table
+
+
+def node(name: str, ready: str = "True", **labels: str) -> Object:
+    return {
+        "metadata": {
+            "name": name,
+            "labels": {
+                "kubernetes.io/hostname": name,
+                "beta.kubernetes.io/os": "linux",
+                "node.kubernetes.io/instance-type": "k3s",
+                "deploymentType": "local" if name.startswith("robot") else "remote",
+                **({"rosops.fleet/robot": name} if name.startswith("robot") else {}),
+                **labels,
+            },
+        },
+        "spec": {},
+        "status": {
+            "conditions": [
+                {"type": "Ready", "status": ready, "reason": "KubeletReady" if ready == "True" else "NoKubelet"}
+            ],
+            "addresses": [{"type": "Hostname", "address": name}, {"type": "InternalIP", "address": "10.0.0.11"}],
+            "nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"},
+        },
+    }
+
+
+def workload(name: str, ready: int = 1, remote: bool = False, manager: str = "rosops.fleet") -> Object:
+    robot = "robot1"
+    where = {"deploymentType": "remote"} if remote else {"rosops.fleet/robot": robot}
+    own = {"app.kubernetes.io/managed-by": manager, "rosops.fleet/app": name, "rosops.fleet/robot": robot}
+    pod_spec = {"nodeSelector": where, "containers": [{"name": "ros-app", "image": "lab/apps:1.0"}]}
+    return {
+        "metadata": {"name": name, "namespace": f"robot-{robot}", "labels": own},
+        "spec": {"replicas": 1, "template": {"spec": pod_spec}},
+        "status": {"readyReplicas": ready},
+    }
+
+
+def pod(app: str, node_name: str, robot: str = "robot1", ready: bool = True, restarts: int = 0) -> Object:
+    waiting = {"waiting": {"reason": "ImagePullBackOff", "message": "no such image"}}
+    container = {"name": "ros-app", "image": "lab/apps:1.0", "restartCount": restarts}
+    return {
+        "metadata": {"name": f"{app}-1", "namespace": f"robot-{robot}", "labels": {"rosops.fleet/app": app}},
+        "spec": {"nodeName": node_name},
+        "status": {
+            "conditions": [{"type": "Ready", "status": "True" if ready else "False"}],
+            "containerStatuses": [{**container, "state": {"running": {}} if ready else waiting}],
+        },
+    }
+
+
+def claim(phase: str = "Bound") -> Object:
+    return {
+        "metadata": {"name": "logs-pvc", "namespace": "robot-robot1", "labels": {"rosops.fleet/robot": "robot1"}},
+        "spec": {"storageClassName": "local-path", "resources": {"requests": {"storage": "100Mi"}}},
+        "status": {"phase": phase, "capacity": {"storage": "1Gi"}} if phase == "Bound" else {},
+    }
+
+
+GRAPH = {
+    "nodes": {
+        "/sensor": {
+            "reachable": True,
+            "publications": ["/temperature", "/rosout"],
+            "subscriptions": [],
+            "services": ["/s"],
+        },
+        "/ghost": {"reachable": False, "error": "connection refused"},
+    },
+    "topics": {
+        "/temperature": {
+            "type": "demo/Sample",
+            "publishers": ["/sensor"],
+            "subscribers": ["/stats"],
+            "connections": [{}],
+            "rate": 499.83,
+        },
+        "/rosout": {"type": "rosgraph_msgs/Log"},
+        "/idle": {"type": "std_msgs/String", "rate": None, "rate_error": "no publisher answers"},
+    },
+}
+CHOSEN = {"node-role.kubernetes.io/control-plane": "true", "zone": "a"}
+HOSTS = [
+    {"name": "edge1", "group": "edge", "address": "10.0.0.11", "role": "server", "cluster": "edge", "reachable": True},
+    {
+        "name": "robot2",
+        "group": "robots",
+        "role": "agent",
+        "cluster": "edge",
+        "reachable": False,
+        "reason": "timed out",
+    },
+]
+SOURCES: dict[str, Any] = {
+    "hosts": HOSTS,
+    "nodes": [
+        node("robot1", "Unknown"),
+        node("edge1", **{"node-role.kubernetes.io/control-plane": "true", "zone": "a"}),
+    ],
+    "deployments": [
+        workload("temperature-sensor"),
+        workload("stats", remote=True, ready=0),
+        workload("ros-master"),
+        workload("not-ours", manager="helm"),
+    ],
+    "pods": [
+        pod("temperature-sensor", "robot1", restarts=2),
+        pod("stats", "edge1", ready=False),
+        pod("ros-master", "robot1"),
+        pod("stats", "edge9", robot="robot9"),
+    ],
+    "claims": [claim()],
+    "graphs": {"robot1": GRAPH},
+    "usage": {"robot-robot1/logs-pvc": 5_345_678},
+}
+
+
+def test_nodes() -> None:
+    assert fleet_status(SOURCES)["nodes"] == [
+        {
+            "name": "edge1",
+            "ready": True,
+            "reason": "",
+            "version": "v1.34.2+k3s1",
+            "address": "10.0.0.11",
+            "roles": ["control-plane"],
+            "placement": "remote",
+            "robot": "",
+            "labels": {"zone": "a"},
+        },
+        {
+            "name": "robot1",
+            "ready": False,
+            "reason": "NoKubelet",
+            "version": "v1.34.2+k3s1",
+            "address": "10.0.0.11",
+            "roles": [],
+            "placement": "local",
+            "robot": "robot1",
+            "labels": {},
+        },
+    ]
+
+
+def test_masters_and_apps() -> None:
+    status = fleet_status(SOURCES)
+    assert [row["name"] for row in status["masters"]] == ["ros-master"]
+    stats, sensor = status["apps"]
+    assert sensor == {
+        "name": "temperature-sensor",
+        "namespace": "robot-robot1",
+        "robot": "robot1",
+        "placement": "local",
+        "ready": 1,
+        "wanted": 1,
+        "nodes": ["robot1"],
+        "images": ["lab/apps:1.0"],
+        "restarts": 2,
+        "note": "",
+    }
+    assert (stats["placement"], stats["ready"], stats["nodes"]) == ("remote", 0, ["edge1"])
+    assert stats["note"] == "ImagePullBackOff: image lab/apps:1.0: no such image"
+
+
+def test_what_runs_where() -> None:
+    assert fleet_status(SOURCES)["placement"] == [
+        {"node": "edge1", "placement": "remote", "runs": ["robot1/stats"]},
+        {"node": "robot1", "placement": "local", "runs": ["robot1/ros-master", "robot1/temperature-sensor"]},
+    ]
+
+
+def test_an_app_of_the_whole_fleet() -> None:
+    shared = workload("map-server", remote=True)
+    del shared["metadata"]["labels"]["rosops.fleet/robot"]
+    assert fleet_status({"deployments": [shared]})["apps"][0]["robot"] == "(shared)"
+
+
+def test_the_graph() -> None:
+    status = fleet_status(SOURCES)
+    assert [(row["name"], row["reachable"], row["error"]) for row in status["ros_nodes"]] == [
+        ("/ghost", False, "connection refused"),
+        ("/sensor", True, ""),
+    ]
+    assert [(row["name"], row["rate"], row["publishers"], row["connections"]) for row in status["topics"]] == [
+        ("/idle", None, 0, 0),
+        ("/temperature", 499.83, 1, 1),
+    ]
+
+
+def test_claims() -> None:
+    bound = fleet_status(SOURCES)["claims"][0]
+    assert (bound["bound"], bound["size"], bound["used_bytes"]) == (True, "1Gi", 5_345_678)
+    pending = fleet_status({"claims": [claim("Pending")]})["claims"][0]
+    assert (pending["bound"], pending["phase"], pending["size"], pending["used_bytes"]) == (
+        False,
+        "Pending",
+        "100Mi",
+        None,
+    )
+
+
+def test_nothing_found() -> None:
+    assert all(rows == [] for rows in fleet_status({}).values())
+    assert all(rows == [] for rows in fleet_status(dict.fromkeys(SOURCES)).values())
+    assert status_table(fleet_status({})).count("  none") == 8
+
+
+PAGE = """\
+HOSTS
+  host    group   address    role    cluster  state
+  edge1   edge    10.0.0.11  server  edge     up
+  robot2  robots  -          agent   edge     offline timed out
+
+NODES
+  node    state                version       address    roles          deploymentType  robot   other labels
+  edge1   Ready                v1.34.2+k3s1  10.0.0.11  control-plane  remote          -       zone=a
+  robot1  NotReady, NoKubelet  v1.34.2+k3s1  10.0.0.11  -              local           robot1  -
+
+PLACEMENT
+  node    deploymentType  runs
+  edge1   remote          robot1/stats
+  robot1  local           robot1/ros-master, robot1/temperature-sensor
+
+ROS MASTERS
+  robot   ready  node    restarts  image
+  robot1  1/1    robot1  0         lab/apps:1.0
+
+APPS
+  robot   app                 placement  ready  node    restarts  image         note
+  robot1  stats               remote     0/1    edge1   0         lab/apps:1.0  ImagePullBackOff: image lab/..
+  robot1  temperature-sensor  local      1/1    robot1  2         lab/apps:1.0  -
+
+ROS NODES
+  robot   node     state                     publishes  subscribes  services
+  robot1  /ghost   down: connection refused  0          0           0
+  robot1  /sensor  up                        2          0           1
+
+TOPICS
+  robot   topic         type             publishers  subscribers  connections  rate      note
+  robot1  /idle         std_msgs/String  0           0            0            -         no publisher answers
+  robot1  /temperature  demo/Sample      1           1            1            499.8 Hz  -
+
+CLAIMS
+  robot   claim     state  class       size  used
+  robot1  logs-pvc  Bound  local-path  1Gi   5.1 MiB
+"""
+
+
+def test_the_page() -> None:
+    assert status_table(fleet_status(SOURCES), width=110) == PAGE
+
+
+@pytest.mark.parametrize("width", [80, 100, 120])
+def test_the_page_fits(width: int) -> None:
+    assert max(map(len, status_table(fleet_status(SOURCES), width).splitlines())) <= width
+
+
+def test_a_missing_section_is_left_out() -> None:
+    assert status_table({"hosts": []}) == "HOSTS\n  none\n"
+    assert status_table({}) == ""
+
+
+@pytest.mark.parametrize(
+    ("count", "words"), [(None, ""), (0, "0 B"), (1023, "1023 B"), (1536, "1.5 KiB"), (3 * 2**40, "3072.0 GiB")]
+)
+def test_sizes(count: int | None, words: str) -> None:
+    assert size_words(count) == words

@@ -1,0 +1,239 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Outcomes, durations and the screen of a run that is told step by step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import Report, TaskInfo, message_of, screen
+
+OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
+CHANGED = {**OK, "changed": 1}
+FAILED = {**OK, "failures": 1}
+DARK = {"ok": 0, "unreachable": 1}
+BUSY_FACT = {"ansible_facts": {"fleet_outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE"}}}
+UNMET = {
+    "verdict": "wait",
+    "elapsed": 60.02,
+    "checks": [
+        {"kind": "node", "name": "/talker", "verdict": "pass", "reason": ""},
+        {"kind": "topic", "name": "/chatter", "verdict": "wait", "reason": "no publisher"},
+    ],
+}
+
+
+def started(*hosts: str, **info: Any) -> Report:
+    report = Report(0.0)
+    report.play("Robots", hosts or ("robot1",), 1.0)
+    report.task("t1", TaskInfo("Apply", "rosops.fleet.ros_ready", **info), 1.0)
+    return report
+
+
+def row(report: Report, host: str = "robot1", **stats: Any) -> dict[str, Any]:
+    rows: list[dict[str, Any]] = report.finish(stats or {host: OK}, 9.0)["hosts"]
+    return next(one for one in rows if one["host"] == host)
+
+
+def outcome(report: Report, counts: dict[str, int]) -> tuple[str, str]:
+    found = row(report, robot1=counts)
+    return found["outcome"], found["reason"]
+
+
+def test_unchanged() -> None:
+    report = started()
+    report.ok("t1", "robot1", {"changed": False}, 2.0)
+    assert outcome(report, OK) == ("unchanged", "")
+
+
+def test_changed_tasks_are_named_once() -> None:
+    report = started()
+    report.ok("t1", "robot1", {"changed": True}, 2.0)
+    report.ok("t1", "robot1", {"changed": True}, 3.0)
+    found = row(report, robot1=CHANGED)
+    assert (found["outcome"], found["changed"]) == ("updated", ["Apply"])
+
+
+def test_a_failure_has_its_task_and_message() -> None:
+    report = started()
+    report.failed("t1", "robot1", {"failed": True, "msg": "Task failed: no such image"}, 2.0)
+    found = row(report, robot1=FAILED)
+    assert (found["outcome"], found["failed_task"], found["reason"]) == ("failed", "Apply", "no such image")
+
+
+@pytest.mark.parametrize("ignored", [True, False])
+def test_a_failure_that_was_ignored_or_rescued_is_none(ignored: bool) -> None:
+    report = started()
+    report.failed("t1", "robot1", {"msg": "oh"}, 2.0, ignored=ignored)
+    found = row(report, robot1={**OK, "rescued": 1})
+    assert (found["outcome"], found["failed_task"], found["reason"]) == ("unchanged", None, "")
+
+
+def test_unreachable_is_deferred_even_after_changes() -> None:
+    report = started()
+    report.ok("t1", "robot1", {"changed": True}, 2.0)
+    report.unreachable("t1", "robot1", {"unreachable": True, "msg": "no route"}, 3.0)
+    assert outcome(report, {**DARK, "changed": 1}) == ("deferred-offline", "no route")
+
+
+def test_unreachable_is_deferred_where_the_play_goes_on_without_the_host() -> None:
+    report = started()
+    report.ok("t1", "robot1", {"changed": True}, 2.0)
+    report.unreachable("t1", "robot1", {"unreachable": True, "msg": "no route"}, 3.0)
+    assert outcome(report, OK) == ("deferred-offline", "no route")
+
+
+def test_a_run_once_failure_ends_the_run_for_all() -> None:
+    report = started("robot1", "robot2", for_all=True)
+    report.failed("t1", "robot1", {"msg": "bad input"}, 2.0)
+    other = row(report, "robot2", robot1=FAILED, robot2=OK)
+    assert (other["outcome"], other["reason"]) == ("failed", "not carried on: Apply failed on robot1 for all hosts")
+    assert row(report, "robot2", robot1={**OK, "rescued": 1}, robot2=OK)["outcome"] == "unchanged"
+
+
+def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
+    found = row(started("robot1", "robot2"), "robot2", robot1=OK)
+    assert (found["outcome"], found["reason"]) == ("unchanged", "no task ran for it")
+
+
+@pytest.mark.parametrize(
+    ("fact", "counts", "expected"),
+    [
+        (BUSY_FACT, CHANGED, ("deferred-busy", "goal ACTIVE")),
+        (BUSY_FACT, FAILED, ("deferred-busy", "goal ACTIVE")),
+        ({"ansible_facts": {"fleet_outcome": "rolled-back"}}, FAILED, ("rolled-back", "")),
+        ({"ansible_facts": {"fleet_outcome": "updated"}}, FAILED, ("failed", "")),
+        ({"ansible_facts": {"fleet_outcome": "updated"}}, OK, ("updated", "")),
+        ({"ansible_facts": {"fleet_outcome": "splendid"}}, OK, ("unchanged", "")),
+        ({"ansible_facts": {"fleet_outcome": {"outcome": "updated"}}}, DARK, ("deferred-offline", "")),
+        ({"ansible_facts": "nonsense"}, OK, ("unchanged", "")),
+    ],
+)
+def test_declared_outcomes(fact: dict[str, Any], counts: dict[str, int], expected: tuple[str, str]) -> None:
+    report = started()
+    report.ok("t1", "robot1", fact, 2.0)
+    assert outcome(report, counts) == expected
+
+
+def test_the_verdict_of_ros_ready() -> None:
+    report = started()
+    report.failed("t1", "robot1", UNMET, 2.0)
+    assert row(report)["ready"] == {
+        "verdict": "wait",
+        "elapsed": 60.02,
+        "checks": 2,
+        "unmet": ["topic /chatter: no publisher"],
+    }
+
+
+def test_the_verdicts_of_rollout_ready() -> None:
+    report = started()
+    report.task("t2", TaskInfo("Wait", "rollout_ready"), 2.0)
+    rows = [
+        {"kind": "Pod", "namespace": "n", "name": "a", "verdict": "fail", "reason": "ErrImagePull"},
+        {"kind": "Pod", "namespace": "n", "name": "b", "verdict": "pass", "reason": "ready"},
+    ]
+    report.failed("t2", "robot1", {"objects": rows, "elapsed": 2.5}, 3.0)
+    assert row(report)["rollout"] == {"elapsed": 2.5, "objects": 2, "unmet": ["Pod n/a: ErrImagePull"]}
+    assert row(report)["ready"] is None
+
+
+MESSAGES = [
+    ({"msg": "plain"}, "plain"),
+    ({"msg": "non-zero return code", "stderr": "boom", "rc": 1}, "non-zero return code: boom"),
+    ({"stdout": "said here"}, "said here"),
+    ({}, "failed without a message"),
+    ({"censored": "the output has been hidden", "msg": "secret"}, "hidden by no_log"),
+    ({"results": [{"failed": True, "msg": "a"}, {"msg": "fine"}, {"failed": True, "msg": "a"}], "msg": "x"}, "a"),
+    ({"results": [{"failed": True, "censored": "", "msg": "secret"}]}, "hidden by no_log"),
+    ({"results": "odd", "msg": "still said"}, "still said"),
+    ({"msg": "x" * 5000}, "x" * 4000),
+]
+
+
+@pytest.mark.parametrize(("result", "message"), MESSAGES)
+def test_messages(result: dict[str, Any], message: str) -> None:
+    assert message_of(result) == message
+
+
+def test_durations_of_tasks_stages_and_plays() -> None:
+    report = Report(0.0)
+    report.play("First", ["a", "b"], 1.0)
+    report.task("t1", TaskInfo("Install", "k3s", stage="k3s"), 1.0)
+    report.ok("t1", "a", {}, 3.0)
+    report.ok("t1", "b", {"changed": True}, 4.5)
+    report.task("t2", TaskInfo("Look", "stat"), 5.0)
+    report.skipped("t2", "a", 5.5)
+    report.play("Second", ["a"], 6.0)
+    report.task("t1", TaskInfo("Install", "k3s", stage="k3s"), 7.0)  # the same task in a further batch of hosts
+    report.ok("t1", "a", {}, 8.0)
+    done = report.finish({"a": OK, "b": CHANGED}, 10.0, check_mode=False)
+    assert done["plays"] == [{"name": "First", "seconds": 5.0}, {"name": "Second", "seconds": 4.0}]
+    assert done["stages"] == [{"name": "k3s", "seconds": 4.5}, {"name": "First", "seconds": 0.5}]
+    assert done["slowest_tasks"][0] == {
+        "name": "Install",
+        "action": "k3s",
+        "play": "First",
+        "stage": "k3s",
+        "seconds": 4.5,
+        "hosts": 2,
+        "changed": 1,
+    }
+    assert (done["elapsed"], done["tasks"], done["outcomes"]) == (10.0, 2, {"updated": 1, "unchanged": 1})
+
+
+def test_ten_slowest_tasks() -> None:
+    report = Report(0.0)
+    report.play("P", ["a"], 0.0)
+    for number in range(15):
+        report.task(f"t{number}", TaskInfo(f"task {number}", "command"), number * 100.0)
+        report.ok(f"t{number}", "a", {}, number * 100.0 + number)
+    names = [task["name"] for task in report.finish({"a": OK}, 2000.0)["slowest_tasks"]]
+    assert names == [f"task {number}" for number in range(14, 4, -1)]
+
+
+def test_localhost_is_no_robot() -> None:
+    report = started("robot1", "localhost")
+    report.ok("t1", "localhost", {}, 2.0)
+    assert [host["host"] for host in report.finish({"robot1": OK, "localhost": OK}, 3.0)["hosts"]] == ["robot1"]
+    alone = started("localhost")
+    assert [host["host"] for host in alone.finish({"localhost": OK}, 3.0)["hosts"]] == ["localhost"]
+
+
+def test_an_unknown_task_does_no_harm() -> None:
+    report = Report(0.0)
+    report.ok("never-started", "robot1", {"changed": True}, 1.0)
+    report.failed("never-started", "robot1", {"msg": "x"}, 1.0)
+    assert row(report, robot1=FAILED)["outcome"] == "failed"
+
+
+def example(check_mode: bool = False) -> dict[str, Any]:
+    report = started("edge1", "robot1", "robot2", "robot3")
+    report.ok("t1", "robot1", {"changed": True, "verdict": "pass", "elapsed": 3.21, "checks": []}, 4.0)
+    report.failed("t1", "robot2", {"msg": "no\nsuch image"}, 4.0)
+    report.unreachable("t1", "robot3", {"msg": "Connection timed out"}, 4.0)
+    stats = {"edge1": OK, "robot1": CHANGED, "robot2": FAILED, "robot3": DARK}
+    return report.finish(stats, 9.5, check_mode=check_mode)
+
+
+def test_the_screen() -> None:
+    assert screen(example()) == [
+        "host    outcome           ros graph   changed  note",
+        "edge1   unchanged         -           0        -",
+        "robot1  updated           pass 3.2 s  1        -",
+        "robot2  failed            -           0        Apply: no such image",
+        "robot3  deferred-offline  -           0        Connection timed out",
+        "9.5 s: Robots 3.0 s",
+    ]
+
+
+def test_check_mode_speaks_in_the_conditional() -> None:
+    lines = screen(example(check_mode=True))
+    assert lines[1].startswith("edge1   would not change  ")
+    assert "would change" in lines[2]
+    assert "failed" in lines[3]
+
+
+def test_no_hosts() -> None:
+    assert screen(Report(0.0).finish({}, 1.0)) == ["no host took part", "1.0 s"]

@@ -1,0 +1,48 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.table import table, words
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "-"),
+        ("", "-"),
+        ("a\n b", "a b"),
+        (0, "0"),
+        (True, "yes"),
+        (False, "no"),
+        (499.96, "500.0"),
+        (["a", "b"], "a, b"),
+        ([], "-"),
+        ({"a": 1, "b": True}, "a=1, b=yes"),
+    ],
+)
+def test_cells(value: Any, text: str) -> None:
+    assert words(value) == text
+
+
+def test_columns_are_as_wide_as_their_content() -> None:
+    assert table(["a", "long header"], [["x", 1], ["yyy", 22]]) == ["a    long header", "x    1", "yyy  22"]
+
+
+def test_the_widest_column_is_cut_first() -> None:
+    lines = table(["host", "note"], [["robot1", "word " * 50]], width=40)
+    assert max(map(len, lines)) <= 40
+    assert lines[1].startswith("robot1  word")
+    assert lines[1].endswith("..")
+
+
+@pytest.mark.parametrize("width", [20, 40, 80, 120])
+def test_it_fits(width: int) -> None:
+    rows = [["a" * size, "b" * 3 * size, "c" * 5] for size in (1, 9, 30)]
+    assert max(map(len, table(["one", "two", "three"], rows, width))) <= max(width, 3 * 6 + 4)
+
+
+def test_only_headers() -> None:
+    assert table(["a", "b"], []) == ["a  b"]

@@ -1,0 +1,164 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot's steps as the ConfigMap from which metrics, annotations and log lines are made."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates, families
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import CUT_OFF, step_id, update_events
+
+STARTED = 1795252087.347614
+PHASES = {"gate": 1.0, "apply": 7.5, "rollout": 5.5, "verify": 4.0}
+
+
+def step(*apps: str, outcome: str = "updated", started: float = STARTED, **more: Any) -> dict[str, Any]:
+    return {
+        "name": apps[0],
+        "apps": list(apps),
+        "handoff": "overlap",
+        "from": {app: {"image": "a:1", "revision": "1"} for app in apps},
+        "to": {app: {"image": "a:2", "revision": "2"} for app in apps},
+        "started": started,
+        "phases": PHASES,
+        "busy_wait": 0,
+        **({"outcome": outcome} if outcome else {}),
+        **more,
+    }
+
+
+def told(configmap: dict[str, Any]) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads(configmap["data"]["updates.json"])["updates"]
+    return found
+
+
+def test_a_step_that_ended() -> None:
+    found = update_events([step("temperature")], "robot1")
+    assert (found["kind"], found["metadata"]["name"], found["metadata"]["namespace"]) == (
+        "ConfigMap",
+        "robot-updates",
+        "robot-robot1",
+    )
+    assert found["metadata"]["labels"] == {
+        "app.kubernetes.io/managed-by": "rosops.fleet",
+        "rosops.fleet/robot": "robot1",
+    }
+    assert told(found) == [
+        {
+            "id": step_id("robot1", ["temperature"], STARTED),
+            "app": "temperature",
+            "step": "temperature",
+            "handoff": "overlap",
+            "outcome": "updated",
+            "reason": "",
+            "from": "1",
+            "to": "2",
+            "from_image": "a:1",
+            "to_image": "a:2",
+            "started": 1795252087.348,
+            "finished": 1795252105.348,
+            "phases": PHASES,
+            "busy_wait": 0.0,
+        }
+    ]
+
+
+def test_the_step_at_hand_runs_and_has_no_end() -> None:
+    (event,) = told(update_events([], "robot1", running=step("temperature", outcome="")))
+    assert (event["outcome"], event["finished"]) == ("running", None)
+
+
+def test_one_id_from_begin_to_end_and_another_for_the_next_time() -> None:
+    begun = told(update_events([], "robot1", running=step("temperature", outcome="", phases={"gate": 1.0})))[0]["id"]
+    ended = told(update_events([step("temperature")], "robot1"))[0]["id"]
+    later = told(update_events([step("temperature", started=STARTED + 100)], "robot1"))[0]["id"]
+    assert begun == ended != later
+    assert re.fullmatch("[0-9a-f]{12}", begun)
+    assert step_id("robot2", ["temperature"], STARTED) != begun != step_id("robot1", ["stats"], STARTED)
+
+
+def test_the_id_that_the_report_carries_is_kept() -> None:
+    assert told(update_events([step("temperature", id="0123456789ab")], "robot1"))[0]["id"] == "0123456789ab"
+
+
+def test_apps_of_one_step_share_its_id() -> None:
+    first, second = told(update_events([step("b", "a", name="pair")], "robot1"))
+    assert (first["app"], second["app"], first["step"]) == ("a", "b", "pair")
+    assert first["id"] == second["id"]
+
+
+def test_the_latest_step_of_each_app_is_kept() -> None:
+    before = update_events([step("a"), step("b", outcome="rolled-back", reason="half the rate")], "robot1")
+    after = update_events([step("a", started=STARTED + 500)], "robot1", [before])
+    assert [(event["app"], event["outcome"], event["started"]) for event in told(after)] == [
+        ("a", "updated", 1795252587.348),
+        ("b", "rolled-back", 1795252087.348),
+    ]
+
+
+def test_a_clock_that_was_set_back_does_not_hide_the_new_step() -> None:
+    before = update_events([step("a")], "robot1")
+    after = update_events([step("a", outcome="failed", started=STARTED - 500)], "robot1", [before])
+    assert [event["outcome"] for event in told(after)] == ["failed"]
+
+
+def test_what_a_killed_run_left_open_has_failed() -> None:
+    before = update_events([], "robot1", running=step("a", outcome=""))
+    (event,) = told(update_events([], "robot1", [before]))
+    assert (event["outcome"], event["reason"], event["finished"]) == ("failed", CUT_OFF, 1795252105.348)
+
+
+def test_the_same_steps_give_the_same_bytes() -> None:
+    first = update_events([step("a"), step("b", outcome="deferred-busy", reason="a goal is active")], "robot1")
+    assert update_events([], "robot1", [first]) == first
+
+
+@pytest.mark.parametrize(
+    "spoilt", [None, "", "no JSON", "[]", "{}", '{"updates": [1]}', '{"updates": [{"app": "a", "started": "then"}]}']
+)
+def test_a_spoilt_configmap_is_begun_anew(spoilt: str | None) -> None:
+    item = {
+        "metadata": {"name": "robot-updates", "namespace": "robot-robot1"},
+        "data": None if spoilt is None else {"updates.json": spoilt},
+    }
+    assert [event["app"] for event in told(update_events([step("b")], "robot1", [item]))] == ["b"]
+
+
+def test_another_robots_configmap_is_not_taken_for_its_own() -> None:
+    other = update_events([step("a")], "robot2")
+    assert told(update_events([], "robot1", [other])) == []
+
+
+def test_a_new_app_has_nothing_before() -> None:
+    assert told(update_events([step("a", **{"from": {}})], "robot1"))[0]["from"] == ""
+
+
+def test_a_long_reason_is_cut() -> None:
+    assert len(told(update_events([step("a", reason="x" * 5000)], "robot1"))[0]["reason"]) == 1000
+
+
+def test_the_exporter_reads_what_is_written_here(tmp_path: Path) -> None:
+    file = tmp_path / "updates.json"
+    running = step("c", outcome="", started=STARTED + 20, **{"from": {}})
+    made = update_events([step("b", "a", name="pair")], "robot1", running=running)
+    file.write_text(made["data"]["updates.json"], encoding="utf-8")
+    updates = Updates(str(file))
+    lines = [json.loads(line) for line in updates.read(STARTED + 30)]
+    assert [(line["app"], line["id"], line["outcome"]) for line in lines] == [
+        ("a", step_id("robot1", ["b", "a"], STARTED), "updated"),
+        ("b", step_id("robot1", ["b", "a"], STARTED), "updated"),
+        ("c", step_id("robot1", ["c"], STARTED + 20), "running"),
+    ]
+    info, started, finished, *_rest = families(updates.entries)
+    assert [(labels["previous"], labels["revision"]) for labels, _one in info.samples] == [
+        ("1", "2"),
+        ("1", "2"),
+        ("", "2"),
+    ]
+    assert next(value for _labels, value in started.samples) == 1795252087.348
+    assert [labels["app"] for labels, _time in finished.samples] == ["a", "b"]

@@ -1,0 +1,73 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot's objects as the API shows them, for the tests of the update."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import ros_app_objects, ros_master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import kept
+
+
+def app(name: str, image: str = "example.org/app:1.0", **more: Any) -> dict[str, Any]:
+    return {"name": name, "image": image, "command": ["run"], "pattern": "pubsub", **more}
+
+
+def ctx(*apps: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"robot": "robot1", "apps": list(apps), **more}
+
+
+def applied(context: dict[str, Any]) -> list[dict[str, Any]]:
+    """The Deployments of a robot as the API shows them after they were applied."""
+    found = []
+    for item in [*ros_master_objects(context), *ros_app_objects(context)]:
+        if item["kind"] == "Deployment":
+            there = copy.deepcopy(item)
+            there["metadata"]["managedFields"] = [
+                {"manager": names.MANAGER, "operation": "Apply", "fieldsV1": owned(item)}
+            ]
+            there["metadata"]["uid"] = "1"
+            there["metadata"]["annotations"]["deployment.kubernetes.io/revision"] = "1"
+            there["spec"]["template"]["spec"]["dnsPolicy"] = "ClusterFirst"  # a default of the API server
+            there["status"] = {"replicas": 1}
+            found.append(there)
+    return found
+
+
+def owned(item: dict[str, Any]) -> dict[str, Any]:
+    """FieldsV1 of an applied object, without its identity, lists as atomic ones but for containers."""
+    fields: dict[str, Any] = {}
+    for key, value in item.items():
+        if key in ("apiVersion", "kind"):
+            continue
+        if isinstance(value, dict) and value:
+            fields[f"f:{key}"] = owned(value)
+        elif key == "containers":
+            inner = {f"k:{json.dumps({'name': entry['name']})}": {".": {}, **owned(entry)} for entry in value}
+            fields[f"f:{key}"] = inner
+        else:
+            fields[f"f:{key}"] = {}
+    fields.pop("f:name", None) if "namespace" in item else None
+    return fields
+
+
+def update_map(name: str, history: list[dict[str, Any]]) -> dict[str, Any]:
+    labels = {names.LABEL_APP: name}
+    return {"metadata": {"name": f"{name}-update", "labels": labels}, "data": {"history.json": json.dumps(history)}}
+
+
+def entry(context: dict[str, Any], name: str) -> dict[str, Any]:
+    item = next(item for item in applied(context) if item["metadata"]["name"] == name)
+    revision = item["spec"]["template"]["metadata"]["labels"][names.LABEL_REVISION]
+    return {"revision": revision, "image": "?", "deployment": kept(item)}
+
+
+def marked(items: list[dict[str, Any]], *apps: str) -> list[dict[str, Any]]:
+    for item in items:
+        if item["metadata"]["name"] in apps:
+            item["metadata"]["annotations"][names.ANNOTATION_UPDATING] = "123"
+    return items

@@ -1,0 +1,368 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Validation: the table of bad inputs, what must pass, and that nothing whatever makes it crash."""
+
+from __future__ import annotations
+
+import copy
+import datetime
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import fleet_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import (
+    fleet_images,
+    namespace_objects,
+    ros_app_objects,
+    ros_conditions,
+    ros_master_objects,
+    storage_objects,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import Report, check_fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import APP, FLEET_VARIABLES
+from ansible_collections.rosops.fleet.tests.unit.bad_input import table
+
+GOLDEN = Path(__file__).resolve().parents[3] / "golden" / "cases"
+CASES: list[dict[str, Any]] = table.load_cases()
+
+
+def lines(report: Report) -> str:
+    return "\n".join(problem.line() for problem in report.problems)
+
+
+def check(app: dict[str, Any] | None = None, **robot: Any) -> Report:
+    apps = {} if app is None else {"ros_apps": [table.changed_app(app)]}
+    return check_fleet({"groups": table.GROUPS, "hosts": {"robot1": {**robot, **apps}}})
+
+
+def test_the_table_is_large_enough_and_its_names_are_apart() -> None:
+    assert len(CASES) >= 60
+    assert len({case["id"] for case in CASES}) == len(CASES)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
+def test_bad_input(case: dict[str, Any]) -> None:
+    report = check_fleet(table.fleet_of(case))
+    assert table.missing_words(case, lines(report)) == [], lines(report)
+    assert report.robots == {}
+    assert all(problem.path and problem.problem and problem.allowed for problem in report.problems)
+    assert "hush" not in lines(report)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
+def test_bad_input_reports_little_beside_the_point(case: dict[str, Any]) -> None:
+    """One mistake is not reported as a dozen."""
+    assert len(check_fleet(table.fleet_of(case)).problems) <= 3
+
+
+def test_the_good_app_is_good() -> None:
+    report = check({})
+    assert report.problems == []
+    assert report.warnings == []
+    assert report.robots["robot1"]["apps"][0]["handoff"] == "replace"
+    assert report.robots["robot1"]["cluster"] == "edge"
+
+
+def test_all_errors_at_once() -> None:
+    fleet = {
+        "groups": {"edge": ["edge1", "edge2"], "robots": ["robot1"]},
+        "hosts": {"robot1": {"ros_apps": [{"name": "A"}, table.changed_app({"placement": "moon"})], "robot_mode": "x"}},
+    }
+    found = {problem.path for problem in check_fleet(fleet).problems}
+    assert found == {
+        "groups.edge",
+        "hosts.robot1.robot_mode",
+        "hosts.robot1.ros_apps[0].name",
+        "hosts.robot1.ros_apps[0].image",
+        "hosts.robot1.ros_apps[1].placement",
+    }
+
+
+@pytest.mark.parametrize(
+    ("app", "robot"),
+    [
+        ({"args": None, "command": ["sleep", "1"]}, {}),
+        ({"args": []}, {}),
+        ({"env": {"A": 1, "B": True, "C": 1.5}}, {}),
+        ({"resources": {"requests": {"cpu": 1, "memory": "1Gi", "nvidia.com/gpu": 1}, "limits": {"cpu": "1000m"}}}, {}),
+        (
+            {"host_paths": [{"path": p} for p in ("/data", "/opt/maps", "/dev/input", "/home/robot", "/var/log/a")]},
+            {},
+        ),
+        ({"devices": ["/dev/ttyUSB0", "/dev/bus/usb/"]}, {}),
+        ({"pattern": "action", "drain_deadline": 45, "termination_grace_period": 45}, {}),
+        ({"pattern": "pubsub", "termination_grace_period": 5}, {}),
+        ({"pattern": "action", "handoff": "replace"}, {}),
+        ({"args": ["roslaunch", "a", "b.launch"], "readiness": {"nodes": False}}, {}),
+        ({"command": ["sh", "-c", 'rosrun a b "$@"', "sh"], "pattern": "pubsub"}, {}),
+        ({"args": ["talk", "--about", "roscore-like-things"]}, {}),
+        ({"args": ["roscore"]}, {"ros_master_mode": "external", "ros_master_uri": "http://192.0.2.1:11311"}),
+        ({}, {"ros_master_mode": "external", "ros_master_uri": "http://[2001:db8::1]:11311"}),
+        ({"scope": "fleet", "placement": "remote"}, {"ros_master_mode": "shared"}),
+        ({}, {"robot_mode": "standalone"}),
+        ({"volumes": [{"name": "v"}], "pattern": "pubsub"}, {"persistent_storage": {"volumes": [{"name": "v"}]}}),
+        (
+            {"volumes": [{"name": "v"}], "pattern": "pubsub", "placement": "remote"},
+            {"persistent_storage": {"volumes": [{"name": "v", "storage_class": "longhorn", "size": 1}]}},
+        ),
+        ({"overrides": {"spec": {"replicas": 0}}}, {}),
+        ({"overrides": {"metadata": {"name": "talker"}}}, {}),
+        (
+            {
+                "readiness": {
+                    "services": ["a", {"name": "/b"}],
+                    "actions": ["c"],
+                    "topics": [{"name": "~p", "publishers": 0}],
+                }
+            },
+            {},
+        ),
+    ],
+)
+def test_what_must_pass(app: dict[str, Any], robot: dict[str, Any]) -> None:
+    report = check(app, **robot)
+    assert lines(report) == ""
+
+
+def test_overlap_on_a_volume_of_one_node_depends_on_the_nodes() -> None:
+    app = {"volumes": [{"name": "v"}], "pattern": "pubsub"}
+
+    def problems(placement: str, storage_class: str | None, edge: list[str]) -> int:
+        volume = {"name": "v", **({"storage_class": storage_class} if storage_class else {})}
+        hosts = {
+            "robot1": {
+                "persistent_storage": {"volumes": [volume]},
+                "ros_apps": [table.changed_app({**app, "placement": placement})],
+            }
+        }
+        return len(check_fleet({"groups": {"edge": edge, "robots": ["robot1"]}, "hosts": hosts}).problems)
+
+    three = ["e1", "e2", "e3"]
+    assert problems("remote", "longhorn", three) == 1
+    assert problems("remote", "longhorn", ["e1"]) == 0
+    assert problems("remote", "local-path", three) == 0
+    assert problems("remote", None, three) == 0
+    assert problems("local", "longhorn", three) == 0
+
+
+@pytest.mark.parametrize(
+    ("app", "words"),
+    [
+        ({"image": "talker"}, "image: talker may mean another image tomorrow"),
+        ({"image": "talker:latest"}, "may mean another image tomorrow"),
+        ({"devices": ["/dev/ttyUSB0"]}, "devices: the container runs privileged"),
+        ({"devices": ["/dev/ttyUSB0"], "pattern": "pubsub"}, "handoff: overlap opens the devices twice"),
+        ({"private_names": ["a"]}, "private_names: has no effect"),
+    ],
+)
+def test_warnings(app: dict[str, Any], words: str) -> None:
+    report = check(app)
+    assert report.problems == []
+    assert any(words in warning for warning in report.warnings)
+
+
+def test_unused_volume_and_moving_master_image_are_warned_of() -> None:
+    report = check({}, persistent_storage={"volumes": [{"name": "v"}]}, ros_master_image="ros:latest")
+    assert len(report.warnings) == 2
+    assert report.problems == []
+
+
+ODDITIES: list[Any] = [
+    None, True, 0, -1, 1.5, float("nan"), float("inf"), "", "x", "\x00", [], [None], [[]], {}, {"": None}, {5: 5},
+    {None: 1}, [{}], [{"name": None}], [{"name": ["x"]}], [{"name": {}}], {"name": 1}, (1,), {1, 2},
+    datetime.date(2026, 1, 31), b"bytes",
+    object(), "9" * 400, {"volumes": None}, {"volumes": [5]}, [{"name": "a", "image": "b", "args": None}],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("oddity", ODDITIES, ids=lambda value: type(value).__name__)
+def test_no_value_anywhere_makes_it_crash(oddity: Any) -> None:
+    """Every variable, every key of an app and every part of the fleet, replaced by something absurd."""
+    good = {"groups": {**table.GROUPS}, "hosts": {"edge1": {}, "robot1": {"ros_apps": [table.changed_app({})]}}}
+    check_fleet(oddity)
+    for part in ("groups", "hosts"):
+        check_fleet({**good, part: oddity})
+    for group in ("edge", "robots", "k3s_server", "all"):
+        check_fleet({**good, "groups": {**table.GROUPS, group: oddity}})
+    check_fleet({**good, "hosts": {"robot1": oddity}})
+    for variable in FLEET_VARIABLES:
+        check_fleet({**good, "hosts": {"robot1": {**good["hosts"]["robot1"], variable: oddity}}})
+    for key in APP["properties"]:
+        for value in (oddity, [oddity], {"spec": oddity}, {"topics": oddity}, {"requests": oddity}):
+            check(copy.deepcopy({key: value}) if not isinstance(oddity, type(object())) else {key: value})
+
+
+def _places(value: Any) -> list[tuple[Any, Any]]:
+    """Every (container, key) in a structure."""
+    keys = list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else []
+    return [(value, key) for key in keys] + [place for key in keys for place in _places(value[key])]
+
+
+def test_mutated_cases_are_refused_or_can_be_built() -> None:
+    """Golden cases with one value broken: no crash, and from what passes objects can be built."""
+    mutants: list[Any] = [None, True, -1, 7, 1.5, "", "x", "A_b/", "~", [], ["x"], [5], {}, {"name": "x"}, {"x": {}}]
+    accepted = refused = 0
+    for path in sorted(GOLDEN.glob("*.yml")):
+        case = yaml.safe_load(path.read_text("utf-8"))
+        for number in range(len(_places(case["variables"]))):
+            for mutant in mutants:
+                mutated = copy.deepcopy(case)
+                place, key = _places(mutated["variables"])[number]
+                place[key] = mutant
+                robot = case["robot"]
+                groups = {"edge": ["edge1"], "robots": [robot]}
+                if check_fleet({"groups": groups, "hosts": {robot: mutated["variables"]}}).problems:
+                    refused += 1
+                    continue
+                accepted += 1
+                ctx = fleet_context(mutated["variables"], robot)
+                ros_conditions(ctx)
+                fleet_images(ctx)
+                objects = [
+                    *namespace_objects(ctx),
+                    *storage_objects(ctx),
+                    *ros_master_objects(ctx),
+                    *ros_app_objects(ctx),
+                ]
+                assert json.loads(json.dumps(objects)) == objects
+    assert accepted > 100
+    assert refused > 1000
+
+
+def test_overrides_of_any_shape_do_not_crash() -> None:
+    deep = [
+        "metadata",
+        "spec",
+        "template",
+        "containers",
+        "replicas",
+        "selector",
+        "labels",
+        "annotations",
+        "args",
+        "env",
+    ]
+    for value in ODDITIES[:-6]:
+        for key in deep:
+            for wrap in (
+                {key: value},
+                {"spec": {key: value}},
+                {"spec": {"template": {key: value}}},
+                {"spec": {"template": {"spec": {key: value}}}},
+                {"spec": {"template": {"spec": {"containers": [{"name": "ros-app", key: value}]}}}},
+            ):
+                check({"overrides": wrap})
+
+
+@pytest.mark.parametrize(
+    ("form", "good", "bad"),
+    [
+        (
+            "quantity",
+            ["0", "1", "1.5", "100m", "1Gi", "2e3", "5E", "1Ki"],
+            ["", "1GB", "Gi", "-1", "1 Gi", "1.", "1e", ".5"],
+        ),
+        (
+            "image",
+            ["ros", "ros:noetic", "example.org:5000/a/b_c:1.0", "a@sha256:" + "0" * 64, "localhost/x:1"],
+            ["", "A", "a:", "a@", "http://a", "a//b", "a b", ":1"],
+        ),
+        ("app-name", ["a", "a-1"], ["", "1a", "-a", "a-", "A", "a_b", "a.b", "a" * 41]),
+        ("robot-name", ["robot1", "7", "a-b"], ["", "a.b", "a_b", "A", "a" * 58, "robot1\n"]),
+        ("graph-name", ["a", "/a/b", "~a", "a/1"], ["", "/", "~", "1a", "a-b", "a//b", "a/", "/a b", "ä"]),
+        (
+            "host-path",
+            ["/data", "/data/x", "/dev/input", "/home/a"],
+            ["/home", "/dev", "/", "/datax", "/data//x", "/data/./x"],
+        ),
+        ("device", ["/dev/ttyUSB0", "/dev/bus/usb/"], ["/dev", "/dev/..", "/devices", "dev/x", "/dev/mem"]),
+        ("mount-path", ["/a", "/a/b/"], ["", "/", "a", "/a:b", "/a/../b", "/a b"]),
+        (
+            "master-uri",
+            ["http://a:1", "http://1.2.3.4:11311/"],
+            ["a:1", "http://a", "http://1.2.3:1", "http://a:0", "http://:1"],
+        ),
+        ("duration", ["30s", "1h30m", "500ms"], ["", "30", "s", "1 h"]),
+        ("file-mode", ["0600", "644"], ["", "0999", "06000", "rw"]),
+        ("env-name", ["A", "_a1"], ["", "1A", "A-B", "A B"]),
+        ("networks", ["10.42.0.0/16", "10.42.0.0/16,fd00::/48"], ["", "10.42.0.1/16", "x"]),
+    ],
+)
+def test_forms(form: str, good: list[str], bad: list[str]) -> None:
+    assert [text for text in good if not FORMS[form].test(text)] == []
+    assert [text for text in bad if FORMS[form].test(text)] == []
+
+
+def test_quantities_compare() -> None:
+    values = [quantity_value(text) for text in ("1n", "1m", "0.5", "1", "1k", "1Ki", "1e6", "1Mi")]
+    assert None not in values
+    assert values == sorted(values)  # type: ignore[type-var]
+    assert (quantity_value("1Ki"), quantity_value("1k"), quantity_value("1Gi")) == (1024, 1000, 1024**3)
+
+
+def test_localhost_is_no_stranger_unless_it_has_variables_of_ours() -> None:
+    groups = {**table.GROUPS, "all": ["localhost", "edge1", "robot1"]}
+    assert check_fleet({"groups": groups, "hosts": {"localhost": {}}}).problems == []
+    found = check_fleet({"groups": groups, "hosts": {"localhost": {"ros_apps": []}}}).problems
+    assert [problem.path for problem in found] == ["hosts.localhost"]
+
+
+@pytest.mark.parametrize(
+    ("image", "moving"),
+    [("a", True), ("a:latest", True), ("a:1", False), ("h:5000/a", True), ("a@sha256:" + "0" * 64, False)],
+)
+def test_moving_tags(image: str, moving: bool) -> None:
+    assert moving_tag(image) is moving
+
+
+def test_nearest_names() -> None:
+    assert nearest_name("placment", ["placement", "pattern"]) == "placement"
+    assert nearest_name("zzz", ["placement"]) is None
+
+
+@pytest.mark.parametrize(
+    ("base", "overrides", "merged"),
+    [
+        ({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"a": {"b": 3, "c": 2}}),  # the seed's algorithm 1
+        ({"a": {"b": 1}}, {"a": 5}, {"a": 5}),
+        ({"a": 1, "b": 2}, {"a": None, "x": None}, {"b": 2}),
+        ({"l": [1, 2]}, {"l": [3]}, {"l": [3]}),
+        (
+            {"env": [{"name": "A", "value": "1"}, {"name": "B", "value": "2"}]},
+            {"env": [{"name": "C", "value": "3"}, {"name": "A", "value": "9"}]},
+            {"env": [{"name": "A", "value": "9"}, {"name": "B", "value": "2"}, {"name": "C", "value": "3"}]},
+        ),
+        (
+            {"env": [{"name": "A", "value": "1"}]},
+            {"env": [{"name": "A", "value": None, "valueFrom": {"x": 1}}]},
+            {"env": [{"name": "A", "valueFrom": {"x": 1}}]},
+        ),
+        (
+            {"env": [{"name": "A"}, {"name": "B"}]},
+            {"env": [{"name": "A", "$patch": "delete"}]},
+            {"env": [{"name": "B"}]},
+        ),
+        (
+            {"volumeMounts": [{"name": "a", "mountPath": "/a"}]},
+            {"volumeMounts": [{"name": "a", "mountPath": "/b"}, {"name": "a", "mountPath": "/a", "readOnly": True}]},
+            {"volumeMounts": [{"name": "a", "mountPath": "/a", "readOnly": True}, {"name": "a", "mountPath": "/b"}]},
+        ),
+        (
+            {"ports": [{"containerPort": 1, "name": "x"}]},
+            {"ports": [{"containerPort": 1, "protocol": "UDP"}]},
+            {"ports": [{"containerPort": 1, "name": "x", "protocol": "UDP"}]},
+        ),
+        ({"l": [{"name": "a"}]}, {"l": [{"x": 1}]}, {"l": [{"x": 1}]}),
+        ({}, {"a": {"b": None, "c": [{"d": None, "e": 1}]}}, {"a": {"c": [{"e": 1}]}}),
+    ],
+)
+def test_deep_merge(base: dict[str, Any], overrides: dict[str, Any], merged: dict[str, Any]) -> None:
+    before = copy.deepcopy((base, overrides))
+    assert deep_merge(base, overrides) == merged
+    assert (base, overrides) == before
