@@ -1,32 +1,32 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which images an archive holds, and which of them a node lacks.
+"""Which images an archive holds, under which names and IDs.
 
 An image's ID is the digest of its configuration, in an archive as on a node, however it got there and however its
-layers are compressed. So two IDs answer the question whether 400 MB must travel to a robot. Runs on the control node.
+layers are compressed. So two IDs answer the question whether 400 MB must travel to a robot.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import re
 import tarfile
-from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import architecture_of
 
 REF_NAME = "org.opencontainers.image.ref.name"
 CONTAINERD_NAME = "io.containerd.image.name"
-MACHINES = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm"}
 LARGEST_JSON = 4 * 1024 * 1024
 
 
-class Image(TypedDict):
-    """One name in an archive."""
+@dataclass(frozen=True)
+class Image:
+    """One name in an archive; `id` is `sha256:` and the digest of the image's configuration."""
 
     ref: str
     id: str
@@ -52,7 +52,7 @@ def archive_images(path: str, machine: str = "x86_64") -> list[Image]:
     """The named images of a docker or OCI archive; of one for several architectures, that of `machine`."""
     try:
         with tarfile.open(path) as archive:
-            return _Archive(archive, path).images(MACHINES.get(machine, machine))
+            return _Archive(archive, path).images(architecture_of(machine))
     except FileNotFoundError as error:
         raise SpecError(f"there is no image archive {path} on the control node") from error
     except (OSError, tarfile.TarError, EOFError) as error:
@@ -78,7 +78,7 @@ class _Archive:
             raise SpecError(f"{self.path} holds neither manifest.json nor index.json: it is no image archive")
         if not found:
             raise SpecError(f"{self.path} names no image: save it with its name and tag")
-        return sorted(found, key=lambda image: image["ref"])
+        return sorted(found, key=lambda image: image.ref)
 
     def _docker(self) -> list[Image]:
         return [
@@ -110,7 +110,7 @@ class _Archive:
         content = self._bytes(config)
         digest = hashlib.sha256(content).hexdigest()
         architecture = str(json.loads(content).get("architecture", ""))
-        return {"ref": normal_ref(ref), "id": f"sha256:{digest}", "architecture": architecture}
+        return Image(normal_ref(ref), f"sha256:{digest}", architecture)
 
     def _bytes(self, name: str) -> bytes:
         member = self.members[str(Path(name))]
@@ -124,63 +124,3 @@ class _Archive:
 
 def _blob(digest: str) -> str:
     return f"blobs/{digest.replace(':', '/')}"
-
-
-def node_images(listing: str | Mapping[str, Any]) -> dict[str, str]:
-    """Name -> ID of a node's images, out of what `crictl images -o json` prints. Names by digest are in it, too."""
-    try:
-        document = json.loads(listing or "{}") if isinstance(listing, str) else listing
-    except ValueError as error:
-        raise SpecError(f"crictl's list of images is no JSON: {error}") from error
-    return {
-        normal_ref(ref): image["id"] if re.match(r"^\w+:", image["id"]) else f"sha256:{image['id']}"
-        for image in document.get("images") or []
-        for ref in [*(image.get("repoTags") or []), *(image.get("repoDigests") or [])]
-    }
-
-
-def images_plan(
-    archives: Iterable[Mapping[str, Any]], refs: Iterable[str], listing: str, machine: str = "x86_64"
-) -> dict[str, Any]:
-    """What a node lacks: archives to bring (a whole archive if one of its images is missing) and names to pull.
-
-    A name that one of the archives holds is never pulled.
-
-    `wanted` is what must be there in the end, name -> ID; a pulled image's ID is not known beforehand (empty).
-    """
-    present = node_images(listing)
-    wanted: dict[str, str] = {}
-    bring: list[str] = []
-    for archive in archives:
-        path = str(archive["path"])
-        images = _chosen(archive, archive_images(path, machine))
-        wrong = sorted({image["architecture"] for image in images} - {MACHINES.get(machine, machine), ""})
-        if wrong:
-            raise SpecError(f"{path} holds images for {', '.join(wrong)}, but the host is {machine}")
-        wanted.update({image["ref"]: image["id"] for image in images})
-        if any(present.get(image["ref"]) != image["id"] for image in images):
-            bring.append(path)
-    names = [normal_ref(ref) for ref in refs]
-    pull = [name for name in names if name not in present and name not in wanted]
-    wanted.update({name: "" for name in names if name not in wanted})
-    return {"bring": bring, "pull": pull, "wanted": wanted}
-
-
-def _chosen(archive: Mapping[str, Any], images: list[Image]) -> list[Image]:
-    """All of the archive's images, or those that are named."""
-    names = [normal_ref(ref) for ref in archive.get("images") or []]
-    missing = sorted(set(names) - {image["ref"] for image in images})
-    if missing:
-        held = ", ".join(image["ref"] for image in images)
-        raise SpecError(f"{archive['path']} does not hold {', '.join(missing)}, only {held}")
-    return [image for image in images if image["ref"] in names] if names else images
-
-
-def images_problems(wanted: Mapping[str, str], listing: str) -> list[str]:
-    """What is still wrong on the node once all was brought; empty if nothing is."""
-    present = node_images(listing)
-    return [
-        f"{ref} is not there" if ref not in present else f"{ref} has the ID {present[ref]}, not {digest}"
-        for ref, digest in sorted(wanted.items())
-        if ref not in present or (digest and present[ref] != digest)
-    ]

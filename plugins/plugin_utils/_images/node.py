@@ -1,0 +1,160 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bring images to one node: look, copy, import, pull, verify. A node that has everything costs one command.
+
+The host is handed in, so this knows neither SSH nor Ansible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import (
+    Plan,
+    Present,
+    images_plan,
+    images_problems,
+    node_images,
+)
+
+# On the disk that holds the images anyway.
+DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
+NOT_FOUND = 127  # the shell's exit status for a command that is not there
+
+Result = Mapping[str, Any]
+
+
+class ImagesError(FleetError):
+    """A step of bringing images to a node failed."""
+
+
+class Host(Protocol):
+    """Where the node is. Both calls return what Ansible's modules do: `failed`, `msg`, `rc`, `stdout`, ..."""
+
+    def module(self, name: str, args: Mapping[str, Any]) -> Result:
+        """Run a module on the host, whatever the check mode."""
+
+    def copy(self, src: str, dest: str, rate_limit: str) -> Result:
+        """Copy a file from the control node; `rate_limit` is rsync's --bwlimit, empty for none."""
+
+
+@dataclass(frozen=True)
+class Brought:
+    """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
+
+    `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
+    would pull has an empty ID in `after`.
+    """
+
+    imported: tuple[str, ...] = ()
+    pulled: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+    before: Mapping[str, str] = field(default_factory=dict)
+    after: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def changed(self) -> bool:
+        return bool(self.imported or self.pulled)
+
+
+class NodeImages:
+    """The images of one node; `say` is told what takes long."""
+
+    def __init__(
+        self,
+        host: Host,
+        directory: str = DIRECTORY,
+        rate_limit: str = "",
+        say: Callable[[str], None] = lambda _text: None,
+    ) -> None:
+        self.host = host
+        self.directory = directory
+        self.rate_limit = rate_limit
+        self.say = say
+
+    def present(self, without_k3s: bool = False) -> Present:
+        """What the node has; with `without_k3s`, a host on which k3s is not installed yet has no images."""
+        look = f"uname -m && {BINARY} crictl images -o json"
+        result = self.host.module("ansible.builtin.command", {"argv": ["/bin/sh", "-c", look]})
+        if result.get("failed") and not (without_k3s and result.get("rc") == NOT_FOUND):
+            raise ImagesError(f"the node's images cannot be listed: {_reason(result)}")
+        machine, _newline, listing = str(result.get("stdout", "")).partition("\n")
+        return Present(machine.strip(), {} if result.get("failed") else node_images(listing))
+
+    def bring(self, archives: Iterable[Mapping[str, Any]], names: Iterable[str], check: bool = False) -> Brought:
+        """Import the archives (`{path, images}`) and pull the names that the node lacks; `check` only looks.
+
+        SpecError for an archive that cannot be used, ImagesError for a step that fails on the node. What an interrupted
+        transfer left stays there, for the next one to resume.
+        """
+        archives, names = [*archives], [*names]
+        if not archives and not names:
+            return Brought()
+        there = self.present(without_k3s=check)
+        plan = images_plan([{**one, "path": local_path(one["path"])} for one in archives], names, there)
+        after = there
+        if check:
+            known = {ref: digest or there.images.get(ref, "") for ref, digest in plan.wanted.items()}
+            after = Present(there.machine, {**there.images, **known})
+        elif plan.bring or plan.pull:
+            self._import(plan.bring)
+            self._pull(plan.pull)
+            after = self.present()
+        return _brought(plan, there, after)
+
+    def _import(self, paths: Sequence[str]) -> None:
+        if not paths:
+            return
+        self._run("ansible.builtin.file", {"path": self.directory, "state": "directory", "mode": "0700"})
+        for path in paths:
+            self.say(f"copying {path}")
+            _require(self.host.copy(path, self._place(path), self.rate_limit), f"{path} could not be copied")
+        for path in paths:
+            self.say(f"importing {path}")
+            self._command("ctr", "--namespace", "k8s.io", "images", "import", self._place(path))
+        self._run("ansible.builtin.file", {"path": self.directory, "state": "absent"})
+
+    def _pull(self, names: Sequence[str]) -> None:
+        for name in names:
+            self.say(f"pulling {name}")
+            self._command("crictl", "pull", name)
+
+    def _place(self, path: str) -> str:
+        return f"{self.directory}/{Path(path).name}"
+
+    def _command(self, *arguments: str) -> None:
+        self._run("ansible.builtin.command", {"argv": [BINARY, *arguments]})
+
+    def _run(self, name: str, args: Mapping[str, Any]) -> None:
+        what = " ".join(args["argv"]) if "argv" in args else str(args["path"])
+        _require(self.host.module(name, args), what)
+
+
+def local_path(path: Any) -> str:
+    """A path on the control node, absolute."""
+    return str(Path(str(path)).expanduser().absolute())
+
+
+def _brought(plan: Plan, before: Present, after: Present) -> Brought:
+    return Brought(
+        plan.bring,
+        plan.pull,
+        tuple(images_problems(plan.wanted, after.images)),
+        {ref: before.images[ref] for ref in plan.wanted if ref in before.images},
+        {ref: after.images[ref] for ref in plan.wanted if ref in after.images},
+    )
+
+
+def _require(result: Result, what: str) -> None:
+    if result.get("failed"):
+        raise ImagesError(f"{what}: {_reason(result)}")
+
+
+def _reason(result: Result) -> str:
+    return str(result.get("stderr") or result.get("msg") or "no reason given").strip()

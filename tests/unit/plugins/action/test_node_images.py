@@ -1,0 +1,117 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The action: modules and copies on the task's host, and the result that Ansible gets."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from ansible.playbook.task import Task
+from ansible_collections.rosops.fleet.plugins.action import node_images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
+    DIRECTORY,
+    Brought,
+    ImagesError,
+    NodeImages,
+)
+
+REDIS = "docker.io/library/redis:7"
+
+
+class Other:
+    """Another action plugin, as the loader makes it: it remembers what it was made of."""
+
+    made: list[tuple[str, Any]]
+
+    def __init__(self, name: str, given: dict[str, Any]) -> None:
+        Other.made.append((name, given))
+
+    def run(self, task_vars: dict[str, Any]) -> dict[str, Any]:
+        task_vars["ansible_connection"] = "changed by synchronize"
+        return {"changed": True}
+
+
+def action(check_mode: bool = False) -> Any:
+    Other.made = []
+    task = Task()
+    task.args, task.diff, task.check_mode = {"names": ["redis:7"]}, True, check_mode
+    loaders = SimpleNamespace(
+        action_loader=SimpleNamespace(
+            get=lambda name, **given: Other(name, given) if name != "ansible.posix.synchronize" else None
+        )
+    )
+    connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused"))
+    made = node_images.ActionModule(task, connection, SimpleNamespace(copy=str), None, None)
+    made._shared_loader_obj = loaders
+    made.ran = []
+
+    def execute(name: str, args: dict[str, Any], task_vars: dict[str, Any]) -> dict[str, Any]:
+        made.ran.append((name, args, made._task.check_mode, task_vars["inventory_hostname"]))
+        return {"rc": 0, "stdout": "x86_64\n"}
+
+    made._execute_module = execute
+    return made
+
+
+def run(made: Any, monkeypatch: pytest.MonkeyPatch, bring: Any) -> dict[str, Any]:
+    monkeypatch.setattr(NodeImages, "bring", bring)
+    found: dict[str, Any] = made.run(task_vars={"inventory_hostname": "robot1"})
+    return found
+
+
+@pytest.mark.parametrize("check_mode", [False, True])
+def test_the_node_is_looked_at_in_check_mode_too(check_mode: bool) -> None:
+    made = action(check_mode)
+    result = made.run(task_vars={"inventory_hostname": "robot1"})
+    looks = [(name, check, host) for name, _args, check, host in made.ran]
+    assert set(looks) == {("ansible.builtin.command", False, "robot1")}
+    assert made._task.check_mode is check_mode
+    if check_mode:
+        assert (result["changed"], result["pulled"], "failed" in result) == (True, [REDIS], False)
+        assert result["diff"] == {"before": "", "after": f"{REDIS} as the registry has it\n"}
+    else:
+        assert (result["failed"], result["msg"]) == (True, f"{REDIS} is not there")
+
+
+def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    def bring(images: NodeImages, archives: Any, names: Any, check: bool) -> Brought:
+        assert (archives, names, check, images.directory) == ([], ["redis:7"], False, DIRECTORY)
+        return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"})
+
+    result = run(action(), monkeypatch, bring)
+    assert result == {
+        "changed": True,
+        "imported": ["/a.tar"],
+        "pulled": [REDIS],
+        "images": {REDIS: "sha256:1"},
+        "diff": {"before": "", "after": f"{REDIS} sha256:1\n"},
+    }
+
+
+def test_a_step_that_fails_fails_the_task(monkeypatch: pytest.MonkeyPatch) -> None:
+    def bring(*_given: Any) -> Brought:
+        raise ImagesError("crictl pull: denied")
+
+    result = run(action(), monkeypatch, bring)
+    assert (result["failed"], result["msg"]) == (True, "crictl pull: denied")
+
+
+def test_a_copy_gets_a_task_of_its_own_and_no_diff_of_megabytes() -> None:
+    made, task_vars = action(), {"inventory_hostname": "robot1"}
+    assert ActionHost(made, task_vars).copy("/a.tar", "/room/a.tar", "") == {"changed": True}
+    ((name, given),) = Other.made
+    assert name == "ansible.builtin.copy"
+    assert (given["task"].args, given["task"].diff) == ({"src": "/a.tar", "dest": "/room/a.tar", "mode": "0600"}, False)
+    assert (made._task.args, made._task.diff, task_vars) == (
+        {"names": ["redis:7"]},
+        True,
+        {"inventory_hostname": "robot1"},
+    )
+
+
+def test_a_rate_limit_needs_a_collection() -> None:
+    result = ActionHost(action(), {}).copy("/a.tar", "/room/a.tar", "2m")
+    assert result == {"failed": True, "msg": "ansible.posix.synchronize is not installed on the control node"}

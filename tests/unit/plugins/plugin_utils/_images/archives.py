@@ -1,0 +1,62 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Archives as docker and buildkit write them, with configurations in place of layers."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import tarfile
+from pathlib import Path
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import CONTAINERD_NAME
+
+
+def encoded(document: Any) -> bytes:
+    return json.dumps(document).encode()
+
+
+def digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+CONFIG = encoded({"architecture": "amd64", "os": "linux"})
+ARM = encoded({"architecture": "arm64", "os": "linux"})
+ID = f"sha256:{digest(CONFIG)}"
+
+
+def archive(path: Path, files: dict[str, bytes]) -> str:
+    with tarfile.open(path, "w") as tar:
+        for name, content in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            tar.addfile(member, io.BytesIO(content))
+    return str(path)
+
+
+def docker(path: Path, tags: list[str] | None, config: bytes = CONFIG) -> str:
+    manifest = [{"Config": "odd-name.json", "RepoTags": tags, "Layers": ["a/layer.tar"]}]
+    files = {"a/layer.tar": b"x" * 9999, "odd-name.json": config, "manifest.json": encoded(manifest)}
+    return archive(path, files)
+
+
+def oci(path: Path) -> str:
+    """An index in an index, as buildkit makes for several architectures."""
+    files: dict[str, bytes] = {}
+
+    def blob(content: bytes) -> str:
+        files[f"blobs/sha256/{digest(content)}"] = content
+        return f"sha256:{digest(content)}"
+
+    manifests = [
+        {"digest": blob(encoded({"config": {"digest": blob(config)}})), "platform": {"architecture": name}}
+        for name, config in (("amd64", CONFIG), ("arm64", ARM))
+    ]
+    entry = {
+        "digest": blob(encoded({"manifests": manifests})),
+        "annotations": {CONTAINERD_NAME: "docker.io/lab/ros:noetic"},
+    }
+    files["index.json"] = encoded({"manifests": [entry, {"digest": "sha256:0", "annotations": {}}]})
+    return archive(path, {"oci-layout": b"{}", **files})

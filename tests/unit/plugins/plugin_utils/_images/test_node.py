@@ -1,0 +1,141 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images on a simulated node: what is copied, imported, pulled, and what is said when a step fails."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import archive_images, normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, ImagesError, NodeImages
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import ID, docker
+
+APPS, REDIS = "docker.io/lab/apps:1.0", "docker.io/library/redis:7"
+ROOM = "/room"
+
+
+class Node:
+    """A host with containerd. `broken` is the one step that fails, by its first words."""
+
+    def __init__(self, broken: str = "", k3s: bool = True) -> None:
+        self.images: dict[str, str] = {}
+        self.files: dict[str, str] = {}
+        self.calls: list[str] = []
+        self.broken = broken
+        self.k3s = k3s
+        self.imports = True
+
+    def module(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
+        words = args.get("argv") or ["file", args["state"], args["path"]]
+        return self._step(" ".join(words[1:])) or getattr(self, name.rpartition(".")[2])(**args)
+
+    def copy(self, src: str, dest: str, rate_limit: str) -> dict[str, Any]:
+        self.files[dest] = src
+        return self._step(f"copy {Path(src).name} {rate_limit}".strip()) or {}
+
+    def _step(self, what: str) -> dict[str, Any]:
+        self.calls.append("look" if "uname" in what else what)
+        return {"failed": True, "rc": 1, "stderr": "no space"} if self.broken and self.broken in what else {}
+
+    def file(self, path: str, state: str, mode: str = "") -> dict[str, Any]:
+        if state == "absent":
+            self.files = {name: src for name, src in self.files.items() if not name.startswith(path)}
+        return {"mode": mode}
+
+    def command(self, argv: list[str]) -> dict[str, Any]:
+        if argv[-2] == "pull":
+            self.images[argv[-1]] = "sha256:pulled"
+        elif argv[-2] == "import" and self.imports:
+            self.images.update({one.ref: one.id for one in archive_images(self.files[argv[-1]])})
+        elif argv[0] == "/bin/sh":
+            found = [{"id": digest, "repoTags": [ref]} for ref, digest in self.images.items()]
+            there = {"rc": 0, "stdout": "x86_64\n" + json.dumps({"images": found})}
+            return there if self.k3s else {"failed": True, "rc": 127, "stdout": "x86_64", "stderr": "k3s: not found"}
+        return {"rc": 0}
+
+
+@pytest.fixture(name="archive")
+def _archive(tmp_path: Path) -> dict[str, str]:
+    return {"path": docker(tmp_path / "apps.tar", ["lab/apps:1.0"])}
+
+
+def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str, str]) -> None:
+    node, said = Node(), list[str]()
+    images = NodeImages(node, ROOM, rate_limit="2m", say=said.append)
+    brought = images.bring([archive], ["redis:7"])
+    assert brought == Brought((archive["path"],), (REDIS,), (), before={}, after={APPS: ID, REDIS: "sha256:pulled"})
+    assert brought.changed
+    assert node.calls == [
+        "look",
+        "directory /room",
+        "copy apps.tar 2m",
+        "ctr --namespace k8s.io images import /room/apps.tar",
+        "absent /room",
+        "crictl pull docker.io/library/redis:7",
+        "look",
+    ]
+    assert node.files == {}
+    assert [text.split()[0] for text in said] == ["copying", "importing", "pulling"]
+    node.calls.clear()
+    again = images.bring([archive], ["redis:7"])
+    assert (again.changed, again.before, node.calls) == (False, again.after, ["look"])
+
+
+def test_nothing_wanted_costs_nothing() -> None:
+    node = Node()
+    assert NodeImages(node).bring([], []) == Brought()
+    assert node.calls == []
+
+
+def test_check_mode_looks_and_says_what_would_be_there(archive: dict[str, str]) -> None:
+    node = Node()
+    node.images[normal_ref("redis:7")] = "sha256:old"
+    brought = NodeImages(node).bring([archive], ["redis:7", "lab/new:1"], check=True)
+    assert node.calls == ["look"]
+    assert (brought.imported, brought.pulled, brought.problems) == ((archive["path"],), ("docker.io/lab/new:1",), ())
+    assert brought.before == {REDIS: "sha256:old"}
+    assert brought.after == {APPS: ID, REDIS: "sha256:old", "docker.io/lab/new:1": ""}
+
+
+def test_check_mode_meets_a_host_without_k3s_and_a_run_does_not_pass_over_it(archive: dict[str, str]) -> None:
+    images = NodeImages(Node(k3s=False))
+    assert images.bring([archive], [], check=True).imported == (archive["path"],)
+    with pytest.raises(ImagesError, match="cannot be listed: k3s: not found"):
+        images.bring([archive], [])
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        ("copy", r"apps.tar could not be copied: no space"),
+        ("import", r"ctr --namespace k8s.io images import /room/apps.tar: no space"),
+        ("pull", r"crictl pull docker.io/library/redis:7: no space"),
+        ("directory", r"/room: no space"),
+    ],
+)
+def test_a_step_that_fails_is_named_with_its_reason(archive: dict[str, str], broken: str, message: str) -> None:
+    with pytest.raises(ImagesError, match=message):
+        NodeImages(Node(broken), ROOM).bring([archive], ["redis:7"])
+
+
+def test_an_interrupted_transfer_is_kept_for_the_next(archive: dict[str, str]) -> None:
+    node = Node(broken="copy")
+    with pytest.raises(ImagesError):
+        NodeImages(node, ROOM, rate_limit="2m").bring([archive], [])
+    assert list(node.files) == ["/room/apps.tar"]
+    assert "absent /room" not in node.calls
+
+
+def test_an_import_that_did_nothing_is_a_problem(archive: dict[str, str]) -> None:
+    node = Node()
+    node.imports = False
+    assert NodeImages(node).bring([archive], []).problems == (f"{APPS} is not there",)
+
+
+def test_a_path_of_the_home_directory(archive: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(Path(archive["path"]).parent))
+    assert NodeImages(Node()).bring([{"path": "~/apps.tar"}], []).imported == (archive["path"],)
