@@ -127,12 +127,11 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils._common.errors import FleetError, RosError
 from ..module_utils._common.poll import FAIL, PASS, Seen
 from ..module_utils._host.idle_hold import Held, hold_when_idle
-from ..module_utils._ros.client import ROS_ARGS, RosMaster
+from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import Conditions, conditions_from
 from ..module_utils._ros.gate import Look, look
 from ..module_utils._ros.keeper_client import KeeperCalls
-from ..module_utils._ros.registrar import MASTER, RosWriter
-from ..module_utils._ros.rpc import Api, Deadline
+from ..module_utils._ros.rpc import tell_publishers
 
 CALLER = "/rosops_fleet_step"
 HOLD_ARGS: dict[str, dict[str, Any]] = {
@@ -154,8 +153,7 @@ class Robot:
     """The world of _action_hold on the network."""
 
     def __init__(self, params: dict[str, Any], conditions: Conditions) -> None:
-        self.ros = RosMaster(params["master_uri"], params["node_timeout"], CALLER)
-        self.writer = RosWriter(params["master_uri"], params["node_timeout"], CALLER)
+        self.ros = Ros1Client(params["master_uri"], params["node_timeout"], CALLER)
         self.keeper = KeeperCalls(params["keeper_uri"] or "", CALLER)
         self.seconds, self.conditions = params["seconds"], conditions
 
@@ -172,10 +170,8 @@ class Robot:
     def isolate(self, action: str, server: str) -> None:
         """roscpp's servers hang up; rospy's have lost their clients to the keeper already."""
         with contextlib.suppress(OSError, RosError):  # whatever comes through after all shows in the next look
-            [uri] = self.writer.master([("lookupNode", CALLER, server)])
-            if isinstance(uri, str):
-                with Api(uri, MASTER, Deadline(self.writer.timeout)) as api:
-                    api.call("publisherUpdate", f"{action}/goal", [])
+            for uri in self.ros.addresses([server])[0].values():
+                tell_publishers(uri, f"{action}/goal", [], self.ros.timeout)
 
 
 def release(keeper: KeeperCalls, actions: list[str], check_mode: bool) -> dict[str, Any]:

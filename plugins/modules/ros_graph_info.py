@@ -144,7 +144,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
-from ..module_utils._ros.client import ROS_ARGS, RosMaster
+from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.graph import Extras, everything
 
 INFO_ARGS = {
@@ -156,7 +156,7 @@ INFO_ARGS = {
 }
 
 
-def read(ros: RosMaster, params: dict[str, Any]) -> dict[str, Any]:
+def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
     """The graph, and what was asked for beside it."""
     sockets = ServiceConnections() if params["service_connections"] else None
     state = ros.state(types=True)
@@ -177,7 +177,7 @@ def main() -> None:
         module.fail_json(msg=f"rate_seconds: {params['rate_seconds']} is not between 0 and 3600 s")
     start = time.monotonic()
     try:
-        ros = RosMaster(params["master_uri"], params["node_timeout"])
+        ros = Ros1Client(params["master_uri"], params["node_timeout"])
         graph = read(ros, params)
     except FleetError as error:
         module.fail_json(msg=str(error), **error.details)

@@ -148,7 +148,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.errors import FleetError
 from ..module_utils._common.poll import PASS, Polled, Seen, poll
-from ..module_utils._ros.client import ROS_ARGS, RosMaster
+from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import GATE_ARGS, WAIT_ARGS, conditions_from
 from ..module_utils._ros.gate import Look, look
 
@@ -184,7 +184,7 @@ def main() -> None:
     params = module.params
     try:
         conditions = conditions_from(params)
-        ros = RosMaster(params["master_uri"], params["node_timeout"])
+        ros = Ros1Client(params["master_uri"], params["node_timeout"])
 
         def probe() -> Seen:
             seen = look(ros, conditions)

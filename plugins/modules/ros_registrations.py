@@ -112,7 +112,7 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils._common.errors import FleetError, SpecError
 from ..module_utils._ros import registrations
 from ..module_utils._ros.client import ROS_ARGS
-from ..module_utils._ros.registrar import RosWriter
+from ..module_utils._ros.registrar import Registrar
 from ..module_utils._ros.registrations import Entry, Plan
 
 REGISTRATION_ARGS: dict[str, dict[str, Any]] = {
@@ -125,7 +125,7 @@ BETWEEN_LOOKS = 1.0
 UNREACHABLE = 5.0
 
 
-def plan_present(ros: RosWriter, present: dict[str, Entry], graph: Any, nodes: list[str]) -> Plan:
+def plan_present(ros: Registrar, present: dict[str, Entry], graph: Any, nodes: list[str]) -> Plan:
     """What to register again. Only nodes of which something is missing are asked."""
     try:
         recorded = registrations.from_graph(graph)
@@ -138,7 +138,7 @@ def plan_present(ros: RosWriter, present: dict[str, Entry], graph: Any, nodes: l
     return Plan(plan.calls, {**plan.skipped, **unknown})
 
 
-def plan_absent(ros: RosWriter, present: dict[str, Entry], nodes: list[str]) -> Plan:
+def plan_absent(ros: Registrar, present: dict[str, Entry], nodes: list[str]) -> Plan:
     """What to remove: of nodes that are gone twice. Nodes that nobody named and that live are not worth a word."""
     asked = {name: entry for name, entry in present.items() if not nodes or name in nodes}
     seconds = max(ros.timeout, UNREACHABLE)
@@ -161,7 +161,7 @@ def main() -> None:
     )
     params = module.params
     try:
-        ros = RosWriter(params["master_uri"], params["node_timeout"])
+        ros = Registrar(params["master_uri"], params["node_timeout"])
         there = ros.snapshot()
         if params["state"] == "present":
             plan = plan_present(ros, there, params["graph"], params["nodes"])

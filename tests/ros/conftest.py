@@ -11,6 +11,7 @@ from typing import Iterator
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))  # the tests import what stands beside them
 CHECKOUT = Path(__file__).resolve().parents[2]
 TREE = CHECKOUT / ".ansible" / "collections"
 if (TREE / "ansible_collections" / "rosops" / "fleet").exists():

@@ -14,7 +14,7 @@ import xmlrpc.client
 from pathlib import Path
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import RosWriter
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 
@@ -47,7 +47,7 @@ class Scene:
         self.directory = directory
         self.port, self.keeper_port = free_port(), free_port()
         self.uri = f"http://127.0.0.1:{self.port}/"
-        self.ros = RosWriter(self.uri, 2.0, "/tester")
+        self.ros = Registrar(self.uri, 2.0, "/tester")
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.keeper_uri = f"http://127.0.0.1:{self.keeper_port}/"
         self.keeper_api = xmlrpc.client.ServerProxy(self.keeper_uri)

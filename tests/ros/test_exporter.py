@@ -207,7 +207,7 @@ def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> No
 
 
 def test_statistics_when_switched_on(scene: ExporterScene) -> None:
-    scene.ros.master([("setParam", "/tester", "/enable_statistics", True)])
+    scene.ros.calls([("setParam", "/tester", "/enable_statistics", True)])
     scene.node("stamped", "/stamper")
     scene.node("hearer", "/hearer")
     labels = {"topic": "/stamped", "publisher": "/stamper", "subscriber": "/hearer"}

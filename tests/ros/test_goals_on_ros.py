@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import RosMaster
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import BUSY_STATES
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Api, Deadline
 from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
@@ -43,7 +43,7 @@ class Server:
 
     def until_idle(self) -> None:
         """No goal in two statuses, twice, as the stop hook looks."""
-        ros, uri, quiet = RosMaster(self.scene.uri), self.uri(), 0
+        ros, uri, quiet = Ros1Client(self.scene.uri), self.uri(), 0
         end = time.monotonic() + 20
         while quiet < 2:
             assert time.monotonic() < end, "the server was never idle"

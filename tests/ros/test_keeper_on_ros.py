@@ -31,7 +31,7 @@ def start_all(scene: Scene) -> None:
 
 def test_a_restarted_master(scene: Scene) -> None:
     start_all(scene)
-    scene.ros.master([("setParam", "/tester", "/robot/wheels", 4), ("setParam", "/tester", "/robot/name", "r1")])
+    scene.ros.calls([("setParam", "/tester", "/robot/wheels", 4), ("setParam", "/tester", "/robot/name", "r1")])
     until("recorded parameters", lambda: "wheels" in _parameters(scene), 40)
     before = scene.registered()
     received = scene.log("/listener")[-1]["count"]
@@ -40,7 +40,7 @@ def test_a_restarted_master(scene: Scene) -> None:
     time.sleep(1.0)
     scene.start_master()
     began = time.monotonic()
-    scene.ros.master([("setParam", "/tester", "/robot/name", "set since")])
+    scene.ros.calls([("setParam", "/tester", "/robot/name", "set since")])
     until("all registrations", lambda: scene.registered() == before, 15)
     took = time.monotonic() - began
 
@@ -60,7 +60,7 @@ def test_a_restarted_master(scene: Scene) -> None:
     scene.start("client", "/boss_2", "/work", "9", "1", "10")
     until("the newcomer's goal", lambda: any("goal" in line for line in scene.log("/boss_2")), 20)
     # parameters: those that were gone, not those that were set since
-    wheels, name = scene.ros.master([("getParam", "/tester", f"/robot/{key}") for key in ("wheels", "name")])
+    wheels, name = scene.ros.calls([("getParam", "/tester", f"/robot/{key}") for key in ("wheels", "name")])
     assert (wheels, name) == (4, "set since")
     print(
         f"\nmaster restarted: all registrations back {took:.2f} s after it answered; {seen['count']} messages, 0 lost"

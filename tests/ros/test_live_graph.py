@@ -18,7 +18,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CHECKOUT / ".ansible" / "collections"))
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen, poll  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import RosMaster  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look  # noqa: E402
@@ -49,7 +49,7 @@ class Scene:
         self.home, self.uri = home, f"http://127.0.0.1:{port}/"
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.run("master", str(MASTER), "--core", "-p", str(port), "-t", "2", "-w", "16")
-        self.ros = RosMaster(self.uri, 3.0)
+        self.ros = Ros1Client(self.uri, 3.0)
         self.until(lambda: bool(self.read()["nodes"] is not None), "the master")
 
     def run(self, name: str, *command: str) -> None:

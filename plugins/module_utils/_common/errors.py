@@ -27,6 +27,10 @@ class RosError(FleetError):
     """The ROS master or a node did not answer as the protocol says."""
 
 
+class RefusalError(RosError):
+    """A well-formed reply that says no."""
+
+
 class KubeError(FleetError):
     """The Kubernetes API could not be reached or refused the request."""
 

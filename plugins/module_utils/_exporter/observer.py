@@ -14,15 +14,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Callable, Iterable
 
-from .._common.errors import RosError
-from .._ros import bus_stats as _bus_stats
-from .._ros import graph as _graph
-from .._ros import tcpros as _tcpros
-from .._ros.client import MAX_STATUS, RosMaster
+from .._common.errors import RefusalError, RosError
+from .._ros import bus_stats, graph
 from .._ros.graph import MasterState
-from .._ros.rpc import Api, Deadline, address_of, connect, handshake, in_parallel, read_frame
-from . import snapshot as _exporter_snapshot
-from .snapshot import Answer, RefusalError
+from .._ros.master import Master
+from .._ros.rpc import Api, Deadline, in_parallel
+from .._ros.transport import greet, read_states, subscribe_status
+from . import snapshot
+from .snapshot import Answer
 
 CALLER = "/ros_exporter"
 AT_ONCE = 8  # nodes asked at the same time
@@ -38,7 +37,7 @@ class Errand:
     actions: tuple[str, ...] = ()
 
 
-class Observer(RosMaster):
+class Observer(Master):
     """A ROS master's graph, looked at again and again."""
 
     def __init__(self, uri: str, timeout: float) -> None:
@@ -47,39 +46,19 @@ class Observer(RosMaster):
 
     def graph(self) -> MasterState:
         """The registrations; raises what went wrong, as it came."""
-        return _graph.master_state(_exporter_snapshot.value(self._alone(lambda api: api.raw("getSystemState", CALLER))))
-
-    def _alone(self, call: Callable[[Api], Any]) -> Any:
-        """A call of the master, in a thread of its own: a name look-up would not end with the deadline."""
-
-        def task() -> Any:
-            with Api(self.uri, CALLER, Deadline(self.timeout)) as api:
-                return call(api)
-
-        result: Any = in_parallel({"master": task}, self.timeout, lambda _key, error: error)["master"]
-        if isinstance(result, BaseException):
-            raise result
-        return result
+        return graph.master_state(graph.unwrap(self.within(lambda api: api.raw("getSystemState", CALLER))))
 
     def errands(self, state: MasterState) -> list[Errand]:
         """Every registered node with what there is to ask it; those that were late last time come last."""
         names = state.nodes()
-        watched = _exporter_snapshot.watched(state)
-        calls = [*(("lookupNode", name) for name in names), *(("lookupService", name) for name in watched)]
-        found = dict(zip(calls, self._alone(lambda api: api.calls(calls)) if calls else []))
-        actions = _graph.action_names(state)
-        servers = {action: _graph.action_of(state, action).servers for action in actions}
+        watched = snapshot.watched(state)
+        uris, service_uris = self.look_up(names, watched)
+        actions = graph.action_names(state)
+        servers = {action: graph.action_of(state, action).servers for action in actions}
         made = []
         for name in sorted(names, key=lambda name: (name in self.late, name)):
-            uri = found["lookupNode", name]
-            made.append(
-                Errand(
-                    name,
-                    uri if isinstance(uri, (str, RosError)) else RosError("it has no address"),
-                    tuple((one, found["lookupService", one]) for one, nodes in watched.items() if name in nodes),
-                    tuple(action for action in actions if name in servers[action]),
-                )
-            )
+            services = tuple((one, service_uris[one]) for one, nodes in watched.items() if name in nodes)
+            made.append(Errand(name, uris[name], services, tuple(one for one in actions if name in servers[one])))
         return made
 
     def answers(self, errands: Iterable[Errand]) -> dict[str, Answer]:
@@ -117,7 +96,7 @@ class Observer(RosMaster):
         try:
             answer = self._calls(errand.uri)
         except Exception as error:  # whatever an untrusted peer provokes is that peer's result
-            return Answer(errand.uri, errors=(_exporter_snapshot.reason(error),))
+            return Answer(errand.uri, errors=(snapshot.reason(error),))
         deadline = Deadline(self.timeout)
         services, actions, errors = {}, {}, list(answer.errors)
         for service, uri in errand.services:
@@ -134,12 +113,10 @@ class Observer(RosMaster):
     def _calls(self, uri: str) -> Answer:
         """The process id, which tells that it lives; without one of the others only that part is unknown."""
         with Api(uri, CALLER, Deadline(self.timeout)) as api:
-            pid = _exporter_snapshot.value(api.raw("getPid", CALLER))
-            if not isinstance(pid, int):
-                raise RosError("its process id is not a number")
-            info, why_info = _tried(lambda: _exporter_snapshot.value(api.raw("getBusInfo", CALLER)))
-            stats, why_stats = _tried(lambda: _bus_stats.stats(api.raw("getBusStats", CALLER)))
-        links = tuple(link for link in _graph.connections(info) if link.peer != CALLER) if why_info is None else None
+            pid = api.process()
+            info, why_info = _tried(lambda: graph.unwrap(api.raw("getBusInfo", CALLER)))
+            stats, why_stats = _tried(lambda: bus_stats.stats(api.raw("getBusStats", CALLER)))
+        links = tuple(link for link in graph.connections(info) if link.peer != CALLER) if why_info is None else None
         errors = tuple(why for why in (why_info, why_stats) if why)
         return Answer(uri, pid, stats, links, own_connections(info), errors=errors)
 
@@ -147,17 +124,13 @@ class Observer(RosMaster):
         """Shake hands as a client does before a call; the service itself is not called."""
         if not isinstance(uri, str):
             raise RefusalError(f"the master has no address of {service}")
-        with connect(*address_of(uri, "rosrpc"), deadline) as sock:
-            handshake(sock, {"callerid": CALLER, "service": service, "md5sum": "*", "probe": "1"})
+        greet(service, uri, CALLER, deadline)
         return True
 
     def _goals(self, uri: str, action: str, deadline: Deadline) -> tuple[int, ...]:
         """The goals in one status message, over a connection that the master does not know."""
-        sock, header = self._subscribe(uri, f"{action}/status", deadline)
-        with sock:
-            if header.get("type", _graph.STATUS_TYPE) != _graph.STATUS_TYPE:
-                raise RosError(f"{action}/status carries {header['type']}, not {_graph.STATUS_TYPE}")
-            return _tcpros.decode_status(read_frame(sock, MAX_STATUS))
+        with subscribe_status(action, uri, CALLER, deadline) as sock:
+            return read_states(sock)
 
 
 def own_connections(info: Any) -> tuple[int, ...]:
@@ -173,4 +146,4 @@ def _tried(call: Callable[[], Any]) -> tuple[Any, str | None]:
     try:
         return call(), None
     except Exception as error:  # whatever an untrusted peer provokes is that peer's result
-        return None, _exporter_snapshot.reason(error)
+        return None, snapshot.reason(error)

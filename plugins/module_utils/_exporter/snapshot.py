@@ -14,9 +14,8 @@ import xmlrpc.client
 from dataclasses import dataclass, field
 from typing import Any, Mapping
 
-from .._common.errors import RosError
-from .._ros import bus_stats as _bus_stats
-from .._ros import graph as _graph
+from .._common.errors import RefusalError, RosError
+from .._ros import bus_stats, graph
 from .._ros.bus_stats import Counted, Flow, Stats
 from .._ros.graph import MasterState
 
@@ -33,7 +32,7 @@ class Answer:
     uri: str = ""
     pid: int | None = None
     stats: Stats | None = None
-    links: tuple[_graph.Connection, ...] | None = None
+    links: tuple[graph.Connection, ...] | None = None
     ours: tuple[int, ...] = ()  # ids of connections that the exporter itself had open
     services: Mapping[str, bool] = field(default_factory=dict)
     actions: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
@@ -58,7 +57,7 @@ class Ros:
 
     master: bool | None = None
     nodes: Mapping[str, bool] = field(default_factory=dict)
-    counts: Mapping[str, Mapping[Flow, _bus_stats.Count]] = field(default_factory=dict)
+    counts: Mapping[str, Mapping[Flow, bus_stats.Count]] = field(default_factory=dict)
     publishers: Mapping[str, int] = field(default_factory=dict)
     subscribers: Mapping[str, int] = field(default_factory=dict)
     connections: Mapping[tuple[str, str, str], int] = field(default_factory=dict)  # topic, node, direction
@@ -77,8 +76,9 @@ class Snapshot:
 
 def reason(error: BaseException) -> str:
     """One of REASONS."""
+    error = error.__cause__ or error  # the client's words for it are of no use here
     if isinstance(error, xmlrpc.client.Fault):
-        return "overflow" if _bus_stats.is_overflow(str(error.faultString)) else "fault"
+        return "overflow" if bus_stats.is_overflow(str(error.faultString)) else "fault"
     if isinstance(error, RefusalError) or (isinstance(error, RosError) and str(error).startswith("refused")):
         return "fault"  # by a code, or in a handshake's field `error`
     kinds: list[tuple[Any, str]] = [
@@ -87,19 +87,6 @@ def reason(error: BaseException) -> str:
         ((OSError, UnicodeError), "unreachable"),
     ]
     return next((word for kind, word in kinds if isinstance(error, kind)), "malformed")
-
-
-class RefusalError(RosError):
-    """A well-formed reply that says no."""
-
-
-def value(reply: Any) -> Any:
-    """The value of a reply as the slave API has it; RefusalError where its code is not 1."""
-    try:
-        return _graph.unwrap(reply)
-    except RosError as error:
-        shaped = isinstance(reply, (list, tuple)) and len(reply) >= 3 and isinstance(reply[0], int)
-        raise RefusalError(str(error)) if shaped else error from None
 
 
 def is_stale(state: MasterState, name: str, answer: Answer) -> bool:
@@ -121,7 +108,7 @@ def master_away(memory: Memory, why: str) -> tuple[Ros, Memory]:
 
 def next_poll(state: MasterState, answers: Mapping[str, Answer], memory: Memory) -> tuple[Ros, Memory]:
     """The graph of this poll, and what the next one has to know."""
-    doubtful = _graph.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
+    doubtful = graph.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
     up, errors = {}, dict(memory.errors)
     counted, counts = dict(memory.counted), {}
     for name, answer in answers.items():
@@ -135,7 +122,7 @@ def next_poll(state: MasterState, answers: Mapping[str, Answer], memory: Memory)
         before = counted.get(name)
         # another process under a name that was there before has begun since, too
         fresh = fresh or (before is not None and before.process != process)
-        counted[name] = _bus_stats.advance(before, process, answer.stats, fresh, answer.ours)
+        counted[name] = bus_stats.advance(before, process, answer.stats, fresh, answer.ours)
         counts[name] = counted[name].totals
     absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in answers}
     counted = {name: one for name, one in counted.items() if absent.get(name, 0) <= FORGET_POLLS}
@@ -172,7 +159,7 @@ def _connections(answers: Mapping[str, Answer]) -> dict[tuple[str, str, str], in
         for link in answer.links or ():
             if link.connected:
                 # "b", a connection for both directions, is in no client library's code
-                key = (link.topic, name, _bus_stats.IN if link.direction == "i" else _bus_stats.OUT)
+                key = (link.topic, name, bus_stats.IN if link.direction == "i" else bus_stats.OUT)
                 found[key] = found.get(key, 0) + 1
     return found
 
@@ -182,8 +169,8 @@ def _goals(answers: Mapping[str, Answer]) -> dict[str, dict[str, int]]:
     found: dict[str, dict[str, int]] = {}
     for answer in answers.values():
         for action, goals in answer.actions.items():
-            states = found.setdefault(action, {word.lower(): 0 for word in _graph.GOAL_STATES.values()})
+            states = found.setdefault(action, {word.lower(): 0 for word in graph.GOAL_STATES.values()})
             for state in goals:
-                if state in _graph.GOAL_STATES:
-                    states[_graph.GOAL_STATES[state].lower()] += 1
+                if state in graph.GOAL_STATES:
+                    states[graph.GOAL_STATES[state].lower()] += 1
     return found

@@ -16,7 +16,7 @@ from typing import Any
 
 from .._common.errors import RosError
 from .._ros import tcpros as _tcpros
-from .._ros.raw_node import Stream
+from .._ros.streams import Stream
 from .observer import CALLER, Observer
 
 TOPIC, TYPE = "/statistics", "rosgraph_msgs/TopicStatistics"

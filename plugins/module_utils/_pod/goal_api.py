@@ -11,7 +11,7 @@ from typing import Any, Callable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._ros.raw_node import Slave
-from .._ros.registrar import RosWriter
+from .._ros.registrar import Registrar
 from . import goals as hold_rules
 from .goal_forwarder import TICK, Holding
 from .goals import Hold
@@ -24,7 +24,7 @@ class GoalKeeper:
 
     def __init__(
         self,
-        ros: RosWriter,
+        ros: Registrar,
         slave_of: Callable[[Mapping[str, Callable[..., Any]]], Slave],
         save: Callable[[Any], None],
         log: Callable[[str], None],
@@ -59,10 +59,10 @@ class GoalKeeper:
     def hold(self, action: str, server: str, seconds: float) -> list[Any]:
         """Keep the goals of `action` from now on, until a server that is not the present `server` is up."""
         try:
-            uri = self.ros.master([("lookupNode", self.ros.caller, server)])[0]
+            old_uri = self.ros.addresses([server])[0].get(server, "")
         except RosError as error:
             return [0, str(error), 0]
-        old_uri, until = uri if isinstance(uri, str) else "", time.time() + float(seconds)
+        until = time.time() + float(seconds)
         with self.lock:
             holding = self.holdings.get(action)
             if holding is None or holding.over:

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One action's hold on the network: what _goal_hold decides, done. Runs on Python 3.8, in pods.
+"""One action's hold on the network: what `goals` decides, done. Runs on Python 3.8, in pods.
 
 How a client's goals are made to come here only: the client's publisher is the one that sends, so nothing said to the
 server keeps a goal from it. rospy's publishers have one connection per subscriber name; one that connects under the
@@ -16,22 +16,23 @@ import threading
 import time
 from dataclasses import replace
 from functools import partial
-from typing import Any, Callable, Mapping, Protocol
+from typing import Any, Mapping, Protocol
 
 from .._common.errors import RosError
 from .._ros import graph as _graph
-from .._ros.goal_messages import (
+from .._ros.actionlib import (
     CANCEL_DEFINITION,
     CANCEL_MD5SUM,
     CANCEL_TYPE,
     cancel_id,
+    decode_status,
     encode_cancel,
     goal_id,
-    status_ids,
 )
-from .._ros.raw_node import Slave, Stream
-from .._ros.registrar import MASTER, RosWriter
-from .._ros.rpc import Api, Deadline, reason
+from .._ros.raw_node import Slave
+from .._ros.registrar import Registrar
+from .._ros.rpc import Api, Deadline, reason, tell_publishers
+from .._ros.streams import Stream
 from . import goals as hold_rules
 from .goals import Do, Goal, Hold, Sight
 
@@ -50,13 +51,12 @@ GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
 class Scene:
     """Who takes part in an action, by the master's word: name -> address."""
 
-    def __init__(self, action: str, ros: RosWriter, own: str) -> None:
+    def __init__(self, action: str, ros: Registrar, own: str) -> None:
         state = ros.state()
         published, subscribed = state.publishers, state.subscribers
         names = {part: published.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
         everyone = sorted({name for found in names.values() for name in found} - {own})
-        found = ros.master([("lookupNode", ros.caller, name) for name in everyone])
-        uris = {name: uri for name, uri in zip(everyone, found) if isinstance(uri, str)}
+        uris = ros.addresses(everyone)[0]
         self.clients, self.cancellers, self.status = (
             {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
         )
@@ -70,13 +70,14 @@ class Scene:
 
 
 class Owner(Protocol):
-    """Whom a hold belongs to: _goal_keeper.GoalKeeper."""
+    """Whom a hold belongs to: goal_api.GoalKeeper."""
 
-    ros: RosWriter
+    ros: Registrar
     slave: Slave
     name: str
     lock: Any
-    log: Callable[[str], None]
+
+    def log(self, text: str, /) -> None: ...
 
     def save(self) -> None: ...
 
@@ -166,7 +167,7 @@ class Holding(threading.Thread):
         now = time.time()
         try:
             if role == STATUS:
-                listed = status_ids(body)
+                listed = decode_status(body)
             elif role == CANCELS:
                 identity, stamp = cancel_id(body)
             else:
@@ -224,7 +225,7 @@ class Holding(threading.Thread):
         for topic, header in topics.items():
             self.slave.advertise(topic, header)
         own = self.keeper.name
-        self.ros.master([("registerPublisher", own, topic, topics[topic]["type"], self.slave.uri) for topic in topics])
+        self.ros.calls([("registerPublisher", own, topic, topics[topic]["type"], self.slave.uri) for topic in topics])
 
     def _unadvertise(self) -> None:
         if not self.advertised:
@@ -232,7 +233,7 @@ class Holding(threading.Thread):
         self.advertised = False
         topics = [f"{self.hold.action}/{part}" for part in ("goal", "cancel")]
         try:
-            self.ros.master([("unregisterPublisher", self.keeper.name, topic, self.slave.uri) for topic in topics])
+            self.ros.calls([("unregisterPublisher", self.keeper.name, topic, self.slave.uri) for topic in topics])
         except RosError as error:
             self.log(f"not unregistered: {error}")
         for topic in topics:
@@ -248,8 +249,7 @@ class Holding(threading.Thread):
         if not uris:
             return
         try:
-            with Api(server, MASTER, Deadline(CONNECT)) as api:
-                api.call("publisherUpdate", f"{self.hold.action}/goal", uris)
+            tell_publishers(server, f"{self.hold.action}/goal", uris, CONNECT)
         except Exception as error:
             self.log(f"the server was not told of its clients: {reason(error, server, CONNECT)}")
 

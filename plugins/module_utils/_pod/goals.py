@@ -15,7 +15,7 @@ import base64
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
-from .._ros.goal_messages import NO_STAMP, RECALLING
+from .._ros.actionlib import NO_STAMP, RECALLING
 
 KEEP = 600.0  # seconds that goals are kept beyond the hold's own time
 PATIENCE = 5.0  # seconds for clients to connect to the new server: one that does not is dead or has lost interest
@@ -148,7 +148,7 @@ class Hold:
         """The address to forward to, among living servers (name -> address)."""
         anyone = self.anyone or now > self.until
         good = {name: uri for name, uri in servers.items() if anyone or uri != self.old_uri}
-        return good.get(self.node) or next((good[name] for name in sorted(good)), "")
+        return next((good[name] for name in (self.node, *sorted(good)) if name in good), "")
 
     @property
     def taking(self) -> bool:

@@ -13,11 +13,10 @@ from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
 from .._common.poll import FAIL, PASS, WAIT
-from .._ros.checks import Check, check_node, check_service, count, listed
+from .._ros.checks import Check, check_node, check_rate, check_service, count, listed
 from .._ros.conditions import TopicCondition
 from .._ros.contract import is_tool
 from .._ros.graph import ANY_TYPE, Graph, MasterState, Node, Questions, Rate, action_of
-from .._ros.topic_checks import check_rate
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
 UNCOUNTED = frozenset({"/rosout"})
@@ -45,8 +44,9 @@ def missing_subscribers(state: MasterState, graph: Graph, node: str) -> dict[str
     """Own topic -> registered subscribers that are no end of it yet. Tools that somebody has open do not count."""
     found = {}
     for topic in state.of(node, state.publishers):
-        reached = {peer for publisher, peer in graph.topics[topic].connections if publisher == node}
-        lacking = [name for name in state.subscribers.get(topic, ()) if name not in reached and not is_tool(name)]
+        counted = [name for name in state.subscribers.get(topic, ()) if not is_tool(name)]
+        missing = graph.unreached(topic, node, counted)
+        lacking = counted if missing is None else missing
         if lacking and topic not in UNCOUNTED:
             found[topic] = lacking
     return found
@@ -114,9 +114,10 @@ def _heard(graph: Graph, own: Node, topic: str, publishers: Iterable[str]) -> Ch
         node = graph.nodes[name]
         if node.refused or is_tool(name):
             continue
-        if not node.reachable or node.connections is None:
+        unreached = graph.unreached(topic, name, [own.name])
+        if unreached is None:
             missing.append(f"{name} ({node.error or 'it does not tell its connections'})")
-        elif (name, own.name) not in graph.topics[topic].connections:
+        elif unreached:
             missing.append(name)
     if missing:
         return Check("topic", topic, WAIT, f"not connected to its publishers: missing {listed(missing)}")

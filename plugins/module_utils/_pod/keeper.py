@@ -12,7 +12,7 @@ from typing import Any, Callable, Iterable, Mapping
 from .._common.errors import RosError
 from .._ros import registrations
 from .._ros.graph import MasterState, master_state
-from .._ros.registrar import RosWriter
+from .._ros.registrar import Registrar
 from .._ros.registrations import Answer, Call, Entry
 from . import keeper_memory as memory_rules
 from . import keeper_params as params
@@ -31,7 +31,7 @@ class Keeper:
     """Keeps one graph's registrations and parameters."""
 
     def __init__(
-        self, ros: RosWriter, record: Record, log: Callable[[str], None], now: Callable[[], float] = time.time
+        self, ros: Registrar, record: Record, log: Callable[[str], None], now: Callable[[], float] = time.time
     ) -> None:
         self.ros, self.record, self.log, self.now = ros, record, log, now
         self.memory = memory_rules.from_dict(record.load("registrations"))
@@ -63,7 +63,7 @@ class Keeper:
     def _look(self) -> None:
         caller, now = self.ros.caller, self.now()
         requests = [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id"), ("getSystemState", caller)]
-        *identity, system = self.ros.master(requests)
+        *identity, system = self.ros.calls(requests)
         if isinstance(system, RosError):
             raise system
         master = tuple(None if isinstance(part, RosError) else part for part in identity)
@@ -96,7 +96,7 @@ class Keeper:
             )
         )
         if changed or now - self.looked_up >= ADDRESSES:
-            self.state = self.ros.state()
+            self.state = self.ros.state(types=True)
             self.present = self._without_us(self.ros.snapshot(self.state))
             self.looked_up = now
             unknown = self.memory.unknown(self.present)
@@ -112,10 +112,10 @@ class Keeper:
         """After a restart of the master: parameters first, which nodes that start now will read."""
         start = time.monotonic()
         wanted = params.tree_of(self.params)
-        tree = self.ros.master([("getParam", self.ros.caller, "/")])[0]
+        tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
         todo = list(params.absent(wanted, tree))
         for (name, _value), result in zip(
-            todo, self.ros.master([("setParam", self.ros.caller, name, value) for name, value in todo])
+            todo, self.ros.calls([("setParam", self.ros.caller, name, value) for name, value in todo])
         ):
             if isinstance(result, RosError):
                 self.log(f"parameter {name} was not set: {result}")
@@ -187,7 +187,7 @@ class Keeper:
 
     def _read_params(self, now: float) -> None:
         self.params_at = now
-        tree = self.ros.master([("getParam", self.ros.caller, "/")])[0]
+        tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
         if isinstance(tree, RosError):
             return
         text = params.recorded(tree)

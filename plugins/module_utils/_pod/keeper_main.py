@@ -12,7 +12,7 @@ import time
 from typing import Any, Callable, Mapping
 
 from .._ros.raw_node import Slave
-from .._ros.registrar import RosWriter
+from .._ros.registrar import Registrar
 from .goal_api import GoalKeeper
 from .keeper import Keeper
 from .keeper_record import Record
@@ -45,7 +45,7 @@ def main(words: list[str]) -> int:
     chosen = options(words)
     record = Record(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-    ros = RosWriter(uri, TIMEOUT, NAME)
+    ros = Registrar(uri, TIMEOUT, NAME)
     host = os.environ.get("ROS_IP", "")
 
     def slave(methods: Mapping[str, Callable[..., Any]]) -> Slave:

@@ -19,9 +19,9 @@ from typing import Any, Mapping
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
-from .._ros.client import RosMaster
+from .._ros.client import Ros1Client
 from .._ros.graph import Node, Questions, StatusReading, connections
-from .._ros.rpc import Api, Deadline, reason
+from .._ros.rpc import Api, Deadline, reason, tell_publishers
 from .sockets import established
 from .state import load_state, save_state
 
@@ -30,8 +30,8 @@ CALLER = "/rosops_fleet_hook"
 REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
 
 
-def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> RosMaster:
-    return RosMaster(environ.get("ROS_MASTER_URI", "http://localhost:11311"), timeout, CALLER)
+def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> Ros1Client:
+    return Ros1Client(environ.get("ROS_MASTER_URI", "http://localhost:11311"), timeout, CALLER)
 
 
 def is_here(uri: str) -> bool:
@@ -102,16 +102,16 @@ class OwnNode:
             return None
         return found if isinstance(found, int) else None
 
-    def unregister(self, ros: RosMaster) -> None:
+    def unregister(self, ros: Ros1Client) -> None:
         """Take everything of it out of the master. That compares addresses, so nobody else's registration is meant."""
         state = ros.state()
-        calls = [("unregisterService", name, uri) for name, uri in self.services.items() if name in state.services]
-        calls += [("unregisterPublisher", topic, self.uri) for topic in state.of(self.name, state.publishers)]
-        calls += [("unregisterSubscriber", topic, self.uri) for topic in state.of(self.name, state.subscribers)]
-        with Api(ros.uri, self.name, Deadline(TIMEOUT)) as api:
-            api.calls(calls)
+        name, uri = self.name, self.uri
+        calls = [("unregisterService", name, *one) for one in self.services.items() if one[0] in state.services]
+        calls += [("unregisterPublisher", name, topic, uri) for topic in state.of(name, state.publishers)]
+        calls += [("unregisterSubscriber", name, topic, uri) for topic in state.of(name, state.subscribers)]
+        ros.calls(calls)
 
-    def actions(self, ros: RosMaster, expected: list[str]) -> list[str]:
+    def actions(self, ros: Ros1Client, expected: list[str]) -> list[str]:
         """The actions that it serves: as the graph shows it, or as expected where there is no master to ask."""
         try:
             state = ros.state()
@@ -121,7 +121,7 @@ class OwnNode:
         names = [topic[: -len("/status")] for topic in published if topic.endswith("/status")]
         return [name for name in names if self.name in state.subscribers.get(f"{name}/goal", ())]
 
-    def status(self, ros: RosMaster, action: str) -> StatusReading:
+    def status(self, ros: Ros1Client, action: str) -> StatusReading:
         """Two statuses of an action that it serves, read from itself."""
         try:
             return ros.status(action, self.uri)
@@ -130,7 +130,7 @@ class OwnNode:
 
     def isolate(self, action: str) -> None:
         """Cut it off from everybody who sends it goals: as if the master had said that nobody does."""
-        self._call("publisherUpdate", f"{action}/goal", [])
+        tell_publishers(self.uri, f"{action}/goal", [], TIMEOUT, CALLER)
 
     def connections(self) -> int:
         """Open connections of clients to its services, which come to the same port as its topics' subscribers."""

@@ -13,12 +13,13 @@ import os
 import sys
 import time
 from dataclasses import replace
-from typing import Any, Callable, Mapping, Protocol
+from typing import Any, Callable, Mapping
 
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
+from .._ros.backend import Backend
 from .._ros.checks import Check
-from .._ros.gate import Ros
+from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions
 from .command import run_command
 from .judge import Wanted, check_rates, check_sums, first_questions, judge, least_rates, missing_subscribers
@@ -29,13 +30,6 @@ SECONDS = 10.0  # of looking in one call, before a reason is given
 INTERVAL, SLOW_INTERVAL = 0.1, 0.5  # slow once a call has ended in vain: then nobody waits for a tenth of a second
 SETTLE = 0.5  # without a contract or a command nothing says what the node is still going to register
 COMMAND_TIMEOUT = 5.0
-RATE_WINDOW, RATE_WINDOW_MAX, RATE_MESSAGES = 0.5, 20.0, 4
-
-
-class StartRos(Ros, Protocol):
-    """What the probe needs of a ROS backend beside what a gate does."""
-
-    def md5sums(self, graph: Graph, topics: Any) -> dict[str, str]: ...
 
 
 def main(_words: list[str]) -> int:
@@ -51,7 +45,7 @@ def main(_words: list[str]) -> int:
 def started(  # noqa: PLR0913 - the clocks are the price of tests that never wait
     settings: Mapping[str, Any],
     before: Mapping[str, Any],
-    ros: StartRos,
+    ros: Backend,
     run: Callable[[list[str], float], str],
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
@@ -83,7 +77,7 @@ class Starting:
     def __init__(
         self,
         settings: Mapping[str, Any],
-        ros: StartRos,
+        ros: Backend,
         run: Callable[[list[str], float], str],
         now: Callable[[], float],
     ) -> None:
@@ -142,6 +136,6 @@ class Starting:
         checks = check_sums(graph, wanted.contract, self.ros.md5sums(alone, promised) if promised else {})
         least = least_rates(own, wanted)
         if least and not checks:
-            seconds = {name: min(max(RATE_WINDOW, RATE_MESSAGES / hz), RATE_WINDOW_MAX) for name, hz in least.items()}
+            seconds = {name: rate_window(hz) for name, hz in least.items()}
             checks += check_rates(least, own.name, self.ros.rates(alone, seconds))
         return checks

@@ -14,6 +14,8 @@ from __future__ import annotations
 import json
 import os
 
+from .._ros.names import resolve
+
 TYPE_CHECKING = False  # typing's own costs its import
 if TYPE_CHECKING:
     from typing import Any, Mapping
@@ -37,14 +39,9 @@ def load_settings(environ: Mapping[str, str], directory: str = HERE) -> dict[str
     settings = {**DEFAULTS, **found}
     if name:
         settings["node"] = f"{settings['node'].rpartition('/')[0]}/{name}"
-    settings["actions"] = [own_name(action, settings["node"]) for action in settings["actions"]]
-    settings["min_rates"] = {own_name(topic, settings["node"]): hz for topic, hz in settings["min_rates"].items()}
+    settings["actions"] = [resolve(action, node=settings["node"]) for action in settings["actions"]]
+    settings["min_rates"] = {resolve(topic, node=settings["node"]): hz for topic, hz in settings["min_rates"].items()}
     return settings
-
-
-def own_name(name: str, node: str) -> str:
-    """A private name below the node, any other as it is."""
-    return f"{node}/{name[1:]}" if name.startswith("~") else name
 
 
 def load_contract(environ: Mapping[str, str], node: str, now: float, directory: str = HERE) -> dict[str, Any] | None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Mapping
 
 from .._common.errors import SpecError
+from .names import resolve
 
 # the options of ros_ready: how long to look, and what for
 WAIT_ARGS: dict[str, dict[str, Any]] = {
@@ -124,12 +125,6 @@ class Conditions:
     actions: tuple[ActionCondition, ...] = ()
     absent: tuple[str, ...] = ()
     edges: tuple[EdgeCondition, ...] = ()
-
-
-def resolve(name: str, namespace: str = "/") -> str:
-    """A graph name made absolute, as ROS does it: relative ones stand under the namespace."""
-    full = name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
-    return full if full.startswith("/") else f"/{full}"
 
 
 def conditions_from(params: Mapping[str, Any]) -> Conditions:

@@ -3,25 +3,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The gate: conditions on the ROS graph, and one check with a verdict and a reason for each.
 
-Pure but for `look`, which asks an object that is handed in. It knows no XML-RPC: another backend with the same three
-methods will do. `wait` is the verdict for everything that time may mend; `fail` only for what a living node itself
-contradicts. Runs on Python 3.8 with the standard library, on hosts and in pods.
+Pure but for `look`, which asks the `Backend` that is handed in. `wait` is the verdict for everything that time may
+mend; `fail` only for what a living node itself contradicts.
+Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterable, Mapping, Protocol
+from typing import Iterable, Mapping
 
 from .._common.errors import RosError
 from .._common.poll import PASS, WAIT, overall
-from .checks import Check, check_absent, check_action, check_node, check_service
+from .backend import Backend
+from .checks import Check, check_absent, check_action, check_edge, check_node, check_rate, check_service, check_topic
 from .conditions import Conditions, TopicCondition
 from .graph import Graph, MasterState, Questions, Rate
-from .topic_checks import check_edge, check_rate, check_topic
 
-RATE_WINDOW = 1.0
-RATE_WINDOW_MAX = 20.0
+# Gate and startup probe count for the same time, so that what one of them lets pass is no surprise to the other. In a
+# second, a publisher that is 10 ms late is within checks.RATE_TOLERANCE; a slow one needs longer.
+RATE_WINDOW, RATE_WINDOW_MAX = 1.0, 20.0
 RATE_MESSAGES = 4  # one before the first interval, and three intervals
 
 
@@ -60,8 +61,8 @@ def _asks_peers(topic: TopicCondition) -> bool:
     return topic.connected or topic.subscribers is not None
 
 
-def sample_seconds(min_rate: float) -> float:
-    """How long to count messages to judge this rate."""
+def rate_window(min_rate: float) -> float:
+    """Seconds to count messages for, to judge this rate."""
     return min(max(RATE_WINDOW, RATE_MESSAGES / min_rate), RATE_WINDOW_MAX)
 
 
@@ -96,20 +97,6 @@ def without_master(uri: str, why: str, conditions: Conditions) -> list[Check]:
 # ---- one look
 
 
-class Ros(Protocol):
-    """What a look needs of a ROS backend. `_ros_master.RosMaster` is the one for ROS 1."""
-
-    uri: str
-
-    def state(self, types: bool = False) -> MasterState: ...
-
-    def ask(self, state: MasterState, wanted: Questions) -> Graph: ...
-
-    def rates(
-        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
-    ) -> dict[str, Rate]: ...
-
-
 @dataclass(frozen=True)
 class Look:
     verdict: str
@@ -126,12 +113,12 @@ def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[
     seconds: dict[str, float] = {}
     whose: dict[str, list[str]] = {}
     for topic in rated:
-        seconds[topic.name] = max(seconds.get(topic.name, 0.0), sample_seconds(topic.min_rate or 0.0))
+        seconds[topic.name] = max(seconds.get(topic.name, 0.0), rate_window(topic.min_rate or 0.0))
         whose.setdefault(topic.name, []).append(topic.publisher or "")
     return seconds, {name: names for name, names in whose.items() if all(names)}
 
 
-def look(ros: Ros, conditions: Conditions) -> Look:
+def look(ros: Backend, conditions: Conditions) -> Look:
     """Ask and judge. Rates are measured only when all else passes: that takes a window, the rest does not.
 
     After the window all else is asked again, so that what the look says was true at its beginning and at its end.
@@ -149,6 +136,6 @@ def look(ros: Ros, conditions: Conditions) -> Look:
     return Look(overall([check.verdict for check in checks]), checks)
 
 
-def _ask(ros: Ros, conditions: Conditions) -> Graph:
+def _ask(ros: Backend, conditions: Conditions) -> Graph:
     state = ros.state(types=any(topic.type for topic in conditions.topics))
     return ros.ask(state, questions(state, conditions))

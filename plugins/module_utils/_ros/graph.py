@@ -13,10 +13,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Iterable, Mapping
 
-from .._common.errors import RosError
+from .._common.errors import RefusalError, RosError
 
 ANY_TYPE = "*"  # what a node says that takes any message type
-STATUS_TYPE = "actionlib_msgs/GoalStatusArray"
 
 # actionlib_msgs/GoalStatus. The first four are a goal that the server still owes an answer.
 GOAL_STATES = {
@@ -201,6 +200,18 @@ class Graph:
     services: Mapping[str, Service] = field(default_factory=dict)
     actions: Mapping[str, Action] = field(default_factory=dict)
 
+    def unreached(self, topic: str, publisher: str, subscribers: Iterable[str] | None = None) -> list[str] | None:
+        """The subscribers (all registered ones, or these) that a publisher is not connected to; None: it does not tell.
+
+        What "connected" means everywhere: the publisher itself reports the subscriber as a destination. The
+        subscriber's word is worth nothing: it reports a connection before the handshake.
+        """
+        if self.nodes.get(publisher, Node(publisher)).connections is None:
+            return None
+        found = self.topics.get(topic, Topic(topic))
+        reached = {peer for name, peer in found.connections if name == publisher}
+        return [name for name in (found.subscribers if subscribers is None else subscribers) if name not in reached]
+
     def as_dict(self, extras: Extras | None = None) -> dict[str, Any]:
         """The graph as JSON-able data, the shape that ros_graph_info returns."""
         more = extras or Extras()
@@ -270,12 +281,12 @@ def _action_dict(action: Action) -> dict[str, Any]:
 
 
 def unwrap(reply: Any) -> Any:
-    """The value of a `[code, message, value]` reply; RosError with the peer's message where the code is not 1."""
+    """The value of a `[code, message, value]` reply; RefusalError with the peer's message where the code is not 1."""
     shaped = isinstance(reply, (list, tuple)) and len(reply) >= 3
     if not shaped or isinstance(reply[0], bool) or not isinstance(reply[0], int):
         raise RosError("the reply is not [code, message, value]")
     if reply[0] != 1:
-        raise RosError(str(reply[1])[:200] or f"refused with code {reply[0]}")
+        raise RefusalError(str(reply[1])[:200] or f"refused with code {reply[0]}")
     return reply[2]
 
 

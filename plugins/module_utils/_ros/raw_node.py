@@ -1,10 +1,9 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A minimal ROS 1 node: a slave API, publications of raw messages, and streams of other nodes' raw messages.
+"""A minimal ROS 1 node: a slave API, and publications of raw messages. Only what the keeper needs.
 
-Only what holding goals needs. Streams are not registered with the master: nobody's list of subscribers changes, and no
-tool will wait for them. Runs on Python 3.8 with the standard library, in pods.
+Runs on Python 3.8 with the standard library, in pods.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from typing import Any, Callable, Mapping
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from .._common.errors import RosError
-from .rpc import MAX_HEADER, Api, Deadline, TimedSocket, connect, handshake, read_frame
+from .rpc import Deadline, TimedSocket
+from .streams import hang_up
 from .tcpros import decode_header, encode_header
+from .transport import MAX_HEADER, read_frame
 
-MAX_MESSAGE = 64 * 1024 * 1024
 SEND_SECONDS = 5.0
-SILENCE = 86400.0  # a stream that is silent for a day is connected anew
 READY_PATH = "/ready"
 
 
@@ -107,53 +106,6 @@ class Publication:
     def _drop(self, sock: socket.socket) -> None:
         self.links.pop(sock, None)
         hang_up(sock)
-
-
-class Stream(threading.Thread):
-    """The messages of one publisher, handed to `receive` one by one, until it ends or is closed."""
-
-    def __init__(self, caller: str, topic: str, uri: str, receive: Callable[[bytes], None]) -> None:
-        super().__init__(daemon=True, name=f"{topic} {uri}")
-        self.caller, self.topic, self.uri, self.receive = caller, topic, uri, receive
-        self.header: dict[str, str] = {}
-        self.open = False
-        self.sock: TimedSocket | None = None
-
-    def connect(self, seconds: float) -> None:
-        """Shake hands; after that, the publisher sends us everything."""
-        deadline = Deadline(seconds)
-        with Api(self.uri, self.caller, deadline) as api:
-            transport = api.call("requestTopic", self.topic, [["TCPROS"]])
-        if not (isinstance(transport, list) and transport[:1] == ["TCPROS"] and len(transport) >= 3):
-            raise RosError(f"it offers no TCPROS for {self.topic}")
-        self.sock = connect(str(transport[1]), int(transport[2]), deadline)
-        fields = {"callerid": self.caller, "topic": self.topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
-        try:
-            self.header = handshake(self.sock, fields)
-        except BaseException:
-            self.sock.close()
-            raise
-        self.open = True
-        self.start()
-
-    def run(self) -> None:
-        if self.sock is None:  # only for the type checker: start() comes after the connection
-            return
-        try:
-            while self.open:
-                self.sock.deadline = Deadline(SILENCE)
-                self.receive(read_frame(self.sock, MAX_MESSAGE))
-        except (OSError, RosError):
-            pass
-        finally:
-            self.open = False
-            self.sock.close()
-
-    def close(self) -> None:
-        self.open = False
-        if self.sock is not None:
-            with contextlib.suppress(OSError):
-                self.sock.shutdown(socket.SHUT_RDWR)
 
 
 class Slave:
@@ -258,10 +210,3 @@ class Slave:
         if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
             return [0, "only TCPROS is spoken here", []]
         return [1, "", self.tcpros]
-
-
-def hang_up(sock: socket.socket) -> None:
-    """End a connection, or a listener, that another thread may be waiting on."""
-    with contextlib.suppress(OSError):
-        sock.shutdown(socket.SHUT_RDWR)
-    sock.close()

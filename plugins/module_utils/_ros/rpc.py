@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Asking peers that may be dead, hung or wrong: XML-RPC calls and TCPROS handshakes, each with an end.
+"""Asking peers that may be dead, hung or wrong: connections and XML-RPC calls, each with an end.
 
 A peer gets one deadline for everything that is asked of it, from the connection to the last byte. Peers are asked at
 the same time, and what they send is limited in size. Runs on Python 3.8 with the standard library.
@@ -16,19 +16,19 @@ import threading
 import time
 import xmlrpc.client
 from functools import partial
-from typing import Any, Callable, Mapping, Sequence, TypeVar
+from typing import Any, Callable, Mapping, Sequence, Tuple, TypeVar
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .graph import unwrap
-from .tcpros import decode_header, encode_header
 
 MAX_REPLY = 4 * 1024 * 1024  # XML of one reply: a graph of 10,000 registrations is about 1 MB
-MAX_HEADER = 1024 * 1024  # a handshake carries the message definition
+MASTER = "/master"  # the caller id that the master itself uses towards nodes
 MAX_THREADS = 128
 GRACE = 0.1  # for a peer's own time-out, whose reason says more than ours, to come first
 
 _Result = TypeVar("_Result")
+Request = Tuple[Any, ...]  # method, caller id, arguments
 
 
 class Deadline:
@@ -197,19 +197,35 @@ class Api:
     def call(self, method: str, *args: Any) -> Any:
         return unwrap(self.raw(method, self.caller, *args))
 
-    def calls(self, calls: Sequence[tuple[str, ...]]) -> list[Any]:
-        """Several calls in one request where the server can (rosmaster does), one by one where not.
+    def process(self) -> int:
+        """A node's process id, which is how it shows that it lives."""
+        pid = self.call("getPid")
+        if not isinstance(pid, int):
+            raise RosError("its process id is not a number")
+        return pid
+
+    def calls(self, requests: Sequence[Request]) -> list[Any]:
+        """Several requests at once where the server can (rosmaster does), one by one where not.
 
         Each result is the call's value, or the RosError that it gave.
         """
-        wanted = [{"methodName": name, "params": [self.caller, *args]} for name, *args in calls]
+        wanted = [{"methodName": method, "params": list(params)} for method, *params in requests]
         try:
-            replies = self.raw("system.multicall", wanted) if len(calls) > 1 else None
+            replies = self.raw("system.multicall", wanted) if len(requests) > 1 else None
         except xmlrpc.client.Fault:
             replies = None
-        if not isinstance(replies, list) or len(replies) != len(calls):
-            return [_tried(partial(self.call, name, *args)) for name, *args in calls]
+        if not isinstance(replies, list) or len(replies) != len(requests):
+            return [_tried(partial(self._one, *request)) for request in requests]
         return [_tried(partial(_value, reply)) for reply in replies]
+
+    def _one(self, method: str, *params: Any) -> Any:
+        return unwrap(self.raw(method, *params))
+
+
+def tell_publishers(uri: str, topic: str, publishers: Sequence[str], seconds: float, caller: str = MASTER) -> None:
+    """Tell a subscriber who publishes a topic, as the master does: it connects to those, and leaves all others."""
+    with Api(uri, caller, Deadline(seconds)) as api:
+        api.call("publisherUpdate", topic, list(publishers))
 
 
 def _tried(call: Callable[[], Any]) -> Any:
@@ -227,29 +243,3 @@ def _value(reply: Any) -> Any:
         return unwrap(reply[0])
     text = reply.get("faultString") if isinstance(reply, dict) else ""
     raise RosError(f"refused: {str(text)[:200]}")
-
-
-def read_exactly(sock: TimedSocket, size: int) -> bytes:
-    data = bytearray()
-    while len(data) < size:
-        part = sock.recv(min(size - len(data), 1 << 16))
-        if not part:
-            raise RosError("the connection was closed" + (" in the middle of a message" if data else ""))
-        data += part
-    return bytes(data)
-
-
-def read_frame(sock: TimedSocket, limit: int) -> bytes:
-    size = int.from_bytes(read_exactly(sock, 4), "little")
-    if size > limit:
-        raise RosError(f"a message of {size} bytes, more than {limit}")
-    return read_exactly(sock, size)
-
-
-def handshake(sock: TimedSocket, fields: Mapping[str, str]) -> dict[str, str]:
-    """Send our header and read the peer's. A peer that does not know what we ask for says so in a field `error`."""
-    sock.sendall(encode_header(fields))
-    reply = decode_header(read_frame(sock, MAX_HEADER))
-    if "error" in reply:
-        raise RosError(f"refused: {reply['error'][:200]}")
-    return reply

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The bytes of TCPROS, ROS 1's transport: handshake headers, message frames, an action's status. Pure, no sockets.
+"""The bytes of TCPROS, ROS 1's transport: handshake headers and message frames. Pure, no sockets.
 
 All integers are little-endian. A frame is a uint32 length and that many bytes. A handshake header is a frame of fields,
 each a uint32 length and `name=value` (wiki: ROS/TCPROS, ROS/Connection Header). A message frame holds one message
@@ -61,28 +61,6 @@ class Reader:
 
     def text(self) -> str:
         return self.take(self.uint32()).decode("utf-8", "replace")
-
-
-def decode_status(body: bytes) -> tuple[int, ...]:
-    """The goals' states in an actionlib_msgs/GoalStatusArray (md5sum 8b2b82f13216d0a8ea88bd3af735e619).
-
-    Layout, from actionlib_msgs' and std_msgs' definitions:
-        std_msgs/Header header       uint32 seq, time stamp, string frame_id
-        GoalStatus[] status_list     uint32 count, then each
-            GoalID goal_id               time stamp, string id
-            uint8 status                 see _graph.GOAL_STATES
-            string text
-    """
-    reader = Reader(body)
-    reader.take(12)
-    reader.text()
-    states = []
-    for _goal in range(reader.uint32()):  # a count that lies runs into the message's end
-        reader.take(8)
-        reader.text()
-        states.append(reader.take(1)[0])
-        reader.text()
-    return tuple(states)
 
 
 STEADY_MESSAGES, STEADY_TENTHS = 50, 8  # for tenths of a second to tell a rate

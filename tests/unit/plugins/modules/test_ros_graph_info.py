@@ -49,7 +49,7 @@ class FakeSockets:
 def run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: str = "", **params: Any
 ) -> dict[str, Any]:
-    monkeypatch.setattr(ros_graph_info, "RosMaster", FakeMaster)
+    monkeypatch.setattr(ros_graph_info, "Ros1Client", FakeMaster)
     monkeypatch.setattr(FakeMaster, "error", error)
     with patch_module_args(params), pytest.raises(SystemExit):
         ros_graph_info.main()

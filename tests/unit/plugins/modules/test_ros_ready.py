@@ -57,7 +57,7 @@ TALKER_DOWN = build(
 def run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], graphs: list[Graph | str], **params: Any
 ) -> dict[str, Any]:
-    monkeypatch.setattr(ros_ready, "RosMaster", FakeMaster)
+    monkeypatch.setattr(ros_ready, "Ros1Client", FakeMaster)
     monkeypatch.setattr(FakeMaster, "graphs", graphs)
     monkeypatch.setattr(FakeMaster, "made", [])
     with patch_module_args(params), pytest.raises(SystemExit) as ended:

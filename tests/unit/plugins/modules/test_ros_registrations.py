@@ -53,7 +53,7 @@ class Run:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self.monkeypatch, self.capsys = monkeypatch, capsys
         self.applied: list[Call] = []
-        monkeypatch.setattr(ros_registrations, "RosWriter", FakeRos)
+        monkeypatch.setattr(ros_registrations, "Registrar", FakeRos)
         monkeypatch.setattr(ros_registrations, "BETWEEN_LOOKS", 0)
 
     def __call__(self, there: dict[str, Entry], answers: dict[str, list[Answer]], **params: Any) -> dict[str, Any]:

@@ -5,19 +5,11 @@
 from __future__ import annotations
 
 import json
-import struct
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import goals as rules
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.goals import Goal, Hold, Sight
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.goal_messages import (
-    RECALLING,
-    cancel_id,
-    encode_cancel,
-    goal_id,
-    status_ids,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.actionlib import RECALLING
 
 OLD, NEW, CLIENT = "http://old/", "http://new/", "http://client/"
 ACTIVE = 1
@@ -204,29 +196,3 @@ def test_a_restart_of_the_keeper() -> None:
     assert (back.action, back.node, back.old_uri, back.until) == ("/work", "/worker", OLD, 60.0)
     held = back.goals["a"]
     assert (held.body, held.stamp, held.arrived, held.cancelled) == (b"a", (1, 0), 1.0, True)
-
-
-# ---- the bytes
-
-
-def text(value: str) -> bytes:
-    return struct.pack("<I", len(value)) + value.encode()
-
-
-HEADER = struct.pack("<III", 5, 100, 200) + text("map")
-
-
-def test_ids_in_messages() -> None:
-    identity = struct.pack("<II", 7, 8) + text("/boss-1-7.000")
-    assert goal_id(HEADER + identity + b"whatever the goal is") == ("/boss-1-7.000", (7, 8))
-    assert cancel_id(identity) == ("/boss-1-7.000", (7, 8))
-    assert cancel_id(encode_cancel("/boss-1")) == ("/boss-1", (0, 0))
-    status = HEADER + struct.pack("<I", 1) + identity + bytes([3]) + text("done")
-    assert status_ids(status) == [("/boss-1-7.000", 3)]
-
-
-@pytest.mark.parametrize("body", [b"", HEADER, HEADER + struct.pack("<I", 2**31)])
-def test_messages_that_end_early(body: bytes) -> None:
-    for decode in (goal_id, status_ids):
-        with pytest.raises(RosError):
-            decode(body)

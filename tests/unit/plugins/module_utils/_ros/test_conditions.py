@@ -12,24 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
     EdgeCondition,
     TopicCondition,
     conditions_from,
-    resolve,
 )
-
-
-@pytest.mark.parametrize(
-    ("name", "namespace", "expected"),
-    [
-        ("/chatter", "/", "/chatter"),
-        ("chatter", "/", "/chatter"),
-        ("chatter", "/robot1", "/robot1/chatter"),
-        ("chatter", "/robot1/", "/robot1/chatter"),
-        ("chatter", "robot1", "/robot1/chatter"),
-        ("/chatter", "/robot1", "/chatter"),
-        ("a/b", "/r/s", "/r/s/a/b"),
-    ],
-)
-def test_resolve(name: str, namespace: str, expected: str) -> None:
-    assert resolve(name, namespace) == expected
 
 
 def test_conditions_from_the_modules_options() -> None:

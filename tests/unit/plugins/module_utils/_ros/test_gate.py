@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
     EdgeCondition,
     TopicCondition,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import evaluate, look, questions, sample_seconds
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import evaluate, look, questions, rate_window
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     MasterState,
@@ -121,7 +121,7 @@ def test_of_an_edge_its_ends_are_asked() -> None:
 
 @pytest.mark.parametrize(("rate", "seconds"), [(500, 1), (4, 1), (2, 2), (0.5, 8), (0.01, 20)])
 def test_how_long_a_rate_is_measured(rate: float, seconds: float) -> None:
-    assert sample_seconds(rate) == seconds
+    assert rate_window(rate) == seconds
 
 
 # ---- nodes

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RefusalError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Connection,
     Extras,
@@ -273,3 +273,13 @@ def test_the_graph_as_json() -> None:
 def test_an_answer_of_a_node_the_master_no_longer_lists_still_stands_in_the_graph() -> None:
     graph = build(MasterState(), {"/gone": NodeAnswer("http://h:1/", 7)})
     assert graph.nodes["/gone"].reachable
+
+
+def test_a_refusal_is_not_nonsense() -> None:
+    assert unwrap([1, "", 7]) == 7
+    with pytest.raises(RefusalError, match="unknown node"):
+        unwrap([-1, "unknown node", ""])
+    for nonsense in (None, [], ["x", "", 1], 7):
+        with pytest.raises(RosError) as error:
+            unwrap(nonsense)
+        assert not isinstance(error.value, RefusalError)

@@ -11,19 +11,15 @@ from functools import partial
 from typing import Any, Iterator
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import rpc as _peers
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RefusalError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import rpc
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import (
     Api,
     Deadline,
     address_of,
-    connect,
-    handshake,
     in_parallel,
-    read_frame,
     reason,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import encode_header
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, read_request
 
 SHORT = 0.3
@@ -166,7 +162,7 @@ BOMB = (
         (reply(VALUE % b"<i4>7</i4>"), "not [code, message, value]"),
         (reply(VALUE % b"<i4>x</i4>"), "nonsense"),
         (reply(b"<?xml", length=500), "nonsense"),
-        (reply(b"x" * 100, length=_peers.MAX_REPLY * 10), "not plain XML-RPC"),
+        (reply(b"x" * 100, length=rpc.MAX_REPLY * 10), "not plain XML-RPC"),
         (b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 200, "nonsense"),
     ],
     ids=["ssh", "nothing", "text", "entities", "cut", "404", "shape", "number", "short", "long", "headers"],
@@ -182,7 +178,7 @@ def test_a_peer_that_talks_nonsense(peers: Peers, data: bytes, words: str) -> No
 
 
 def test_a_reply_that_is_too_long(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_peers, "MAX_REPLY", 1000)
+    monkeypatch.setattr(rpc, "MAX_REPLY", 1000)
     assert "longer than 1000 bytes" in why(peers.api("node", {"getPid": [1, "x" * 1000, 7]}), 2)
 
 
@@ -198,46 +194,13 @@ def test_several_calls_with_and_without_multicall(peers: Peers, multicall: bool)
     replies = {"getPid": [1, "", 7], "lookupNode": lambda name: [-1, f"unknown node [{name}]", ""]}
     uri = peers.api("master", replies, multicall=multicall)
     with Api(uri, "/test", Deadline(5)) as api:
-        results = api.calls([("getPid",), ("lookupNode", "/x"), ("noSuchCall",), ("getPid",)])
+        results = api.calls(
+            [(name, "/test", *more) for name, *more in (["getPid"], ["lookupNode", "/x"], ["noSuchCall"], ["getPid"])]
+        )
     assert [results[0], results[3]] == [7, 7]
-    assert [type(result) for result in results[1:3]] == [RosError, RosError]
+    assert [type(result) for result in results[1:3]] == [RefusalError, RosError]
     assert str(results[1]) == "unknown node [/x]"
     assert "refused" in str(results[2])
-
-
-# ---- TCPROS
-
-
-def test_a_handshake(peers: Peers) -> None:
-    seen: list[dict[str, str]] = []
-
-    def answers(fields: dict[str, str]) -> list[bytes]:
-        seen.append(fields)
-        return [encode_header({"callerid": "/peer"}), b"\x03\x00\x00\x00abc"]
-
-    with connect("127.0.0.1", peers.tcpros(answers), Deadline(5)) as sock:
-        assert handshake(sock, {"callerid": "/us", "probe": "1"}) == {"callerid": "/peer"}
-        assert read_frame(sock, 10) == b"abc"
-    assert seen == [{"callerid": "/us", "probe": "1"}]
-
-
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (encode_header({"error": "no such service"}), "refused: no such service"),
-        (b"", "the connection was closed"),
-        (b"\x10\x00\x00\x00abc", "in the middle of a message"),
-        (b"\xff\xff\xff\xff", "a message of 4294967295 bytes"),
-        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "a message of"),
-    ],
-)
-def test_a_handshake_that_fails(peers: Peers, data: bytes, words: str) -> None:
-    def talk(sock: socket.socket) -> None:
-        sock.recv(65536)
-        sock.sendall(data)
-
-    with connect("127.0.0.1", peers.tcp(talk), Deadline(5)) as sock, pytest.raises(RosError, match=words):
-        handshake(sock, {"callerid": "/us"})
 
 
 # ---- at the same time
@@ -273,7 +236,7 @@ def test_whatever_a_task_raises_is_its_own_result() -> None:
 
 
 def test_more_tasks_than_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_peers, "MAX_THREADS", 3)
+    monkeypatch.setattr(rpc, "MAX_THREADS", 3)
     assert in_parallel({n: partial(int, n) for n in range(50)}, 5, lambda *_: -1) == {n: n for n in range(50)}
 
 

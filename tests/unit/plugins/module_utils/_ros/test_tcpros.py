@@ -9,7 +9,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import (
     FrameCounter,
     decode_header,
-    decode_status,
     encode_header,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import frames
@@ -57,34 +56,6 @@ def test_a_header_survives_both_ways() -> None:
 def test_a_malformed_header_is_an_error(body: bytes) -> None:
     with pytest.raises(RosError):
         decode_header(body)
-
-
-@pytest.mark.parametrize(
-    ("key", "expected"), [("never had a goal", ()), ("active", (1,)), ("preempting", (6,)), ("preempted", (2,))]
-)
-def test_recorded_statuses(key: str, expected: tuple[int, ...]) -> None:
-    assert decode_status(frames("statuses", key)[-1]) == expected
-
-
-def test_several_goals_in_one_status() -> None:
-    def goal(name: bytes, state: int, text: bytes) -> bytes:
-        return struct.pack("<III", 1, 2, len(name)) + name + bytes([state]) + struct.pack("<I", len(text)) + text
-
-    header = struct.pack("<IIII", 7, 1, 2, 3) + b"map"
-    body = header + struct.pack("<I", 3) + goal(b"a-1", 3, b"done") + goal(b"", 0, b"") + goal(b"b", 7, b"x" * 300)
-    assert decode_status(body) == (3, 0, 7)
-
-
-def test_a_status_cut_at_any_byte_is_an_error_not_a_crash() -> None:
-    body = frames("statuses", "active")[-1]
-    for length in range(len(body)):
-        with pytest.raises(RosError):
-            decode_status(body[:length])
-
-
-def test_a_status_that_claims_four_billion_goals_is_an_error() -> None:
-    with pytest.raises(RosError):
-        decode_status(struct.pack("<IIII", 1, 0, 0, 0) + b"\xff\xff\xff\xff")
 
 
 # ---- counting

@@ -1,15 +1,15 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The bytes of actionlib's messages, as far as holding goals needs them: ids, never a goal's content. Pure.
+"""The bytes of actionlib's messages: ids and states, never a goal's content. Pure.
 
-Layout, from std_msgs' and actionlib_msgs' definitions (see also _tcpros):
+Layout, from std_msgs' and actionlib_msgs' definitions (see also `tcpros`):
     <Action>Goal        Header header, GoalID goal_id, <Goal> goal
     Header              uint32 seq, time stamp, string frame_id
     GoalID              time stamp, string id
-    GoalStatusArray     Header header, GoalStatus[] status_list
-    GoalStatus          GoalID goal_id, uint8 status, string text
-Runs on Python 3.8 with the standard library, in pods.
+    GoalStatusArray     Header header, GoalStatus[] status_list (md5sum 8b2b82f13216d0a8ea88bd3af735e619)
+    GoalStatus          GoalID goal_id, uint8 status, string text; the states' names are graph.GOAL_STATES
+Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import struct
 
 from .tcpros import Reader
 
+STATUS_TYPE = "actionlib_msgs/GoalStatusArray"
 CANCEL_TYPE = "actionlib_msgs/GoalID"
 CANCEL_MD5SUM = "302881f31927c1df708a2dbab0e80ee8"
 CANCEL_DEFINITION = "time stamp\nstring id\n"
@@ -54,8 +55,8 @@ def encode_cancel(goal: str) -> bytes:
     return struct.pack("<III", *NO_STAMP, len(text)) + text
 
 
-def status_ids(body: bytes) -> list[tuple[str, int]]:
-    """(goal id, state) of everything that a GoalStatusArray lists."""
+def decode_status(body: bytes) -> list[tuple[str, int]]:
+    """(goal id, state) of everything that a GoalStatusArray lists; RosError where the bytes are none."""
     reader = Reader(body)
     _header(reader)
     listed = []

@@ -1,0 +1,78 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ROS 1 master's XML-RPC API, within one time-out for everything that is asked at once.
+
+Runs on Python 3.8 with the standard library, on hosts and in pods.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Any, Callable, Iterable, Sequence, TypeVar
+
+from .._common.errors import RosError
+from .graph import MasterState, master_state
+from .rpc import Api, Deadline, Request, address_of, in_parallel, reason
+
+_Result = TypeVar("_Result")
+
+
+class Master:
+    """One master, by its URI. Nothing is kept between calls, so a node that moved is found."""
+
+    def __init__(self, uri: str, timeout: float = 2.0, caller: str = "") -> None:
+        self.uri = uri
+        self.timeout = timeout
+        # a caller id of its own: it shows up in the nodes' logs and connection lists
+        self.caller = caller or f"/rosops_fleet_{os.getpid()}"
+        address_of(uri, "http")
+        if not (math.isfinite(timeout) and timeout > 0):
+            raise RosError(f"a time-out of {timeout} s is not more than 0 s")
+
+    def within(self, call: Callable[[Api], _Result]) -> _Result:
+        """Make calls of the master, and end with the time-out; raises what went wrong, as it came."""
+
+        def task() -> Any:
+            with Api(self.uri, self.caller, Deadline(self.timeout)) as api:
+                return call(api)
+
+        # in a thread of its own only for the name look-up, which would not end with the deadline
+        result: Any = in_parallel({"master": task}, self.timeout, lambda _key, error: error)["master"]
+        if isinstance(result, BaseException):
+            raise result
+        return result  # type: ignore[no-any-return] # it is what the call gave
+
+    def calls(self, requests: Sequence[Request]) -> list[Any]:
+        """Requests (method, caller, *arguments) in one round trip; each result is a value or a RosError."""
+        if not requests:
+            return []
+        try:
+            return self.within(lambda api: api.calls(requests))
+        except Exception as error:
+            raise RosError(f"the ROS master does not answer: {reason(error, self.uri, self.timeout)}") from error
+
+    def state(self, types: bool = False) -> MasterState:
+        """Who registered what, with the topics' types where they are wanted."""
+        results = self.calls([("getSystemState", self.caller), ("getTopicTypes", self.caller)][: 2 if types else 1])
+        for result in results:
+            if isinstance(result, RosError):
+                raise RosError(f"the ROS master at {self.uri} is not one: {result}")
+        return master_state(*results)
+
+    def look_up(self, nodes: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Addresses of nodes and services; a RosError in place of one that is not to be had."""
+        requests = [
+            *(("lookupNode", self.caller, name) for name in nodes),
+            *(("lookupService", self.caller, name) for name in services),
+        ]
+        found: dict[str, dict[str, Any]] = {"lookupNode": {}, "lookupService": {}}
+        for (method, _caller, name), result in zip(requests, self.calls(requests)):
+            found[method][name] = result if isinstance(result, (str, RosError)) else RosError("it has no address")
+        return found["lookupNode"], found["lookupService"]
+
+    def addresses(self, nodes: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, str], dict[str, str]]:
+        """The addresses that there are."""
+        found = self.look_up(nodes, services)
+        return tuple({name: uri for name, uri in part.items() if isinstance(uri, str)} for part in found)  # type: ignore[return-value] # two of them

@@ -1,0 +1,27 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Names in a ROS 1 graph, as the master shows them. Pure; imports nothing, because the readiness probe uses it.
+
+Runs on Python 3.8 with the standard library, on hosts and in pods.
+"""
+
+from __future__ import annotations
+
+
+def resolve(name: str, namespace: str = "/", node: str = "") -> str:
+    """A graph name made absolute (wiki: ROS/Names, "Resolving").
+
+    A relative name stands under the namespace, a private one (`~name`) under the node, which is an absolute name.
+
+    >>> resolve("temperature", "/robot1", "/robot1/sensor")
+    '/robot1/temperature'
+    >>> resolve("~rate", "/robot1", "/robot1/sensor")
+    '/robot1/sensor/rate'
+    >>> resolve("temperature", "robot1/")
+    '/robot1/temperature'
+    """
+    if name.startswith("~"):
+        return f"{node}/{name[1:].lstrip('/')}"
+    full = name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+    return full if full.startswith("/") else f"/{full}"

@@ -1,0 +1,80 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The minimal node on loopback, and streams of what it publishes."""
+
+from __future__ import annotations
+
+import http.client
+import time
+import xmlrpc.client
+from typing import Any, Callable, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import Stream
+
+HEADER = {
+    "type": "std_msgs/String",
+    "md5sum": "992ce8a1687cec8c8bd883ec73ca41d1",
+    "message_definition": "string data\n",
+}
+
+
+@pytest.fixture
+def slave() -> Iterator[Slave]:
+    made = Slave("/me", "127.0.0.1", 0, "http://127.0.0.1:1/", {"twice": lambda number: 2 * number})
+    made.start()
+    yield made
+    made.stop()
+
+
+def until(true: Callable[[], Any]) -> None:
+    end = time.monotonic() + 5
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def test_messages_go_from_publication_to_stream(slave: Slave) -> None:
+    slave.advertise("/t", HEADER)
+    got: list[bytes] = []
+    stream = Stream("/you", "/t", slave.uri, got.append)
+    stream.connect(2.0)
+    assert stream.header["md5sum"] == HEADER["md5sum"]
+    until(lambda: slave.callers("/t"))
+    assert slave.publish("/t", b"one") == ["/you"]
+    assert slave.publish("/t", b"two") == ["/you"]
+    until(lambda: got == [b"one", b"two"])
+    assert xmlrpc.client.ServerProxy(slave.uri).getBusInfo("/x")[2] == [[0, "/you", "o", "TCPROS", "/t", True, ""]]  # type: ignore[index]
+    stream.close()
+    until(lambda: not slave.callers("/t") and not stream.open)
+    assert slave.publish("/t", b"three") == []
+
+
+def test_the_end_of_a_publication_ends_its_streams(slave: Slave) -> None:
+    slave.advertise("/t", HEADER)
+    stream = Stream("/you", "/t", slave.uri, lambda _: None)
+    stream.connect(2.0)
+    until(lambda: slave.callers("/t"))
+    slave.unadvertise("/t")
+    until(lambda: not stream.open)
+    with pytest.raises(RosError, match="does not publish"):
+        Stream("/you", "/t", slave.uri, lambda _: None).connect(2.0)
+
+
+def test_another_md5sum_is_refused(slave: Slave) -> None:
+    slave.advertise("/t", HEADER)
+    publication = slave.publications["/t"]
+    assert publication.refusal({"md5sum": "other"})
+    assert not publication.refusal({"md5sum": "*"})
+    assert not publication.refusal({})
+
+
+def test_its_own_calls_and_the_probe(slave: Slave) -> None:
+    assert xmlrpc.client.ServerProxy(slave.uri).twice(21) == 42
+    for path, status in (("/ready", 200), ("/other", 404)):
+        link = http.client.HTTPConnection("127.0.0.1", slave.server.server_address[1], timeout=2)
+        link.request("GET", path)
+        assert link.getresponse().status == status
+        link.close()
