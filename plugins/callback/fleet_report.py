@@ -62,15 +62,17 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible import context
 from ansible.playbook.role_include import IncludeRole
 from ansible.plugins.callback import CallbackBase
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
-    HIDDEN,
     OFFLINE,
     ROLLED_BACK,
     UNCHANGED,
     UPDATED,
-    Report,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
+    HIDDEN,
+    RunReport,
     TaskInfo,
     screen,
     word_of,
@@ -139,7 +141,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
     def __init__(self) -> None:
         super().__init__()
         self.broken = False
-        self.report = Report(time.monotonic())
+        self.report = RunReport(time.monotonic())
         self.started = time.time()
         self.playbook = ""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Callable, Collection, Dict, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import BUSY, FAILED, OFFLINE, ROLLED_BACK
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 
 Row = Dict[str, Any]
 Status = Mapping[str, Sequence[Mapping[str, Any]]]

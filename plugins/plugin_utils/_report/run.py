@@ -11,11 +11,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
+    BUSY,
+    FAILED,
+    OFFLINE,
+    OUTCOMES,
+    ROLLED_BACK,
+    UNCHANGED,
+    UPDATED,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.table import table
 
-UPDATED, UNCHANGED, FAILED = "updated", "unchanged", "failed"
-OFFLINE, BUSY, ROLLED_BACK = "deferred-offline", "deferred-busy", "rolled-back"
-OUTCOMES = (UPDATED, UNCHANGED, OFFLINE, BUSY, ROLLED_BACK, FAILED)
 # In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words above.
 WOULD = {UPDATED: "would change", UNCHANGED: "would not change"}
 
@@ -131,7 +137,7 @@ def _declared_of(result: Mapping[str, Any]) -> dict[str, Any]:
     return {"outcome": word, "reason": reason, "steps": list(steps or [])} if word in OUTCOMES else {}
 
 
-class Report:
+class RunReport:
     """Collects what happens in a run. Times are seconds of one clock, whichever."""
 
     def __init__(self, now: float = 0.0) -> None:

@@ -13,7 +13,7 @@ import json
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import FAILED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED
 
 EVENTS_NAME = "robot-updates"
 EVENTS_KEY = "updates.json"

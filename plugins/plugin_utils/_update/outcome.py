@@ -9,7 +9,7 @@ import math
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
     OFFLINE,

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import Report, TaskInfo, message_of, screen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo, message_of, screen
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
@@ -24,19 +24,19 @@ UNMET = {
 }
 
 
-def started(*hosts: str, **info: Any) -> Report:
-    report = Report(0.0)
+def started(*hosts: str, **info: Any) -> RunReport:
+    report = RunReport(0.0)
     report.play("Robots", hosts or ("robot1",), 1.0)
     report.task("t1", TaskInfo("Apply", "rosops.fleet.ros_ready", **info), 1.0)
     return report
 
 
-def row(report: Report, host: str = "robot1", **stats: Any) -> dict[str, Any]:
+def row(report: RunReport, host: str = "robot1", **stats: Any) -> dict[str, Any]:
     rows: list[dict[str, Any]] = report.finish(stats or {host: OK}, 9.0)["hosts"]
     return next(one for one in rows if one["host"] == host)
 
 
-def outcome(report: Report, counts: dict[str, int]) -> tuple[str, str]:
+def outcome(report: RunReport, counts: dict[str, int]) -> tuple[str, str]:
     found = row(report, robot1=counts)
     return found["outcome"], found["reason"]
 
@@ -158,7 +158,7 @@ def test_messages(result: dict[str, Any], message: str) -> None:
 
 
 def test_durations_of_tasks_stages_and_plays() -> None:
-    report = Report(0.0)
+    report = RunReport(0.0)
     report.play("First", ["a", "b"], 1.0)
     report.task("t1", TaskInfo("Install", "k3s", stage="k3s"), 1.0)
     report.ok("t1", "a", {}, 3.0)
@@ -184,7 +184,7 @@ def test_durations_of_tasks_stages_and_plays() -> None:
 
 
 def test_ten_slowest_tasks() -> None:
-    report = Report(0.0)
+    report = RunReport(0.0)
     report.play("P", ["a"], 0.0)
     for number in range(15):
         report.task(f"t{number}", TaskInfo(f"task {number}", "command"), number * 100.0)
@@ -202,7 +202,7 @@ def test_localhost_is_no_robot() -> None:
 
 
 def test_an_unknown_task_does_no_harm() -> None:
-    report = Report(0.0)
+    report = RunReport(0.0)
     report.ok("never-started", "robot1", {"changed": True}, 1.0)
     report.failed("never-started", "robot1", {"msg": "x"}, 1.0)
     assert row(report, robot1=FAILED)["outcome"] == "failed"
@@ -236,4 +236,4 @@ def test_check_mode_speaks_in_the_conditional() -> None:
 
 
 def test_no_hosts() -> None:
-    assert screen(Report(0.0).finish({}, 1.0)) == ["no host took part", "1.0 s"]
+    assert screen(RunReport(0.0).finish({}, 1.0)) == ["no host took part", "1.0 s"]
