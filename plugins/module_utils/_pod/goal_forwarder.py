@@ -16,7 +16,7 @@ import threading
 import time
 from dataclasses import replace
 from functools import partial
-from typing import Any, Callable, Mapping, Protocol
+from typing import Any, Mapping, Protocol
 
 from .._common.errors import RosError
 from .._ros import graph as _graph
@@ -76,7 +76,8 @@ class Owner(Protocol):
     slave: Slave
     name: str
     lock: Any
-    log: Callable[[str], None]
+
+    def log(self, line: str, /) -> None: ...
 
     def save(self) -> None: ...
 

@@ -148,7 +148,7 @@ class Hold:
         """The address to forward to, among living servers (name -> address)."""
         anyone = self.anyone or now > self.until
         good = {name: uri for name, uri in servers.items() if anyone or uri != self.old_uri}
-        return good.get(self.node) or next((good[name] for name in sorted(good)), "")
+        return good.get(self.node, "") or next((good[name] for name in sorted(good)), "")
 
     @property
     def taking(self) -> bool:
