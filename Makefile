@@ -71,6 +71,7 @@ lint: ## ruff, mypy, ansible-lint
 	ruff check .
 	ruff format --check .
 	mypy plugins
+	mypy --python-version 3.8 plugins/module_utils
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 	ansible-lint --offline --profile production
 
