@@ -27,7 +27,7 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections"), str(CHECKOUT / "tests" / "ros")]
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_hooks import app_probes  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import app_probes  # noqa: E402
 from scene import PYTHON, Scene, until  # noqa: E402 - found through the lines above
 
 SHARE = 0.02  # of one core, at the readiness probe's own period

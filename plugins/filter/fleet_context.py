@@ -31,13 +31,13 @@ EXAMPLES = r"""
 
 RETURN = r"""
 _value:
-  description: The context, with the keys C(robot), C(mode), C(namespace), C(apps), C(volumes), C(master) and more.
+  description: The context, with the keys C(name), C(mode), C(namespace), C(apps), C(volumes), C(master) and more.
   type: dict
 """
 
 from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import fleet_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 
@@ -51,4 +51,4 @@ class FilterModule:
 
 
 def _context(hostvars: Mapping[str, Any], robot: str) -> dict[str, Any]:
-    return fleet_context(HostVariables(hostvars)[robot], robot)
+    return Robot.from_variables(HostVariables(hostvars)[robot], robot).as_dict()

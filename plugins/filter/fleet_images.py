@@ -36,10 +36,15 @@ _value:
   elements: str
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import fleet_images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+
+
+def fleet_images(ctx: Mapping[str, Any], placement: str | None = None) -> list[str]:
+    """Of the robot that was given."""
+    return images(robot_of(ctx), placement)
 
 
 class FilterModule:

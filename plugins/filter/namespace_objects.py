@@ -30,10 +30,16 @@ _value:
   elements: dict
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import namespace_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import namespace
+
+
+def namespace_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Of the robot that was given."""
+    robot = robot_of(ctx)
+    return [*namespace.namespace_objects(robot), *namespace.pull_secret_objects(robot, ctx.get("pull_secrets") or [])]
 
 
 class FilterModule:

@@ -32,14 +32,14 @@ _value:
 
 from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import workloads as _workloads
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 
 
 def ros_app_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The pure function, with the code that it does not read itself."""
-    return _workloads.ros_app_objects(ctx, app_files())
+    """Of the robot that was given."""
+    return app_objects(robot_of(ctx), app_files())
 
 
 class FilterModule:

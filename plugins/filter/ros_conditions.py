@@ -32,10 +32,15 @@ _value:
   type: dict
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import ros_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
+
+
+def ros_conditions(ctx: Mapping[str, Any]) -> dict[str, Any]:
+    """Of the robot that was given."""
+    return graph_conditions(robot_of(ctx))
 
 
 class FilterModule:

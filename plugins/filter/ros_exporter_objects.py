@@ -64,7 +64,7 @@ _value:
 
 from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import exporter as _exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.client_archive import client_archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
@@ -79,7 +79,7 @@ def ros_exporter_objects(
 ) -> list[dict[str, Any]]:
     """The pure function, with the code that it does not read itself."""
     settings = _exporter_objects.Settings(float(interval), float(timeout), bool(statistics), claims_path)
-    return _exporter_objects.exporter_objects(ctx, exporter_files(), client_archive(), settings)
+    return _exporter_objects.exporter_objects(robot_of(ctx), exporter_files(), client_archive(), settings)
 
 
 class FilterModule:

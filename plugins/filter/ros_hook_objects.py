@@ -33,14 +33,14 @@ _value:
 
 from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import code_maps as _hooks
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 
 
 def ros_hook_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The pure function, with the code that it does not read itself."""
-    return _hooks.hook_objects(ctx, app_files())
+    """Of the robot that was given."""
+    return code_maps(robot_of(ctx), app_files())
 
 
 class FilterModule:

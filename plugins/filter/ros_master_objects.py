@@ -30,10 +30,15 @@ _value:
   elements: dict
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import ros_master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+
+
+def ros_master_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Of the robot that was given."""
+    return master_objects(robot_of(ctx))
 
 
 class FilterModule:

@@ -30,10 +30,15 @@ _value:
   elements: dict
 """
 
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import storage_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import namespace
+
+
+def storage_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Of the robot that was given."""
+    return namespace.storage_objects(robot_of(ctx))
 
 
 class FilterModule:

@@ -67,15 +67,15 @@ _value:
 
 from typing import Any, Callable
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import rollback_plan, update_plan
 
 
 def plan(ctx: Any, deployments: Any, updates: Any, *, to: str = "", **limits: Any) -> Any:
     """Forward to what the inventory says, or back. `limits` are `only` and `shared`."""
     if to:
-        return rollback_plan(ctx, deployments, updates, to=to, **limits)
-    return update_plan(ctx, deployments, updates, **limits)
+        return rollback_plan(robot_of(ctx), deployments, updates, to=to, **limits)
+    return update_plan(robot_of(ctx), deployments, updates, **limits)
 
 
 class FilterModule:

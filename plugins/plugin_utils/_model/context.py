@@ -1,26 +1,21 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A robot's variables, with every documented default filled in, as the one input of the workload functions.
+"""What the collection has to know of a robot: its variables with every documented default filled in, and no secret.
 
-ctx = {robot, mode, namespace, apps, volumes, master: {mode, image, uri, placement, overrides}, quota, limits,
-pull_secrets}
+`Robot.from_variables` fills the defaults in, once per run; everybody else reads a `Robot`. By `as_dict` and `from_dict`
+it travels as an Ansible fact.
 """
 
 from __future__ import annotations
 
-from typing import Any, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 
-MASTER_IMAGE = "ros:noetic-ros-core"
-DRAIN_DEADLINE = 30
-GRACE_PERIOD = 45
-READY_TIMEOUT = 60.0
-READY_INTERVAL = 0.5
-READY_CONSECUTIVE = 1
-
-# Design decision 1: the handoff follows from what the app does on the graph; without a pattern nothing may be assumed.
+# A handoff follows from what the app does on the graph: two publishers or services of one name live side by side for a
+# moment, two action servers lose goals, and without a pattern nothing may be assumed.
 HANDOFF_BY_PATTERN: dict[str | None, str] = {
     "pubsub": "overlap",
     "service": "overlap",
@@ -29,152 +24,199 @@ HANDOFF_BY_PATTERN: dict[str | None, str] = {
 }
 
 
-def fleet_context(variables: Mapping[str, Any], robot: str) -> dict[str, Any]:
-    """ctx of a robot from its Ansible variables (`hostvars[robot]`)."""
+@dataclass(frozen=True)
+class Volume:
+    """An item of persistent_storage.volumes. Its keys, `mountPath` among them, are those of the dissertation."""
 
-    def variable(name: str) -> Any:
-        # `in` first: hostvars answers .get() of a name it does not know with a marker on some versions
-        return variables[name] if name in variables else None  # noqa: SIM401
+    name: str
+    mountPath: str  # noqa: N815 - the inventory's own key
+    size: str | float = "1Gi"
+    storage_class: str | None = None
+    access_mode: str = "ReadWriteOnce"
 
-    storage = variable("persistent_storage") or {}
-    return complete_context(
-        {
-            "robot": robot,
-            "mode": variable("robot_mode"),
-            "apps": variable("ros_apps"),
-            "volumes": storage.get("volumes"),
-            "master": {
-                "mode": variable("ros_master_mode"),
-                "image": variable("ros_master_image"),
-                "uri": variable("ros_master_uri"),
-                "placement": variable("ros_master_placement"),
-                "overrides": variable("ros_master_overrides"),
-            },
-            "quota": variable("robot_namespace_quota"),
-            "limits": variable("robot_namespace_limits"),
-            "pull_secrets": variable("robot_namespace_pull_secrets"),
+
+@dataclass(frozen=True)
+class Mount:
+    """A volume in an app's container."""
+
+    name: str
+    mount_path: str
+    read_only: bool = False
+
+
+@dataclass(frozen=True)
+class HostPath:
+    """A path of the host in an app's container; a host's files are not ours, so writing to them has to be asked for."""
+
+    path: str
+    mount_path: str
+    read_only: bool = True
+
+
+@dataclass(frozen=True)
+class Readiness:
+    """When an app is ready. Topics, services and actions are options of the module ros_ready; times are in seconds."""
+
+    command: str | tuple[str, ...] | None = None
+    nodes: bool = True
+    topics: tuple[Mapping[str, Any], ...] = ()
+    services: tuple[Mapping[str, Any], ...] = ()
+    actions: tuple[Mapping[str, Any], ...] = ()
+    absent: tuple[str, ...] = ()
+    timeout: float = 60.0
+    interval: float = 0.5
+    consecutive: int = 1
+
+
+@dataclass(frozen=True)
+class UpdateSettings:
+    """How an app is updated: without `group` alone, without `on_busy` as the run says."""
+
+    group: str | None = None
+    idle: tuple[str, ...] = ()
+    on_busy: str | None = None
+
+
+@dataclass(frozen=True)
+class App:
+    """An item of ros_apps. Times are in seconds."""
+
+    name: str
+    image: str
+    handoff: str
+    node_name: str
+    command: tuple[str, ...] = ()
+    args: tuple[str, ...] = ()
+    env: Mapping[str, str] = field(default_factory=dict)
+    placement: str = "remote"
+    scope: str = "robot"
+    pattern: str | None = None
+    private_names: tuple[str, ...] = ()  # without their ~
+    volumes: tuple[Mount, ...] = ()
+    readiness: Readiness = Readiness()
+    hooks: bool = True
+    depends_on: tuple[str, ...] = ()
+    update: UpdateSettings = UpdateSettings()
+    drain_deadline: int = 30
+    termination_grace_period: int = 45
+    resources: Mapping[str, Any] = field(default_factory=dict)
+    devices: tuple[str, ...] = ()
+    host_network: bool = False
+    host_paths: tuple[HostPath, ...] = ()
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Master:
+    """The robot's ROS master; a shared one serves all robots and so stands on the edge. `uri` is of an external one."""
+
+    mode: str = "robot"
+    image: str = "ros:noetic-ros-core"
+    uri: str = ""
+    placement: str = "local"
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One robot. `pull_secrets` are names of Secrets; what is in them stays in the inventory."""
+
+    name: str
+    namespace: str
+    mode: str = "agent"
+    apps: tuple[App, ...] = ()
+    volumes: tuple[Volume, ...] = ()
+    master: Master = Master()
+    quota: Mapping[str, Any] = field(default_factory=dict)
+    limits: Mapping[str, Any] = field(default_factory=dict)
+    pull_secrets: tuple[str, ...] = ()
+
+    @classmethod
+    def from_variables(cls, variables: Mapping[str, Any], name: str) -> Robot:
+        """The robot of an inventory host from its Ansible variables; null and the empty text stand for the default.
+
+        Raises KeyError, TypeError or AttributeError for what fleet_config refuses.
+        """
+
+        def variable(key: str) -> Any:
+            # `in` first: hostvars answers .get() of a name it does not know with a marker on some versions
+            return variables[key] if key in variables else None  # noqa: SIM401
+
+        volumes = [_volume(item) for item in (variable("persistent_storage") or {}).get("volumes") or ()]
+        keys = ("mode", "image", "uri", "placement", "overrides")
+        secrets = variable("robot_namespace_pull_secrets") or ()
+        return cls(
+            **_given(
+                {
+                    "name": name,
+                    "namespace": names.robot_namespace(name),
+                    "mode": variable("robot_mode"),
+                    "apps": [_app(item, volumes) for item in variable("ros_apps") or ()],
+                    "volumes": volumes,
+                    "master": _master({key: variable(f"ros_master_{key}") for key in keys}),
+                    "quota": variable("robot_namespace_quota"),
+                    "limits": variable("robot_namespace_limits"),
+                    "pull_secrets": [secret["name"] for secret in secrets],
+                }
+            )
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The robot in mappings, lists and scalars."""
+        found: dict[str, Any] = _plain(self)
+        return found
+
+    @classmethod
+    def from_dict(cls, value: Mapping[str, Any]) -> Robot:
+        """The robot that `as_dict` described."""
+        given = {
+            "apps": [_app_from_dict(item) for item in value["apps"]],
+            "volumes": [Volume(**item) for item in value["volumes"]],
+            "master": Master(**value["master"]),
         }
-    )
+        return cls(**_tuples({**value, **given}))
+
+    def app(self, name: str) -> App:
+        """The app of this name; KeyError where there is none."""
+        for app in self.apps:
+            if app.name == name:
+                return app
+        raise KeyError(name)
 
 
-def complete_context(ctx: Mapping[str, Any]) -> dict[str, Any]:
-    """The ctx with defaults in place of missing or null keys; completing twice changes nothing."""
-    robot = str(ctx["robot"])
-    volumes = [complete_volume(volume) for volume in ctx.get("volumes") or []]
-    return {
-        "robot": robot,
-        "mode": ctx.get("mode") or "agent",
-        "namespace": ctx.get("namespace") or names.robot_namespace(robot),
-        "apps": [complete_app(app, volumes) for app in ctx.get("apps") or []],
-        "volumes": volumes,
-        "master": complete_master(ctx.get("master") or {}),
-        "quota": dict(ctx.get("quota") or {}),
-        "limits": dict(ctx.get("limits") or {}),
-        "pull_secrets": list(ctx.get("pull_secrets") or []),
-    }
+def namespace_of(app: App, robot: Robot) -> str:
+    """Where an app's objects live."""
+    return names.FLEET_NAMESPACE if app.scope == "fleet" else robot.namespace
 
 
-def complete_master(master: Mapping[str, Any]) -> dict[str, Any]:
-    """The master's settings; a shared one serves all robots and so stands on the edge."""
-    mode = master.get("mode") or "robot"
-    return {
-        "mode": mode,
-        "image": master.get("image") or MASTER_IMAGE,
-        "uri": master.get("uri") or "",
-        "placement": master.get("placement") or ("remote" if mode == "shared" else "local"),
-        "overrides": dict(master.get("overrides") or {}),
-    }
+def master_namespace(robot: Robot) -> str:
+    """Where the objects of the robot's master live."""
+    return names.FLEET_NAMESPACE if robot.master.mode == "shared" else robot.namespace
 
 
-def complete_volume(volume: Mapping[str, Any]) -> dict[str, Any]:
-    """An item of persistent_storage.volumes with the seed's defaults."""
-    name = str(volume["name"])
-    return {
-        "name": name,
-        "size": volume.get("size") or "1Gi",
-        "storage_class": volume.get("storage_class"),
-        "mountPath": volume.get("mountPath") or names.default_mount_path(name),
-        "access_mode": volume.get("access_mode") or "ReadWriteOnce",
-    }
+def master_owner(robot: Robot) -> str | None:
+    """The robot to which its master belongs; None for one of the whole fleet."""
+    return None if robot.master.mode == "shared" else robot.name
 
 
-def complete_app(app: Mapping[str, Any], volumes: list[dict[str, Any]]) -> dict[str, Any]:
-    """An item of ros_apps with every key present; `volumes` gives the default mount paths."""
-    name = str(app["name"])
-    paths = {volume["name"]: volume["mountPath"] for volume in volumes}
-    pattern = app.get("pattern")
-    grace = app.get("termination_grace_period")
-    return {
-        "name": name,
-        "image": app["image"],
-        "command": list(app.get("command") or []),
-        "args": list(app.get("args") or []),
-        "env": {str(key): env_text(value) for key, value in (app.get("env") or {}).items()},
-        "placement": app.get("placement") or "remote",
-        "scope": app.get("scope") or "robot",
-        "pattern": pattern,
-        "handoff": app.get("handoff") or HANDOFF_BY_PATTERN[pattern],
-        "node_name": app.get("node_name") or names.ros_name(name),
-        "private_names": [str(private).lstrip("~") for private in app.get("private_names") or []],
-        "volumes": [
-            {
-                "name": mount["name"],
-                "mount_path": mount.get("mount_path")
-                or paths.get(mount["name"], names.default_mount_path(str(mount["name"]))),
-                "read_only": bool(mount.get("read_only", False)),
-            }
-            for mount in app.get("volumes") or []
-        ],
-        "readiness": complete_readiness(app.get("readiness") or {}),
-        "hooks": bool(app.get("hooks", True)),
-        "depends_on": list(dict.fromkeys(app.get("depends_on") or [])),
-        "update": complete_update(app.get("update") or {}),
-        "drain_deadline": DRAIN_DEADLINE if app.get("drain_deadline") is None else app["drain_deadline"],
-        "termination_grace_period": GRACE_PERIOD if grace is None else grace,
-        "resources": dict(app.get("resources") or {}),
-        "devices": list(app.get("devices") or []),
-        "host_network": bool(app.get("host_network", False)),
-        "host_paths": [
-            {
-                "path": mount["path"],
-                "mount_path": mount.get("mount_path") or mount["path"],
-                # a robot's files are not ours: writing to them has to be asked for
-                "read_only": bool(mount.get("read_only", True)),
-            }
-            for mount in app.get("host_paths") or []
-        ],
-        "overrides": dict(app.get("overrides") or {}),
-    }
+def master_uri(robot: Robot) -> str:
+    """ROS_MASTER_URI as the robot's pods need it."""
+    if robot.master.mode == "external":
+        return robot.master.uri
+    host = names.MASTER_NAME + (f".{names.FLEET_NAMESPACE}" if robot.master.mode == "shared" else "")
+    return f"http://{host}:{names.MASTER_PORT}"
 
 
-def complete_readiness(readiness: Mapping[str, Any]) -> dict[str, Any]:
-    """The readiness of an app; services and actions may be given as plain names."""
-
-    def value(key: str, default: Any) -> Any:
-        return default if readiness.get(key) is None else readiness[key]
-
-    return {
-        "command": readiness.get("command"),
-        "nodes": value("nodes", True),
-        "topics": [dict(topic) for topic in value("topics", [])],
-        "services": [dict(item) if isinstance(item, Mapping) else {"name": item} for item in value("services", [])],
-        "actions": [
-            {"state": "up", **(item if isinstance(item, Mapping) else {"name": item})} for item in value("actions", [])
-        ],
-        "absent": list(value("absent", [])),
-        "timeout": value("timeout", READY_TIMEOUT),
-        "interval": value("interval", READY_INTERVAL),
-        "consecutive": value("consecutive", READY_CONSECUTIVE),
-    }
+def graph_namespace(app: App, robot: Robot) -> str:
+    """The ROS namespace of an app: the robot's own one where several robots share a master, else the root."""
+    if app.scope == "fleet" or robot.master.mode == "robot":
+        return "/"
+    return "/" + names.ros_name(robot.name)
 
 
-def complete_update(update: Mapping[str, Any]) -> dict[str, Any]:
-    """How an app is updated. Without `on_busy` the run's setting decides, without `group` it is alone."""
-    return {
-        "group": update.get("group") or None,
-        "idle": list(update.get("idle") or []),
-        "on_busy": update.get("on_busy") or None,
-    }
+def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
+    """The full ROS node name of an app, with the revision's suffix where it has one."""
+    return names.resolve_graph_name(app.node_name + suffix, graph_namespace(app, robot), "")
 
 
 def env_text(value: Any) -> str:
@@ -184,27 +226,75 @@ def env_text(value: Any) -> str:
     return str(value)
 
 
-def namespace_of(app: Mapping[str, Any], ctx: Mapping[str, Any]) -> str:
-    """Where an app's objects live."""
-    return names.FLEET_NAMESPACE if app["scope"] == "fleet" else str(ctx["namespace"])
+def _volume(raw: Mapping[str, Any]) -> Volume:
+    return Volume(**{"mountPath": names.default_mount_path(str(raw["name"])), **_given(raw)})
 
 
-def master_uri(ctx: Mapping[str, Any]) -> str:
-    """ROS_MASTER_URI as the robot's pods need it."""
-    master = ctx["master"]
-    if master["mode"] == "external":
-        return str(master["uri"])
-    host = names.MASTER_NAME + (f".{names.FLEET_NAMESPACE}" if master["mode"] == "shared" else "")
-    return f"http://{host}:{names.MASTER_PORT}"
+def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
+    paths = {volume.name: volume.mountPath for volume in volumes}
+
+    def mount(item: Mapping[str, Any]) -> Mount:
+        path = paths.get(item["name"], names.default_mount_path(str(item["name"])))
+        return Mount(**{"mount_path": path, **_given(item)})
+
+    given = _given(raw)
+    computed = {
+        "handoff": given.get("handoff") or HANDOFF_BY_PATTERN[given.get("pattern")],
+        "node_name": given.get("node_name") or names.ros_name(str(raw["name"])),
+        "env": {str(key): env_text(value) for key, value in (raw.get("env") or {}).items()},
+        "private_names": [str(name).lstrip("~") for name in given.get("private_names", ())],
+        "depends_on": list(dict.fromkeys(given.get("depends_on", ()))),
+        "volumes": [mount(item) for item in given.get("volumes", ())],
+        "host_paths": [
+            HostPath(**{"mount_path": item["path"], **_given(item)}) for item in given.get("host_paths", ())
+        ],
+        "readiness": _readiness(given.get("readiness", {})),
+        "update": UpdateSettings(**_given(given.get("update", {}))),
+    }
+    return App(**_tuples({**given, **computed}))
 
 
-def graph_namespace(app: Mapping[str, Any], ctx: Mapping[str, Any]) -> str:
-    """The ROS namespace of an app: the robot's own one where several robots share a master, else the root."""
-    if app["scope"] == "fleet" or ctx["master"]["mode"] == "robot":
-        return "/"
-    return "/" + names.ros_name(str(ctx["robot"]))
+def _readiness(raw: Mapping[str, Any]) -> Readiness:
+    """Services and actions may be given as plain names."""
+
+    def named(item: Any) -> dict[str, Any]:
+        return dict(item) if isinstance(item, Mapping) else {"name": item}
+
+    given = _given(raw)
+    given["services"] = [named(item) for item in given.get("services", ())]
+    given["actions"] = [{"state": "up", **named(item)} for item in given.get("actions", ())]
+    return Readiness(**_tuples(given))
 
 
-def graph_node(app: Mapping[str, Any], ctx: Mapping[str, Any], suffix: str = "") -> str:
-    """The full ROS node name of an app, with the revision's suffix where it has one."""
-    return names.resolve_graph_name(str(app["node_name"]) + suffix, graph_namespace(app, ctx), "")
+def _master(raw: Mapping[str, Any]) -> Master:
+    given = _given(raw)
+    return Master(**{"placement": "remote" if given.get("mode") == "shared" else "local", **given})
+
+
+def _app_from_dict(value: Mapping[str, Any]) -> App:
+    given = {
+        "volumes": [Mount(**item) for item in value["volumes"]],
+        "host_paths": [HostPath(**item) for item in value["host_paths"]],
+        "readiness": Readiness(**_tuples(value["readiness"])),
+        "update": UpdateSettings(**_tuples(value["update"])),
+    }
+    return App(**_tuples({**value, **given}))
+
+
+def _given(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said in a mapping; its lists become tuples."""
+    return _tuples({key: value for key, value in raw.items() if value is not None and value != ""})
+
+
+def _tuples(value: Mapping[str, Any]) -> dict[str, Any]:
+    return {str(key): tuple(item) if isinstance(item, list) else item for key, item in value.items()}
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value):
+        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value

@@ -8,20 +8,25 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass
-from typing import Any, Mapping
+from typing import Any, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.http import HEALTHY, PATH, PORT, READY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import (
-    PROGRESS_DEADLINE,
-    RECREATE_STRATEGY,
-    REVISION_HISTORY,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    Object,
     canonical_hash,
+    config_map,
+    field_variable,
+    hashed,
+    mount,
     node_selector,
     object_labels,
+    pod_spec,
+    variable,
+    workload,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import annotate
 
 ARCHIVE = "prometheus_client.zip"  # _pod/run.py looks for it under this name
 NAME = "ros-exporter"
@@ -44,65 +49,30 @@ class Settings:
     claims_path: str = ""  # the storage class' directory on the robot; without one, claims are not looked at
 
 
-def exporter_objects(
-    ctx: Mapping[str, Any], code: Mapping[str, str], archive: bytes, settings: Settings
-) -> list[dict[str, Any]]:
+def exporter_objects(robot: Robot, code: Mapping[str, str], archive: bytes, settings: Settings) -> list[Object]:
     """ConfigMap and Deployment. `code` is file name -> content, `archive` holds prometheus_client.
 
     Those of a shared master are the same whichever robot they come from. An external master is looked at from each of
     its robots, as it has no namespace of its own.
     """
-    full = context.complete_context(ctx)
-    shared = full["master"]["mode"] == "shared"
-    labels = object_labels(NAME, None if shared else full["robot"])
-    metadata: dict[str, Any] = {
-        "name": NAME,
-        "namespace": names.FLEET_NAMESPACE if shared else full["namespace"],
-        "labels": labels,
+    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    config = config_map(NAME, namespace, object_labels(NAME, owner), code)
+    config["binaryData"] = {ARCHIVE: base64.b64encode(archive).decode()}
+    annotations = {
+        "prometheus.io/scrape": "true",
+        "prometheus.io/port": str(PORT),
+        "prometheus.io/path": PATH,
+        # unlike an app, it is restarted for newer code: nobody waits for it
+        ANNOTATION_CODE: canonical_hash([config["data"], config["binaryData"]]),
     }
-    config: dict[str, Any] = {
-        "apiVersion": "v1",
-        "kind": "ConfigMap",
-        "metadata": {**metadata, "labels": dict(labels)},
-        "data": {key: code[key] for key in sorted(code)},
-        "binaryData": {ARCHIVE: base64.b64encode(archive).decode()},
-    }
-    template: dict[str, Any] = {
-        "metadata": {
-            "labels": dict(labels),
-            "annotations": {
-                "prometheus.io/scrape": "true",
-                "prometheus.io/port": str(PORT),
-                "prometheus.io/path": PATH,
-                # unlike an app, it is restarted for newer code: nobody waits for it
-                ANNOTATION_CODE: canonical_hash([config["data"], config["binaryData"]]),
-            },
-        },
-        "spec": _pod_spec(full, settings, metadata["namespace"], [] if shared else full["volumes"]),
-    }
-    annotate(template, canonical_hash(template))
-    deployment: dict[str, Any] = {
-        "apiVersion": "apps/v1",
-        "kind": "Deployment",
-        "metadata": {**metadata, "labels": dict(labels)},
-        "spec": {
-            "replicas": 1,
-            "revisionHistoryLimit": REVISION_HISTORY,
-            "progressDeadlineSeconds": PROGRESS_DEADLINE,
-            "selector": {"matchLabels": {key: labels[key] for key in ("app.kubernetes.io/name", names.LABEL_APP)}},
-            "strategy": RECREATE_STRATEGY,  # two would show every series twice
-            "template": template,
-        },
-    }
-    annotate(deployment, canonical_hash(deployment))
-    return [config, deployment]
+    pod = _pod_spec(robot, settings, namespace, () if owner is None else robot.volumes)
+    # two would show every series twice: one goes before the next comes
+    return [config, hashed(workload(NAME, namespace, owner, pod, annotations=annotations))]
 
 
-def _pod_spec(
-    ctx: Mapping[str, Any], settings: Settings, namespace: str, claims: list[dict[str, Any]]
-) -> dict[str, Any]:
+def _pod_spec(robot: Robot, settings: Settings, namespace: str, claims: Sequence[Volume]) -> Object:
     looks = bool(settings.claims_path and claims)
-    volumes: list[dict[str, Any]] = [
+    volumes: list[Object] = [
         {"name": "code", "configMap": {"name": NAME}},
         # made by the first update
         {"name": "updates", "configMap": {"name": UPDATES_MAP, "optional": True}},
@@ -111,50 +81,41 @@ def _pod_spec(
         # as the storage class itself would make it, should there be no claim on this host yet
         source = {"path": settings.claims_path, "type": "DirectoryOrCreate"}
         volumes.append({"name": "claims", "hostPath": source})
-    spec: dict[str, Any] = {
-        "terminationGracePeriodSeconds": 5,
-        "nodeSelector": node_selector(ctx["master"]["placement"], ctx["robot"]),
-        "automountServiceAccountToken": False,
-        "enableServiceLinks": False,
-        "containers": [_container(ctx, settings, namespace, _capacities(claims) if looks else None)],
-        "volumes": volumes,
-    }
-    if ctx["pull_secrets"]:
-        spec["imagePullSecrets"] = [{"name": secret["name"]} for secret in ctx["pull_secrets"]]
-    return spec
+    return pod_spec(
+        [_container(robot, settings, namespace, _capacities(claims) if looks else None)],
+        volumes,
+        robot.pull_secrets,
+        terminationGracePeriodSeconds=5,
+        nodeSelector=node_selector(robot.master.placement, robot.name),
+    )
 
 
-def _capacities(claims: list[dict[str, Any]]) -> dict[str, int]:
+def _capacities(claims: Sequence[Volume]) -> dict[str, int]:
     """Bytes that each claim asks for."""
-    sizes = {names.claim_name(claim["name"]): quantity_value(str(claim["size"])) for claim in claims}
+    sizes = {names.claim_name(claim.name): quantity_value(str(claim.size)) for claim in claims}
     return {name: int(size) for name, size in sorted(sizes.items()) if size is not None}
 
 
-def _container(
-    ctx: Mapping[str, Any], settings: Settings, namespace: str, capacities: dict[str, int] | None
-) -> dict[str, Any]:
+def _container(robot: Robot, settings: Settings, namespace: str, capacities: dict[str, int] | None) -> Object:
     words = ["--interval", f"{settings.interval:g}", "--timeout", f"{settings.timeout:g}"]
-    mounts = [
-        {"name": "code", "mountPath": CODE_DIR, "readOnly": True},
-        {"name": "updates", "mountPath": UPDATES_DIR, "readOnly": True},
-    ]
+    mounts = [mount("code", CODE_DIR, read_only=True), mount("updates", UPDATES_DIR, read_only=True)]
     if settings.statistics:
         words += ["--statistics", "on"]
     if capacities is not None:
         words += ["--claims", CLAIMS_DIR, "--namespace", namespace, "--capacities", json.dumps(capacities)]
-        mounts.append({"name": "claims", "mountPath": CLAIMS_DIR, "readOnly": True})
+        mounts.append(mount("claims", CLAIMS_DIR, read_only=True))
     return {
         "name": NAME,
-        "image": ctx["master"]["image"],
+        "image": robot.master.image,
         "imagePullPolicy": "IfNotPresent",
         # isolated: neither the image's Python variables nor its site packages matter to it
         "command": ["python3", "-I", "-S", f"{CODE_DIR}/run.py", "exporter"],
         "args": words,
         "env": [
-            {"name": "ROS_MASTER_URI", "value": context.master_uri(ctx)},
-            {"name": "ROS_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.podIP"}}},
+            variable("ROS_MASTER_URI", context.master_uri(robot)),
+            field_variable("ROS_IP", "status.podIP"),
             # glibc gives each thread a heap of its own otherwise, which never shrinks
-            {"name": "MALLOC_ARENA_MAX", "value": "1"},
+            variable("MALLOC_ARENA_MAX", "1"),
         ],
         "ports": [{"name": "metrics", "containerPort": PORT, "protocol": "TCP"}],
         "resources": RESOURCES,

@@ -5,24 +5,25 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping
-
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import (
-    PROGRESS_DEADLINE,
-    RECREATE_STRATEGY,
-    REVISION_HISTORY,
-    canonical_hash,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    Object,
+    cluster_service,
+    field_variable,
+    hashed,
+    mount,
     node_selector,
-    object_labels,
+    pod_spec,
+    variable,
+    workload,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_hooks import (
-    hook_command,
-    hook_mount,
-    hook_volume,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
+    code_command,
+    code_mount,
+    code_volume,
 )
 
-CONTAINER = "ros-keeper"
 RECORD_VOLUME = "record"
 RECORD_DIR = "/var/lib/rosops-fleet"
 RECORD_SIZE = "64Mi"
@@ -30,87 +31,36 @@ RECORD_SIZE = "64Mi"
 RESOURCES = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": "128Mi"}}
 
 
-def keeper_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Deployment and Service of the keeper; nothing for an external master. ctx is complete."""
-    master = ctx["master"]
-    if master["mode"] == "external":
+def keeper_objects(robot: Robot) -> list[Object]:
+    """Deployment and Service of the keeper; nothing for an external master."""
+    if robot.master.mode == "external":
         return []
-    shared = master["mode"] == "shared"
-    labels = object_labels(names.KEEPER_NAME, None if shared else ctx["robot"])
-    metadata = {
-        "name": names.KEEPER_NAME,
-        "namespace": names.FLEET_NAMESPACE if shared else ctx["namespace"],
-        "labels": labels,
-    }
-    selector = {key: labels[key] for key in ("app.kubernetes.io/name", names.LABEL_APP)}
-    template: dict[str, Any] = {"metadata": {"labels": dict(labels)}, "spec": _pod_spec(ctx)}
-    annotate(template, canonical_hash(template))
-    deployment: dict[str, Any] = {
-        "apiVersion": "apps/v1",
-        "kind": "Deployment",
-        "metadata": metadata,
-        "spec": {
-            "replicas": 1,
-            "revisionHistoryLimit": REVISION_HISTORY,
-            "progressDeadlineSeconds": PROGRESS_DEADLINE,
-            "selector": {"matchLabels": selector},
-            "strategy": RECREATE_STRATEGY,  # two keepers would each forward the goals that they hold
-            "template": template,
-        },
-    }
-    service = {
-        "apiVersion": "v1",
-        "kind": "Service",
-        "metadata": {**metadata, "labels": dict(labels)},
-        "spec": {
-            "type": "ClusterIP",
-            "selector": dict(selector),
-            "ports": [
-                {"name": "xmlrpc", "port": names.KEEPER_PORT, "targetPort": names.KEEPER_PORT, "protocol": "TCP"}
-            ],
-        },
-    }
-    deployment["metadata"] = {**metadata, "labels": dict(labels)}
-    annotate(deployment, canonical_hash(deployment))
-    return [deployment, service]
-
-
-def _pod_spec(ctx: Mapping[str, Any]) -> dict[str, Any]:
-    spec: dict[str, Any] = {
-        "terminationGracePeriodSeconds": 10,
-        "nodeSelector": node_selector(ctx["master"]["placement"], ctx["robot"]),
-        "automountServiceAccountToken": False,
-        "enableServiceLinks": False,
-        "containers": [_container(ctx)],
+    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    pod = pod_spec(
+        [_container(robot)],
         # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
-        "volumes": [hook_volume(), {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}],
-    }
-    if ctx["pull_secrets"]:
-        spec["imagePullSecrets"] = [{"name": secret["name"]} for secret in ctx["pull_secrets"]]
-    return spec
+        [code_volume(), {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}],
+        robot.pull_secrets,
+        terminationGracePeriodSeconds=10,
+        nodeSelector=node_selector(robot.master.placement, robot.name),
+    )
+    # two keepers would each forward the goals that they hold: one goes before the next comes
+    deployment = hashed(workload(names.KEEPER_NAME, namespace, owner, pod))
+    return [deployment, cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT)]
 
 
-def _container(ctx: Mapping[str, Any]) -> dict[str, Any]:
+def _container(robot: Robot) -> Object:
     # asked of its XML-RPC server, which answers while its look at the master goes on: no process, next to no CPU
     probe = {"httpGet": {"path": "/ready", "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
     return {
-        "name": CONTAINER,
-        "image": ctx["master"]["image"],
+        "name": names.KEEPER_NAME,
+        "image": robot.master.image,
         "imagePullPolicy": "IfNotPresent",
-        "command": [*hook_command("keeper"), "--record", RECORD_DIR],
-        "env": [
-            {"name": "ROS_MASTER_URI", "value": context.master_uri(ctx)},
-            {"name": "ROS_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.podIP"}}},
-        ],
+        "command": [*code_command("keeper"), "--record", RECORD_DIR],
+        "env": [variable("ROS_MASTER_URI", context.master_uri(robot)), field_variable("ROS_IP", "status.podIP")],
         "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
         "resources": RESOURCES,
-        "volumeMounts": [hook_mount(), {"name": RECORD_VOLUME, "mountPath": RECORD_DIR}],
+        "volumeMounts": [code_mount(), mount(RECORD_VOLUME, RECORD_DIR)],
         "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": 60},
         "readinessProbe": {**probe, "periodSeconds": 10, "failureThreshold": 3},
     }
-
-
-def annotate(item: dict[str, Any], digest: str) -> None:
-    """Write the hash of an object, or of a pod template, into its annotations."""
-    metadata = item["metadata"]
-    metadata["annotations"] = {**(metadata.get("annotations") or {}), names.ANNOTATION_HASH: digest}

@@ -5,20 +5,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping
-
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import (
-    PROGRESS_DEADLINE,
-    RECREATE_STRATEGY,
-    REVISION_HISTORY,
-    canonical_hash,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    Object,
+    cluster_service,
     exec_probe,
+    field_variable,
+    hashed,
     node_selector,
-    object_labels,
+    pod_spec,
+    workload,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import annotate, keeper_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -39,80 +39,39 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 )
 
 
-def master_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The robot's master, or the fleet's, and its keeper; nothing for an external one. ctx is complete.
+def master_objects(robot: Robot) -> list[Object]:
+    """Deployment and Service `ros-master` and the keeper's, in the robot's namespace or in `fleet`.
 
-    The overrides are the master's alone.
+    Nothing for an external master. The overrides are the master's alone.
     """
-    if ctx["master"]["mode"] == "external":
+    if robot.master.mode == "external":
         return []
-    plain = plain_master(ctx)
-    service = {
-        "apiVersion": "v1",
-        "kind": "Service",
-        "metadata": plain["metadata"],
-        "spec": {
-            "type": "ClusterIP",
-            "selector": plain["spec"]["selector"]["matchLabels"],
-            "ports": [
-                {"name": "xmlrpc", "port": names.MASTER_PORT, "targetPort": names.MASTER_PORT, "protocol": "TCP"}
-            ],
-        },
+    deployment = hashed(deep_merge(plain_master(robot), robot.master.overrides))
+    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    service = cluster_service(names.MASTER_NAME, namespace, owner, names.MASTER_PORT)
+    return [deployment, service, *keeper_objects(robot)]
+
+
+def plain_master(robot: Robot) -> Object:
+    """The Deployment before the overrides. Two masters would split the graph: one goes before the next comes."""
+    container = {
+        "name": names.MASTER_CONTAINER,
+        "image": robot.master.image,
+        "imagePullPolicy": "IfNotPresent",
+        "args": ROSCORE,
+        # no ROS_MASTER_URI: roscore's own rosout would wait for a Service that waits for this pod to be ready
+        "env": [field_variable("ROS_IP", "status.podIP")],
+        "ports": [{"name": "xmlrpc", "containerPort": names.MASTER_PORT, "protocol": "TCP"}],
+        # Stay until kube-proxy on every host has taken the pod out of the Service. A connection opened to an address
+        # that has just gone hangs for two minutes: its retries go to the same dead pod.
+        "lifecycle": {"preStop": {"sleep": {"seconds": ENDPOINT_SECONDS}}},
+        # No liveness probe: a restart loses every registration, which is worse than a slow answer.
+        "readinessProbe": exec_probe(["python3", "-c", PROBE]),
     }
-    deployment = deep_merge(plain, ctx["master"]["overrides"])
-    template = deployment["spec"]["template"]
-    annotate(template, canonical_hash(template))
-    annotate(deployment, canonical_hash(deployment))
-    return [deployment, service, *keeper_objects(ctx)]
-
-
-def plain_master(ctx: Mapping[str, Any]) -> dict[str, Any]:
-    """The Deployment before the overrides; ctx is complete."""
-    shared = ctx["master"]["mode"] == "shared"
-    labels = object_labels(names.MASTER_NAME, None if shared else ctx["robot"])
-    selector = {key: labels[key] for key in ("app.kubernetes.io/name", names.LABEL_APP)}
-    return {
-        "apiVersion": "apps/v1",
-        "kind": "Deployment",
-        "metadata": {
-            "name": names.MASTER_NAME,
-            "namespace": names.FLEET_NAMESPACE if shared else ctx["namespace"],
-            "labels": labels,
-        },
-        "spec": {
-            "replicas": 1,
-            "revisionHistoryLimit": REVISION_HISTORY,
-            "progressDeadlineSeconds": PROGRESS_DEADLINE,
-            "selector": {"matchLabels": selector},
-            "strategy": RECREATE_STRATEGY,  # two masters at once would split the graph
-            "template": {"metadata": {"labels": labels}, "spec": _pod_spec(ctx)},
-        },
-    }
-
-
-def _pod_spec(ctx: Mapping[str, Any]) -> dict[str, Any]:
-    spec: dict[str, Any] = {
-        "terminationGracePeriodSeconds": 30,
-        "nodeSelector": node_selector(ctx["master"]["placement"], ctx["robot"]),
-        "automountServiceAccountToken": False,
-        "enableServiceLinks": False,
-        "containers": [
-            {
-                "name": names.MASTER_CONTAINER,
-                "image": ctx["master"]["image"],
-                "imagePullPolicy": "IfNotPresent",
-                "args": ROSCORE,
-                # no ROS_MASTER_URI: roscore's own rosout would wait for a Service that waits for this pod to be ready
-                "env": [{"name": "ROS_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.podIP"}}}],
-                "ports": [{"name": "xmlrpc", "containerPort": names.MASTER_PORT, "protocol": "TCP"}],
-                # Stay until kube-proxy on every host has taken the pod out of the Service. A connection opened to an
-                # address that has just gone hangs for two minutes: its retries go to the same dead pod.
-                "lifecycle": {"preStop": {"sleep": {"seconds": ENDPOINT_SECONDS}}},
-                # No liveness probe: a restart loses every registration, which is worse than a slow answer.
-                "readinessProbe": exec_probe(["python3", "-c", PROBE]),
-            }
-        ],
-    }
-    if ctx["pull_secrets"]:
-        spec["imagePullSecrets"] = [{"name": secret["name"]} for secret in ctx["pull_secrets"]]
-    return spec
+    pod = pod_spec(
+        [container],
+        pull_secrets=robot.pull_secrets,
+        terminationGracePeriodSeconds=30,
+        nodeSelector=node_selector(robot.master.placement, robot.name),
+    )
+    return workload(names.MASTER_NAME, context.master_namespace(robot), context.master_owner(robot), pod)

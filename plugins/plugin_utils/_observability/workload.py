@@ -8,15 +8,14 @@ from __future__ import annotations
 from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import (
-    PROGRESS_DEADLINE,
-    RECREATE_STRATEGY,
-    REVISION_HISTORY,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import common
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    annotate,
     canonical_hash,
     node_selector,
     object_labels,
+    pod_selector,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import annotate
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 
 Spec = Mapping[str, Any]
@@ -37,36 +36,31 @@ def metadata(name: str, app: str, spec: Spec) -> Object:
 
 def workload(name: str, spec: Spec, pod: Object, config: Any) -> Object:
     """The Deployment or DaemonSet of a part; `config` is all that the pod has to be restarted for when it changes."""
-    kind = obs.WORKLOADS[name]
-    meta = metadata(name, name, spec)
-    selector = {key: meta["labels"][key] for key in ("app.kubernetes.io/name", "rosops.fleet/app")}
-    annotations = {obs.ANNOTATION_CONFIG: canonical_hash(config)}
-    template = {"metadata": {"labels": dict(meta["labels"]), "annotations": annotations}, "spec": pod}
-    body: Object = {
-        "revisionHistoryLimit": REVISION_HISTORY,
-        "selector": {"matchLabels": selector},
-        "template": template,
-    }
-    if kind == "Deployment":
-        # two of them on one claim would ruin what the other writes
-        body |= {"replicas": 1, "progressDeadlineSeconds": PROGRESS_DEADLINE, "strategy": RECREATE_STRATEGY}
+    strategy: Object
+    if obs.WORKLOADS[name] == "Deployment":
         pod["nodeSelector"] = node_selector("local" if spec["robot"] else "remote", spec["robot"])
+        strategy = common.RECREATE_STRATEGY  # two of them on one claim would ruin what the other writes
     else:
-        # A host that is off counts as unavailable: with fewer, it would keep the others at the old revision.
-        body["updateStrategy"] = {"type": "RollingUpdate", "rollingUpdate": {"maxUnavailable": "100%"}}
         pod["tolerations"] = [{"operator": "Exists"}]
-    item = {"apiVersion": "apps/v1", "kind": kind, "metadata": meta, "spec": body}
-    item = deep_merge(item, spec["overrides"].get(name) or {})
-    annotate(item, canonical_hash(item))
-    return item
+        # A host that is off counts as unavailable: with fewer, it would keep the others at the old revision.
+        strategy = {"type": "RollingUpdate", "rollingUpdate": {"maxUnavailable": "100%"}}
+    item = common.workload(
+        name,
+        obs.NAMESPACE,
+        spec["robot"] or None,
+        pod,
+        kind=obs.WORKLOADS[name],
+        strategy=strategy,
+        annotations={obs.ANNOTATION_CONFIG: canonical_hash(config)},
+    )
+    return annotate(deep_merge(item, spec["overrides"].get(name) or {}))
 
 
 def service(name: str, spec: Spec, node_port: int | None = None) -> Object:
     """The Service of a part; with `node_port` reachable from outside, under the callers' own addresses."""
     meta = metadata(name, name, spec)
     port: Object = {"name": obs.HTTP, "port": obs.PORTS[name], "targetPort": obs.PORTS[name], "protocol": "TCP"}
-    selector = {key: meta["labels"][key] for key in ("app.kubernetes.io/name", "rosops.fleet/app")}
-    body: Object = {"type": "ClusterIP", "selector": selector, "ports": [port]}
+    body: Object = {"type": "ClusterIP", "selector": pod_selector(name), "ports": [port]}
     if node_port is not None:
         # Local keeps the caller's address, which the list of allowed networks is about
         body |= {"type": "NodePort", "externalTrafficPolicy": "Local"}

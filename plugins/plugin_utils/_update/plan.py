@@ -10,16 +10,16 @@ to apply, what was there before, the ROS nodes' old and new names, and what has 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import (
-    ros_app_objects,
-    ros_conditions,
-    ros_master_objects,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 
 MASTER = names.MASTER_NAME
 HISTORY_KEY = "history.json"
@@ -32,7 +32,7 @@ Key = tuple[str, str]
 
 
 def update_plan(
-    ctx: Mapping[str, Any],
+    robot: Robot,
     deployments: Sequence[Object],
     updates: Sequence[Object] = (),
     only: Sequence[str] = (),
@@ -44,12 +44,11 @@ def update_plan(
     `<app>-update` of unfinished or earlier steps. `only` limits the plan to these apps (`ros-master` is the master);
     `shared` says whether this robot's run is the one that changes what belongs to the whole fleet.
     """
-    full = context.complete_context(ctx)
     live = {_key(item): item for item in deployments}
-    desired = _desired(full)
+    desired = _desired(robot)
     unknown = sorted(set(only) - set(desired))
     if unknown:
-        raise SpecError(f"{full['robot']} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
+        raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     changed: list[str] = []
     unchanged: list[str] = []
     for app, objects in desired.items():
@@ -57,14 +56,14 @@ def update_plan(
             (changed if any(_differs(item, live) for item in _deployments(objects)) else unchanged).append(app)
     histories = read_histories(updates)
     return {
-        "steps": [_step(full, members, desired, live, histories) for members in ordered(full["apps"], changed)],
+        "steps": [_step(robot, members, desired, live, histories) for members in ordered(robot.apps, changed)],
         "unchanged": unchanged,
         "orphans": sorted(key[1] for key in live if key not in _all_keys(desired)),
     }
 
 
 def rollback_plan(  # noqa: PLR0913 - the same five inputs as update_plan, and where to
-    ctx: Mapping[str, Any],
+    robot: Robot,
     deployments: Sequence[Object],
     updates: Sequence[Object],
     only: Sequence[str] = (),
@@ -76,13 +75,12 @@ def rollback_plan(  # noqa: PLR0913 - the same five inputs as update_plan, and w
     Apps without a history are `unchanged`, unless they were named, or a revision was: then it is an error that lists
     what there is.
     """
-    full = context.complete_context(ctx)
     live = {_key(item): item for item in deployments}
     histories = read_histories(updates)
-    desired = _desired(full)
+    desired = _desired(robot)
     unknown = sorted(set(only) - set(desired))
     if unknown:
-        raise SpecError(f"{full['robot']} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
+        raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     target: dict[str, list[Any]] = {}
     for app in only or desired:
         if app == MASTER and app not in only:
@@ -93,9 +91,9 @@ def rollback_plan(  # noqa: PLR0913 - the same five inputs as update_plan, and w
         if found is not None:
             target[app] = [found]
         elif app in only or to != "previous":
-            raise SpecError(_no_history(app, full["robot"], histories.get(app, []), to))
+            raise SpecError(_no_history(app, robot.name, histories.get(app, []), to))
     changed = [app for app in target if any(_differs(item, live) for item in target[app])]
-    steps = [_step(full, members, target, live, histories, back=True) for members in ordered(full["apps"], changed)]
+    steps = [_step(robot, members, target, live, histories, back=True) for members in ordered(robot.apps, changed)]
     return {"steps": steps, "unchanged": [app for app in desired if app not in changed], "orphans": []}
 
 
@@ -124,16 +122,16 @@ def read_histories(updates: Iterable[Object]) -> dict[str, list[dict[str, Any]]]
     }
 
 
-def ordered(apps: Sequence[Mapping[str, Any]], changed: Sequence[str]) -> list[list[str]]:
+def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
     """The changed apps as steps: the master first, apps of one group together, providers before their users.
 
     Within what the dependencies leave open the inventory's order counts. Validation has refused cycles.
     """
-    unit = {app["name"]: app["update"]["group"] or f"app {app['name']}" for app in apps}
+    unit = {app.name: app.update.group or f"app {app.name}" for app in apps}
     needs = {name: set[str]() for name in unit.values()}
     for app in apps:
-        mine = unit[app["name"]]
-        needs[mine] |= {unit[other] for other in app["depends_on"] if other in unit} - {mine}
+        mine = unit[app.name]
+        needs[mine] |= {unit[other] for other in app.depends_on if other in unit} - {mine}
     steps = [[MASTER]] if MASTER in changed else []
     done: set[str] = set()
     while len(done) < len(needs):
@@ -141,15 +139,15 @@ def ordered(apps: Sequence[Mapping[str, Any]], changed: Sequence[str]) -> list[l
         if ready is None:
             raise SpecError(f"the apps depend on each other in a circle: {', '.join(sorted(set(needs) - done))}")
         done.add(ready)
-        members = _by_dependency([app for app in apps if unit[app["name"]] == ready and app["name"] in changed])
+        members = _by_dependency([app for app in apps if unit[app.name] == ready and app.name in changed])
         steps += [members] if members else []
     return steps
 
 
-def _by_dependency(apps: Sequence[Mapping[str, Any]]) -> list[str]:
+def _by_dependency(apps: Sequence[App]) -> list[str]:
     """The members of one group, providers first."""
-    left = [app["name"] for app in apps]
-    needs = {app["name"]: set(app["depends_on"]) & set(left) for app in apps}
+    left = [app.name for app in apps]
+    needs = {app.name: set(app.depends_on) & set(left) for app in apps}
     found: list[str] = []
     while left:
         ready = next((name for name in left if needs[name] <= set(found)), left[0])
@@ -158,20 +156,20 @@ def _by_dependency(apps: Sequence[Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def _desired(full: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+def _desired(robot: Robot) -> dict[str, list[dict[str, Any]]]:
     """App -> its objects, the master as the app `ros-master`."""
     found: dict[str, list[dict[str, Any]]] = {}
-    master = ros_master_objects(full)
+    master = master_objects(robot)
     if master:
         found[MASTER] = master
-    for item in ros_app_objects(full):
+    for item in app_objects(robot):
         if item["kind"] == "Deployment":
             found.setdefault(item["metadata"]["name"], []).append(item)
     return found
 
 
 def _step(  # noqa: PLR0913 - what is wanted, what is there, what was there: they have no common home
-    full: Mapping[str, Any],
+    robot: Robot,
     members: Sequence[str],
     desired: Mapping[str, Sequence[Object]],
     live: Mapping[Key, Object],
@@ -179,8 +177,8 @@ def _step(  # noqa: PLR0913 - what is wanted, what is there, what was there: the
     back: bool = False,
 ) -> dict[str, Any]:
     objects = [item for app in members for item in desired[app]]
-    apps = {app["name"]: app for app in full["apps"] if app["name"] in members}
-    handoffs = [app["handoff"] for app in apps.values()] or ["replace"]
+    apps = {app.name: app for app in robot.apps if app.name in members}
+    handoffs = [app.handoff for app in apps.values()] or ["replace"]
     unfinished = any(_updating(live.get(_key(item))) for item in _deployments(objects))
     previous = _previous(members, objects, live, histories)
     new_nodes = {app: _node(item) for app in apps for item in _deployments(desired[app])}
@@ -189,7 +187,7 @@ def _step(  # noqa: PLR0913 - what is wanted, what is there, what was there: the
     }
     old_nodes = {app: _node(previous[app]) for app in apps if app in previous} if unfinished else running
     return {
-        "name": members[0] if len(members) == 1 else next(iter(apps.values()))["update"]["group"],
+        "name": members[0] if len(members) == 1 else next(iter(apps.values())).update.group,
         "kind": "master" if members == [MASTER] else "app",
         "apps": list(members),
         "handoff": max(handoffs, key=HANDOFFS.index),
@@ -200,10 +198,10 @@ def _step(  # noqa: PLR0913 - what is wanted, what is there, what was there: the
         "new_nodes": new_nodes,
         "old_nodes": old_nodes,
         "renames": {old_nodes[app]: new for app, new in new_nodes.items() if old_nodes.get(app) and new},
-        "actions": _actions(full, list(apps.values()), "own"),
-        "idle": _actions(full, list(apps.values()), "idle"),
-        "on_busy": next((app["update"]["on_busy"] for app in apps.values() if app["update"]["on_busy"]), None),
-        "conditions": {} if back else ros_conditions({**full, "apps": list(apps.values())}),
+        "actions": _actions(robot, list(apps.values()), "own"),
+        "idle": _actions(robot, list(apps.values()), "idle"),
+        "on_busy": next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
+        "conditions": {} if back else graph_conditions(replace(robot, apps=tuple(apps.values()))),
         "from": {app: described(item) for app, item in previous.items()},
         "to": {app: described(item) for app in members for item in _deployments(desired[app])[:1]},
         "histories": {app: histories.get(app, []) for app in members},
@@ -266,15 +264,15 @@ def revision_of(deployment: Object) -> str:
     return str(label or (metadata.get("annotations") or {}).get(names.ANNOTATION_HASH, "")[:8])
 
 
-def _actions(full: Mapping[str, Any], apps: Sequence[Mapping[str, Any]], which: str) -> list[str]:
+def _actions(robot: Robot, apps: Sequence[App], which: str) -> list[str]:
     """Full names of the actions that the apps serve (`own`), or that have to rest while they change (`idle`)."""
     found: list[str] = []
     for app in apps:
         if which == "idle":
-            given = app["update"]["idle"]
+            given = list(app.update.idle)
         else:
-            given = [item["name"] for item in app["readiness"]["actions"]] if app["handoff"] == "drain" else []
-        namespace, node = context.graph_namespace(app, full), context.graph_node(app, full)
+            given = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
+        namespace, node = context.graph_namespace(app, robot), context.graph_node(app, robot)
         found += [names.resolve_graph_name(name, namespace, node) for name in given]
     return list(dict.fromkeys(found))
 

@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import object_labels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     CONTRACT_KEY,
     HISTORY_KEY,

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Checks of one app that no schema can make: what its parts say about each other and about its robot.
 
-Every check takes the completed app, the app as the operator wrote it, the robot's ctx and the app's path.
+Every check takes the completed app, the app as the operator wrote it, the robot's draft and the app's path.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ import re
 from typing import Any, Callable, Iterator, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
 
-App = Mapping[str, Any]
-Check = Callable[[App, App, Mapping[str, Any], str], Iterator[Problem]]
+Raw = Mapping[str, Any]
+Check = Callable[[App, Raw, Draft, str], Iterator[Problem]]
 
 _MASTER = re.compile(r"(?:^|[\s/;&|(])(?:roscore|rosmaster)(?:$|[\s;&|)])")
 _SHELLS = ("sh", "bash", "dash")
@@ -26,47 +28,47 @@ _SHELLS = ("sh", "bash", "dash")
 _NAME_READERS = re.compile(r"\$\{?(?:@|\*|0|1|" + names.NODE_NAME_ENV + r")")
 
 
-def app_problems(app: App, raw: App, ctx: Mapping[str, Any], path: str) -> list[Problem]:
+def app_problems(app: App, raw: Raw, draft: Draft, path: str) -> list[Problem]:
     """All problems of one app that passed the schema."""
-    return [problem for check in CHECKS for problem in check(app, raw, ctx, path)]
+    return [problem for check in CHECKS for problem in check(app, raw, draft, path)]
 
 
-def app_warnings(app: App, raw: App, path: str) -> list[str]:
+def app_warnings(app: App, raw: Raw, path: str) -> list[str]:
     """What is allowed but seldom meant."""
     warnings = []
-    if moving_tag(app["image"]):
-        warnings.append(f"{path}.image: {app['image']} may mean another image tomorrow; name a version or a digest")
-    if app["devices"]:
+    if moving_tag(app.image):
+        warnings.append(f"{path}.image: {app.image} may mean another image tomorrow; name a version or a digest")
+    if app.devices:
         warnings.append(
             f"{path}.devices: the container runs privileged, as Kubernetes has no other plain way to a device"
         )
-    if app["devices"] and app["handoff"] == "overlap":
+    if app.devices and app.handoff == "overlap":
         warnings.append(
             f"{path}.handoff: overlap opens the devices twice for a moment; use replace if they permit one user"
         )
-    if raw.get("private_names") and app["handoff"] != "overlap":
-        warnings.append(f"{path}.private_names: has no effect with the handoff {app['handoff']}")
+    if raw.get("private_names") and app.handoff != "overlap":
+        warnings.append(f"{path}.private_names: has no effect with the handoff {app.handoff}")
     return warnings
 
 
-def _name(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _name(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     taken = {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}
-    if app["name"] in taken:
-        yield Problem(f"{path}.name", f"is {app['name']}, the name of {taken[app['name']]}", "any other name")
+    if app.name in taken:
+        yield Problem(f"{path}.name", f"is {app.name}, the name of {taken[app.name]}", "any other name")
 
 
-def _second_master(app: App, _raw: App, ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _second_master(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
     """Two masters in one namespace share no graph; one of them serves nobody."""
-    if ctx["master"]["mode"] == "external":
+    if draft.robot.master.mode == "external":
         return
     for key in ("command", "args"):
-        for index, word in enumerate(app[key]):
+        for index, word in enumerate(getattr(app, key)):
             if _MASTER.search(word):
                 allowed = "an app without roscore; the collection runs the master (ros_master_mode)"
                 yield Problem(f"{path}.{key}[{index}]", "starts a second ROS master", allowed)
 
 
-def _command(_app: App, raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _command(_app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
     if "command" not in raw and "args" not in raw:
         yield Problem(
@@ -76,13 +78,13 @@ def _command(_app: App, raw: App, _ctx: Mapping[str, Any], path: str) -> Iterato
         )
 
 
-def _node_name(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _node_name(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Some commands drop the name that is appended; their nodes are then not where the gate looks for them."""
-    reason = name_is_lost([*app["command"], *app["args"]])
-    if reason and app["handoff"] == "overlap":
+    reason = name_is_lost([*app.command, *app.args])
+    if reason and app.handoff == "overlap":
         allowed = "handoff: replace, or a command that takes __name:= from its last argument"
         yield Problem(f"{path}.handoff", f"is overlap, but {reason}", allowed)
-    if reason and app["readiness"]["nodes"]:
+    if reason and app.readiness.nodes:
         allowed = "readiness.nodes: false, with what the app offers under topics, services or actions"
         yield Problem(f"{path}.readiness.nodes", f"is true, but {reason}", allowed)
 
@@ -102,48 +104,48 @@ def name_is_lost(words: list[str]) -> str:
     return ""
 
 
-def _handoff(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    if app["pattern"] == "action" and app["handoff"] == "overlap":
+def _handoff(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    if app.pattern == "action" and app.handoff == "overlap":
         yield Problem(
             f"{path}.handoff", "is overlap for the pattern action: two action servers lose goals", "drain or replace"
         )
 
 
-def _placement(app: App, raw: App, ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    if ctx["mode"] == "standalone" and app["placement"] == "remote":
+def _placement(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    if draft.robot.mode == "standalone" and app.placement == "remote":
         default = "" if "placement" in raw else " (the default)"
         yield Problem(
             f"{path}.placement", f"is remote{default}, but a standalone robot has no edge host in its cluster", "local"
         )
 
 
-def _scope(app: App, _raw: App, ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    if app["scope"] != "fleet":
+def _scope(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    if app.scope != "fleet":
         return
-    if ctx["master"]["mode"] == "robot":
+    if draft.robot.master.mode == "robot":
         allowed = "scope: robot, or ros_master_mode shared or external"
         yield Problem(f"{path}.scope", "is fleet, but each robot has a ROS master of its own", allowed)
-    if app["placement"] == "local":
+    if app.placement == "local":
         yield Problem(f"{path}.placement", "is local for an app of the whole fleet", "remote")
 
 
-def _grace(app: App, raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _grace(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Kubernetes kills the pod when the grace period ends, drained or not."""
-    drains = app["handoff"] == "drain" or "drain_deadline" in raw
-    if drains and app["termination_grace_period"] < app["drain_deadline"]:
+    drains = app.handoff == "drain" or "drain_deadline" in raw
+    if drains and app.termination_grace_period < app.drain_deadline:
         yield Problem(
             f"{path}.termination_grace_period",
-            f"is {app['termination_grace_period']} s, shorter than the drain deadline of {app['drain_deadline']} s",
-            f"{app['drain_deadline']} or more, or a shorter drain_deadline",
+            f"is {app.termination_grace_period} s, shorter than the drain deadline of {app.drain_deadline} s",
+            f"{app.drain_deadline} or more, or a shorter drain_deadline",
         )
 
 
-def _volumes(app: App, _raw: App, ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    declared = [name for name in ctx["declared_volumes"] if isinstance(name, str)]
-    modes = {volume["name"]: volume["access_mode"] for volume in ctx["volumes"]}
+def _volumes(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    declared = [name for name in draft.declared_volumes if isinstance(name, str)]
+    modes = {volume.name: volume.access_mode for volume in draft.robot.volumes}
     seen: set[str] = set()
-    for index, mount in enumerate(app["volumes"]):
-        where, name = join_path(path, "volumes", index), mount["name"]
+    for index, mount in enumerate(app.volumes):
+        where, name = join_path(path, "volumes", index), mount.name
         if name not in declared:
             known = " or ".join(declared) or "none is declared"
             yield Problem(
@@ -151,18 +153,18 @@ def _volumes(app: App, _raw: App, ctx: Mapping[str, Any], path: str) -> Iterator
             )
         if name in seen:
             yield Problem(f"{where}.name", f"is '{name}' for the second time", "each volume once per app")
-        if modes.get(name) == "ReadOnlyMany" and not mount["read_only"]:
+        if modes.get(name) == "ReadOnlyMany" and not mount.read_only:
             yield Problem(f"{where}.read_only", "is false, but the volume is ReadOnlyMany", "true")
         seen.add(name)
 
 
-def _mounts(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _mounts(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Kubernetes refuses two mounts at one path, long after validation."""
-    places: dict[str, str] = {names.HOOKS_DIR: "the collection's own code"} if app["hooks"] else {}
+    places: dict[str, str] = {names.HOOKS_DIR: "the collection's own code"} if app.hooks else {}
     for key, field, targets in (
-        ("volumes", "mount_path", [mount["mount_path"] for mount in app["volumes"]]),
-        ("devices", "", app["devices"]),
-        ("host_paths", "mount_path", [mount["mount_path"] for mount in app["host_paths"]]),
+        ("volumes", "mount_path", [mount.mount_path for mount in app.volumes]),
+        ("devices", "", app.devices),
+        ("host_paths", "mount_path", [mount.mount_path for mount in app.host_paths]),
     ):
         for index, target in enumerate(targets):
             where, bare = join_path(path, key, index, *([field] if field else [])), target.rstrip("/")
@@ -171,8 +173,8 @@ def _mounts(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator
             places.setdefault(bare, join_path("", key, index))
 
 
-def _resources(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    requests, limits = app["resources"].get("requests") or {}, app["resources"].get("limits") or {}
+def _resources(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    requests, limits = app.resources.get("requests") or {}, app.resources.get("limits") or {}
     for name in requests:
         request, limit = quantity_value(str(requests[name])), quantity_value(str(limits.get(name)))
         if request is not None and limit is not None and request > limit:
@@ -183,22 +185,22 @@ def _resources(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Itera
             )
 
 
-def _environment(app: App, _raw: App, _ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _environment(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     for key in (names.NODE_NAME_ENV, names.APP_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
-        if key in app["env"]:
+        if key in app.env:
             reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
             yield Problem(f"{path}.env.{key}", reason, "leave it out")
 
 
-def _readiness(app: App, raw: App, ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    ready = app["readiness"]
-    if ready["interval"] > ready["timeout"]:
-        found = f"is {ready['interval']} s, longer than the timeout of {ready['timeout']} s"
-        yield Problem(f"{path}.readiness.interval", found, f"at most {ready['timeout']}")
-    own = context.graph_node(app, ctx)
-    namespace = context.graph_namespace(app, ctx)
-    for index, name in enumerate(ready["absent"]):
-        if ready["nodes"] and names.resolve_graph_name(name, namespace, own) == own:
+def _readiness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    ready = app.readiness
+    if ready.interval > ready.timeout:
+        found = f"is {ready.interval} s, longer than the timeout of {ready.timeout} s"
+        yield Problem(f"{path}.readiness.interval", found, f"at most {ready.timeout}")
+    own = context.graph_node(app, draft.robot)
+    namespace = context.graph_namespace(app, draft.robot)
+    for index, name in enumerate(ready.absent):
+        if ready.nodes and names.resolve_graph_name(name, namespace, own) == own:
             yield Problem(
                 join_path(path, "readiness", "absent", index), "is the app's own node", "nodes that must be gone"
             )
@@ -212,8 +214,9 @@ def _readiness(app: App, raw: App, ctx: Mapping[str, Any], path: str) -> Iterato
                 yield Problem(where, f"names {name} for the second time", "each name once, with all its conditions")
 
 
-def _overrides(app: App, _raw: App, ctx: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    yield from override_problems(plain_deployment(app, ctx), app["overrides"], names.APP_CONTAINER, f"{path}.overrides")
+def _overrides(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    plain = plain_deployment(app, draft.robot)
+    yield from override_problems(plain, app.overrides, names.APP_CONTAINER, f"{path}.overrides")
 
 
 CHECKS: tuple[Check, ...] = (

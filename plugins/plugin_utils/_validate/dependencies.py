@@ -5,19 +5,23 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, Mapping
+from typing import Iterator, Mapping, Sequence
 
+import graphlib
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 
 
-def dependency_problems(ctx: Mapping[str, Any], apps: list[tuple[str, Any]]) -> Iterator[Problem]:
-    """Dependencies on oneself, on apps that are not there, and circles; `apps` are pairs of a path and an app."""
-    declared = [raw["name"] for raw in ctx["declared_apps"] if isinstance(raw.get("name"), str)]
-    for path, app in apps:
-        for index, other in enumerate(app["depends_on"]):
+def dependency_problems(draft: Draft) -> Iterator[Problem]:
+    """Dependencies on oneself, on apps that are not there, and circles."""
+    declared = [raw["name"] for raw in draft.declared_apps if isinstance(raw.get("name"), str)]
+    apps = {app.name: (path, app) for path, app, _raw in draft.apps()}
+    for path, app, _raw in draft.apps():
+        for index, other in enumerate(app.depends_on):
             where = join_path(path, "depends_on", index)
-            if other == app["name"]:
+            if other == app.name:
                 yield Problem(where, "is the app itself", "other apps of this robot")
             elif other not in declared:
                 nearest = nearest_name(other, declared)
@@ -28,42 +32,29 @@ def dependency_problems(ctx: Mapping[str, Any], apps: list[tuple[str, Any]]) -> 
     yield from _circles(apps)
 
 
-def _circles(apps: list[tuple[str, Any]]) -> Iterator[Problem]:
+def _circles(apps: Mapping[str, tuple[str, App]]) -> Iterator[Problem]:
     """Apps of one group change in one step, so between groups an order is needed, and inside one as well."""
-    by_name = {app["name"]: (path, app) for path, app in apps}
-    groups = {name: app["update"]["group"] for name, (_path, app) in by_name.items()}
-    unit = {name: f"group {group}" if group else name for name, group in groups.items()}
-    inside: dict[str, list[str]] = {name: [] for name in by_name}
+    unit = {name: f"group {app.update.group}" if app.update.group else name for name, (_path, app) in apps.items()}
+    inside: dict[str, list[str]] = {name: [] for name in apps}
     between: dict[str, list[str]] = {name: [] for name in unit.values()}
-    for name, (_path, app) in by_name.items():
-        for other in app["depends_on"]:
-            if other in by_name and other != name:
+    for name, (_path, app) in apps.items():
+        for other in app.depends_on:
+            if other in apps and other != name:
                 (inside[name].append(other) if unit[other] == unit[name] else between[unit[name]].append(unit[other]))
     for needs in (inside, between):
         circle = _circle(needs)
         if circle:
-            (member, *_others) = [name for name in by_name if circle[0] in (name, unit[name])]
+            member = next(name for name in apps if circle[0] in (name, unit[name]))
             found = f"makes a circle: {' needs '.join([*circle, circle[0]])}"
-            yield Problem(f"{by_name[member][0]}.depends_on", found, "an order in which the apps can be updated")
+            yield Problem(f"{apps[member][0]}.depends_on", found, "an order in which the apps can be updated")
 
 
-def _circle(needs: Mapping[str, list[str]]) -> list[str]:
+def _circle(needs: Mapping[str, Sequence[str]]) -> list[str]:
     """The members of one circle, beginning with the first in the order of `needs`; empty if there is none."""
-    left = {name: [other for other in others if other in needs] for name, others in needs.items()}
-    while True:
-        free = [name for name, others in left.items() if not any(other in left for other in others)]
-        if not free:
-            break
-        for name in free:
-            del left[name]
-    if not left:
-        return []
-    # everybody who is left needs somebody who is left: following them must come back
-    way = [next(iter(left))]
-    while True:
-        following = next(other for other in left[way[-1]] if other in left)
-        if following in way:
-            circle = way[way.index(following) :]
-            first = min(circle, key=list(needs).index)
-            return [*circle[circle.index(first) :], *circle[: circle.index(first)]]
-        way.append(following)
+    try:
+        graphlib.TopologicalSorter(needs).prepare()
+    except graphlib.CycleError as error:
+        circle: list[str] = error.args[1][:0:-1]  # its first is repeated at its end, and each needs the one before it
+        start = circle.index(min(circle, key=list(needs).index))
+        return [*circle[start:], *circle[:start]]
+    return []

@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, Mapping, NamedTuple
+from typing import Any, Iterator, Mapping, NamedTuple, Sequence
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown, unique
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
     EDGE_CLUSTER,
@@ -19,18 +18,18 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology impor
     topology_problems,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import app_problems, app_warnings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft, draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, schema_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
     fleet_app_problems,
     master_problems,
     robot_problems,
-    volume_warnings,
+    robot_warnings,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import HOST
 
 IMPLICIT_HOST = "localhost"
-HIDDEN = ("pull_secrets", "declared_apps", "declared_volumes")
 
 
 class Report(NamedTuple):
@@ -59,21 +58,18 @@ def check_fleet(fleet: Any) -> Report:
     problems += _token_problems(groups, modes, hosts)
     problems += observability_problems(groups, modes, hosts, wrong)
     edge_count = len(members(groups, "edge"))
-    robots = {robot: _sound_context(robot, hosts.get(robot, {}), wrong) for robot in modes}
+    drafts = [draft(robot, hosts.get(robot, {}), wrong) for robot in modes]
     warnings: list[str] = []
-    for robot, (ctx, positions) in robots.items():
-        problems += robot_problems(ctx, positions, edge_count)
-        for app, position in zip(ctx["apps"], positions):
-            path = f"hosts.{robot}.ros_apps[{position}]"
-            raw = hosts[robot]["ros_apps"][position]
-            problems += app_problems(app, raw, ctx, path)
+    for item in drafts:
+        problems += robot_problems(item, edge_count)
+        for path, app, raw in item.apps():
+            problems += app_problems(app, raw, item, path)
             warnings += app_warnings(app, raw, path)
-        problems += master_problems(ctx, hosts.get(robot, {}))
-        warnings += volume_warnings(ctx)
-    problems += fleet_app_problems(robots)
+        problems += master_problems(item, hosts.get(item.robot.name, {}))
+        warnings += robot_warnings(item)
+    problems += fleet_app_problems(drafts)
     problems = unique(problems)
-    normalised = {} if problems else _normalised(groups, modes, {robot: pair[0] for robot, pair in robots.items()})
-    return Report(problems, list(dict.fromkeys(warnings)), normalised)
+    return Report(problems, list(dict.fromkeys(warnings)), {} if problems else _normalised(groups, modes, drafts))
 
 
 def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -138,45 +134,11 @@ def _token_problems(
                 )
 
 
-def _sound_context(robot: str, variables: Mapping[str, Any], wrong: list[Problem]) -> tuple[dict[str, Any], list[int]]:
-    """ctx of the parts that the schema accepts, and the positions of its apps in ros_apps.
-
-    A malformed app is left out instead of keeping the others from being looked at.
-    """
-    bad = {problem.path for problem in wrong}
-    base = f"hosts.{robot}"
-
-    def sound(*parts: str | int) -> bool:
-        path = join_path(base, *parts)
-        return not any(item == path or item.startswith((path + ".", path + "[")) for item in bad)
-
-    raw_apps, raw_storage = variables.get("ros_apps"), variables.get("persistent_storage")
-    apps = raw_apps if isinstance(raw_apps, list) else []
-    positions = [index for index in range(len(apps)) if sound("ros_apps", index)]
-    raw_volumes = raw_storage.get("volumes") if isinstance(raw_storage, dict) else None
-    volumes = raw_volumes if isinstance(raw_volumes, list) else []
-    kept: dict[str, Any] = {
-        name: value
-        for name, value in variables.items()
-        if name not in ("ros_apps", "persistent_storage") and sound(name)
-    }
-    kept["ros_apps"] = [apps[index] for index in positions]
-    kept["persistent_storage"] = {
-        "volumes": [item for index, item in enumerate(volumes) if sound("persistent_storage", "volumes", index)]
-    }
-    ctx = context.fleet_context(kept, robot)
-    # what is declared wrongly is still there: such a volume is not unknown as well, and such an app has its name
-    ctx["declared_apps"] = [app if isinstance(app, dict) else {} for app in apps]
-    ctx["declared_volumes"] = [item.get("name") for item in volumes if isinstance(item, dict)]
-    return ctx, positions
-
-
 def _normalised(
-    groups: Mapping[str, Any], modes: Mapping[str, Any], contexts: Mapping[str, dict[str, Any]]
+    groups: Mapping[str, Any], modes: Mapping[str, Any], drafts: Sequence[Draft]
 ) -> dict[str, dict[str, Any]]:
-    """Every robot's ctx without its secrets, with its cluster."""
+    """Every robot with its cluster."""
     topology = fleet_topology(groups, modes)
     return {
-        robot: {**{key: item for key, item in ctx.items() if key not in HIDDEN}, "cluster": topology[robot]["cluster"]}
-        for robot, ctx in contexts.items()
+        item.robot.name: {**item.robot.as_dict(), "cluster": topology[item.robot.name]["cluster"]} for item in drafts
     }

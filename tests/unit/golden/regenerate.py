@@ -19,22 +19,31 @@ HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import fleet_context  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import workloads  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (  # noqa: E402
+    namespace_objects,
+    pull_secret_objects,
+    storage_objects,
+)
 
 
 def built(case: dict[str, Any]) -> dict[str, Any]:
     """All that the workload functions make of a case."""
-    ctx = fleet_context(case["variables"], case["robot"])
+    robot = Robot.from_variables(case["variables"], case["robot"])
     return {
         "objects": [
-            *workloads.namespace_objects(ctx),
-            *workloads.storage_objects(ctx),
-            *workloads.ros_master_objects(ctx),
-            *workloads.ros_app_objects(ctx, CODE),
+            *namespace_objects(robot),
+            *pull_secret_objects(robot, case["variables"].get("robot_namespace_pull_secrets", [])),
+            *storage_objects(robot),
+            *master_objects(robot),
+            *app_objects(robot, CODE),
         ],
-        "conditions": workloads.ros_conditions(ctx),
-        "images": {placement: workloads.fleet_images(ctx, placement) for placement in ("local", "remote")},
+        "conditions": graph_conditions(robot),
+        "images": {placement: images(robot, placement) for placement in ("local", "remote")},
     }
 
 

@@ -22,17 +22,18 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter imp
     Settings,
     exporter_objects,
 )
+from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E402
 
 CODE, ARCHIVE = {"run.py": "# stands for the code\n"}, b"stands for the archive"
 CASES: dict[str, tuple[dict[str, Any], Settings]] = {
-    "robot": ({"robot": "r1", "master": {"image": "example.org/ros:1"}}, Settings()),
+    "robot": ({"name": "r1", "master": {"image": "example.org/ros:1"}}, Settings()),
     "shared": (
-        {"robot": "r1", "master": {"mode": "shared"}, "volumes": [{"name": "data"}]},
+        {"name": "r1", "master": {"mode": "shared"}, "volumes": [{"name": "data"}]},
         Settings(claims_path="/var/lib/rancher/k3s/storage"),
     ),
     "everything": (
         {
-            "robot": "r-1",
+            "name": "r-1",
             "master": {"mode": "external", "uri": "http://192.0.2.1:11311"},
             "volumes": [{"name": "maps", "size": "2Gi"}, {"name": "bags", "size": "500M"}],
             "pull_secrets": [{"name": "registry", "user": "x"}],
@@ -43,8 +44,8 @@ CASES: dict[str, tuple[dict[str, Any], Settings]] = {
 
 
 def built(name: str) -> list[dict[str, Any]]:
-    ctx, settings = CASES[name]
-    return exporter_objects(ctx, CODE, ARCHIVE, settings)
+    given, settings = CASES[name]
+    return exporter_objects(robot(**given), CODE, ARCHIVE, settings)
 
 
 class _Dumper(yaml.SafeDumper):

@@ -8,10 +8,11 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import complete_context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import app_settings, hook_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import ros_app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import app_settings, code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import draft
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 CODE = {"run.py": "code", "__init__.py": ""}
 
@@ -20,9 +21,9 @@ def app(**changes: Any) -> dict[str, Any]:
     return {"name": "a", "image": "example.org/a:1", "args": ["x"], **changes}
 
 
-def maps(*apps: dict[str, Any], **ctx: Any) -> dict[str, list[str]]:
+def maps(*apps: dict[str, Any], **more: Any) -> dict[str, list[str]]:
     """namespace/name -> keys."""
-    objects = hook_objects({"robot": "r1", "apps": list(apps), **ctx}, CODE)
+    objects = code_maps(robot(*apps, name="r1", **more), CODE)
     return {f"{o['metadata']['namespace']}/{o['metadata']['name']}": sorted(o["data"]) for o in objects}
 
 
@@ -51,14 +52,14 @@ def test_one_map_per_namespace_in_use(apps: list[Any], master: Any, expected: di
 
 
 def test_the_fleets_map_is_the_same_from_a_robot_without_the_fleets_app() -> None:
-    with_app = hook_objects({"robot": "r1", "apps": [app(scope="fleet")], "master": {"mode": "shared"}}, CODE)
-    without = hook_objects({"robot": "r2", "master": {"mode": "shared"}}, CODE)
+    with_app = code_maps(robot(app(scope="fleet"), name="r1", master={"mode": "shared"}), CODE)
+    without = code_maps(robot(name="r2", master={"mode": "shared"}), CODE)
     assert without[0] in with_app
 
 
 def settings(**changes: Any) -> dict[str, Any]:
-    ctx = complete_context({"robot": "r-1", "apps": [app(**changes)], "master": changes.pop("master", {})})
-    return app_settings(ctx["apps"][0], ctx)
+    found = robot(app(**changes), name="r-1", master=changes.pop("master", {}))
+    return app_settings(found.apps[0], found)
 
 
 def test_names_are_full_but_for_private_ones_of_a_revision() -> None:
@@ -103,17 +104,17 @@ def test_the_stop_fits_in_the_grace_period(changes: dict[str, Any], expected: in
     ],
 )
 def test_the_keeper_is_the_masters(master: dict[str, Any], keeper: str | None) -> None:
-    ctx = complete_context({"robot": "r1", "apps": [app()], "master": master})
-    assert app_settings(ctx["apps"][0], ctx)["keeper"] == keeper
+    found = robot(app(), master=master)
+    assert app_settings(found.apps[0], found)["keeper"] == keeper
 
 
 def objects(**changes: Any) -> list[dict[str, Any]]:
-    return ros_app_objects({"robot": "r1", "apps": [app(**changes)], "master": {"mode": "shared"}}, CODE)
+    return app_objects(robot(app(**changes), name="r1", master={"mode": "shared"}), CODE)
 
 
 def test_maps_come_before_the_pods_that_mount_them_and_only_with_code() -> None:
     assert [item["kind"] for item in objects()] == ["ConfigMap", "ConfigMap", "Deployment"]
-    assert [item["kind"] for item in ros_app_objects({"robot": "r1", "apps": [app()]})] == ["Deployment"]
+    assert [item["kind"] for item in app_objects(robot(app()))] == ["Deployment"]
 
 
 @pytest.mark.parametrize(
@@ -177,17 +178,4 @@ def test_overrides_come_last() -> None:
     ],
 )
 def test_orders_that_can_be_kept(apps: list[Any]) -> None:
-    ctx = complete_context({"robot": "r1", "apps": apps})
-    pairs = [(f"apps[{index}]", item) for index, item in enumerate(ctx["apps"])]
-    assert list(dependency_problems({**ctx, "declared_apps": apps}, pairs)) == []
-
-
-def test_update_settings_have_defaults() -> None:
-    full = complete_context(
-        {"robot": "r1", "apps": [app(), app(name="b", depends_on=["a", "a"], update={"on_busy": "defer"})]}
-    )
-    assert full["apps"][0]["update"] == {"group": None, "idle": [], "on_busy": None}
-    assert (full["apps"][0]["hooks"], full["apps"][0]["depends_on"]) == (True, [])
-    assert full["apps"][1]["depends_on"] == ["a"]
-    assert full["apps"][1]["update"]["on_busy"] == "defer"
-    assert complete_context(full) == full
+    assert list(dependency_problems(draft("r1", {"ros_apps": apps}, []))) == []

@@ -11,17 +11,17 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates as _exporter_updates
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.main import OPTIONS, options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import complete_context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import exporter as _exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.tests.unit.golden import regenerate_exporter as golden
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 CODE = {"run.py": "code"}
 
 
-def objects(settings: Settings | None = None, archive: bytes = b"zip", code: Any = None, **ctx: Any) -> Any:
-    return exporter_objects({"robot": "r1", **ctx}, code or CODE, archive, settings or Settings())
+def objects(settings: Settings | None = None, archive: bytes = b"zip", code: Any = None, **more: Any) -> Any:
+    return exporter_objects(robot(name="r1", **more), code or CODE, archive, settings or Settings())
 
 
 @pytest.mark.parametrize("name", sorted(golden.CASES))
@@ -34,7 +34,7 @@ def test_golden(name: str) -> None:
 @pytest.mark.parametrize("mode", ["robot", "shared"])
 def test_beside_its_master(mode: str) -> None:
     config, deployment = objects(master={"mode": mode, "image": "ros:x"})
-    master = master_objects(complete_context({"robot": "r1", "master": {"mode": mode, "image": "ros:x"}}))[0]
+    master = master_objects(robot(name="r1", master={"mode": mode, "image": "ros:x"}))[0]
     pod, masters = deployment["spec"]["template"]["spec"], master["spec"]["template"]["spec"]
     assert config["metadata"]["namespace"] == deployment["metadata"]["namespace"] == master["metadata"]["namespace"]
     assert pod["nodeSelector"] == masters["nodeSelector"]
@@ -45,7 +45,7 @@ def test_a_shared_masters_are_the_same_from_every_robot() -> None:
     shared = {"mode": "shared"}
     looks = Settings(claims_path="/s")
     one = objects(looks, master=shared, volumes=[{"name": "a"}])
-    other = exporter_objects({"robot": "r2", "master": shared}, CODE, b"zip", looks)
+    other = exporter_objects(robot(name="r2", master=shared), CODE, b"zip", looks)
     assert one == other
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import complete_context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import keeper as _keeper_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
 def objects(**master: Any) -> list[dict[str, Any]]:
-    return _keeper_objects.keeper_objects(complete_context({"robot": "r1", "master": master}))
+    return keeper_objects(robot(name="r1", master=master))
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ def objects(**master: Any) -> list[dict[str, Any]]:
 )
 def test_beside_its_master(mode: str, namespace: str, uri: str, selector: dict[str, str]) -> None:
     deployment, service = objects(mode=mode, image="ros:x")
-    master = master_objects(complete_context({"robot": "r1", "master": {"mode": mode, "image": "ros:x"}}))[0]
+    master = master_objects(robot(name="r1", master={"mode": mode, "image": "ros:x"}))[0]
     pod = deployment["spec"]["template"]["spec"]
     assert {item["metadata"]["namespace"] for item in (deployment, service)} == {namespace}
     assert pod["nodeSelector"] == selector == master["spec"]["template"]["spec"]["nodeSelector"]
@@ -65,7 +65,7 @@ def test_the_masters_overrides_are_not_the_keepers() -> None:
     """Nor does a change of the master restart it: it is there to outlive that."""
     overrides = {"spec": {"template": {"spec": {"hostNetwork": True}}}}
     assert objects(overrides=overrides) == objects()
-    both = master_objects(complete_context({"robot": "r1", "master": {"overrides": overrides}}))
+    both = master_objects(robot(name="r1", master={"overrides": overrides}))
     assert [(item["kind"], item["metadata"]["name"]) for item in both] == [
         ("Deployment", "ros-master"),
         ("Service", "ros-master"),
@@ -76,6 +76,5 @@ def test_the_masters_overrides_are_not_the_keepers() -> None:
 
 
 def test_pull_secrets() -> None:
-    full = complete_context({"robot": "r1", "pull_secrets": [{"name": "registry", "user": "x"}]})
-    pod = _keeper_objects.keeper_objects(full)[0]["spec"]["template"]["spec"]
+    pod = keeper_objects(robot(pull_secrets=[{"name": "registry", "user": "x"}]))[0]["spec"]["template"]["spec"]
     assert pod["imagePullSecrets"] == [{"name": "registry"}]

@@ -19,11 +19,18 @@ import kubernetes_validate
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import complete_context, fleet_context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import app as _deployment
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master as _master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import workloads as _workloads
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import canonical_hash
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
+    namespace_objects,
+    pull_secret_objects,
+    storage_objects,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 GOLDEN = Path(__file__).resolve().parents[3] / "golden"
 KUBERNETES = "1.34"
@@ -51,12 +58,8 @@ def app(**changes: Any) -> dict[str, Any]:
     return {"name": "talker", "image": "example.org/talker:1.0", "args": ["talk"], **changes}
 
 
-def ctx(*apps: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    return {"robot": "robot1", "apps": list(apps), **changes}
-
-
-def deployment(*, robot: dict[str, Any] | None = None, **changes: Any) -> dict[str, Any]:
-    return _workloads.ros_app_objects(ctx(app(**changes), **(robot or {})))[0]
+def deployment(*, of: dict[str, Any] | None = None, **changes: Any) -> dict[str, Any]:
+    return app_objects(robot(app(**changes), **(of or {})))[0]
 
 
 def pod(item: dict[str, Any]) -> dict[str, Any]:
@@ -121,13 +124,8 @@ def test_objects_are_json_and_share_nothing(name: str) -> None:
 
 def test_the_order_of_keys_changes_nothing() -> None:
     one = deployment(env={"A": "1", "B": "2"}, resources={"limits": {"cpu": 1, "memory": "1Gi"}})
-    other = _workloads.ros_app_objects(
-        {
-            "apps": [
-                dict(reversed(app(env={"A": "1", "B": "2"}, resources={"limits": {"memory": "1Gi", "cpu": 1}}).items()))
-            ],
-            "robot": "robot1",
-        }
+    other = app_objects(
+        robot(dict(reversed(app(env={"A": "1", "B": "2"}, resources={"limits": {"memory": "1Gi", "cpu": 1}}).items())))
     )[0]
     assert revision(one) == revision(other)
 
@@ -192,7 +190,7 @@ def test_other_handoffs_keep_one_name_and_recreate(pattern: str | None, handoff:
     ("pattern", "handoff"), [("pubsub", "overlap"), ("service", "overlap"), ("action", "drain"), (None, "replace")]
 )
 def test_the_handoff_follows_the_pattern(pattern: str | None, handoff: str) -> None:
-    assert complete_context(ctx(app(pattern=pattern)))["apps"][0]["handoff"] == handoff
+    assert robot(app(pattern=pattern)).apps[0].handoff == handoff
 
 
 @pytest.mark.parametrize(
@@ -200,8 +198,8 @@ def test_the_handoff_follows_the_pattern(pattern: str | None, handoff: str) -> N
 )
 def test_placement_selects_nodes(placement: str, selector: dict[str, str]) -> None:
     assert pod(deployment(placement=placement))["nodeSelector"] == selector
-    master = _workloads.ros_master_objects(ctx(master={"placement": placement}))[0]
-    assert pod(master)["nodeSelector"] == selector
+    found = master.master_objects(robot(master={"placement": placement}))[0]
+    assert pod(found)["nodeSelector"] == selector
 
 
 def test_host_network_changes_address_and_dns() -> None:
@@ -221,7 +219,7 @@ def test_host_network_changes_address_and_dns() -> None:
     ],
 )
 def test_master_modes_reach_the_app(master: dict[str, Any], uri: str, namespace: str | None) -> None:
-    found = env(deployment(robot={"robot": "robot-1", "master": master}))
+    found = env(deployment(of={"name": "robot-1", "master": master}))
     assert found["ROS_MASTER_URI"] == uri
     assert found.get("ROS_NAMESPACE") == namespace
 
@@ -265,13 +263,13 @@ def test_no_probe_without_hooks_and_a_command() -> None:
 def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
     fleet_app = app(scope="fleet", volumes=[{"name": "map"}])
     found = []
-    for robot in ("robot1", "robot2"):
-        full = ctx(fleet_app, robot=robot, master={"mode": "shared"}, volumes=[{"name": "map"}])
+    for name in ("robot1", "robot2"):
+        full = robot(fleet_app, name=name, master={"mode": "shared"}, volumes=[{"name": "map"}])
         objects = [
-            *_workloads.namespace_objects(full),
-            *_workloads.storage_objects(full),
-            *_workloads.ros_master_objects(full),
-            *_workloads.ros_app_objects(full, {"run.py": ""}),
+            *namespace_objects(full),
+            *storage_objects(full),
+            *master.master_objects(full),
+            *app_objects(full, {"run.py": ""}),
         ]
         found.append(
             [item for item in objects if "fleet" in (item["metadata"]["name"], item["metadata"].get("namespace"))]
@@ -284,14 +282,14 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
 
 
 def test_claims_follow_their_users() -> None:
-    full = ctx(
+    full = robot(
         app(name="a", volumes=[{"name": "both"}]),
         app(name="again", volumes=[{"name": "both"}]),
         app(name="b", scope="fleet", volumes=[{"name": "both"}, {"name": "fleet-only"}]),
         volumes=[{"name": "both"}, {"name": "fleet-only"}, {"name": "unused"}],
         master={"mode": "shared"},
     )
-    found = [(item["metadata"]["namespace"], item["metadata"]["name"]) for item in _workloads.storage_objects(full)]
+    found = [(item["metadata"]["namespace"], item["metadata"]["name"]) for item in storage_objects(full)]
     assert found == [
         ("robot-robot1", "both-pvc"),
         ("fleet", "both-pvc"),
@@ -303,7 +301,7 @@ def test_claims_follow_their_users() -> None:
 def test_mount_path_defaults_to_the_volumes_then_to_the_seeds() -> None:
     item = deployment(
         volumes=[{"name": "a"}, {"name": "b"}, {"name": "c", "mount_path": "/c"}],
-        robot={"volumes": [{"name": "a"}, {"name": "b", "mountPath": "/b"}, {"name": "c", "mountPath": "/other"}]},
+        of={"volumes": [{"name": "a"}, {"name": "b", "mountPath": "/b"}, {"name": "c", "mountPath": "/other"}]},
     )
     assert [mount["mountPath"] for mount in container(item)["volumeMounts"][:3]] == ["/mnt/data/a", "/b", "/c"]
 
@@ -317,28 +315,28 @@ def test_devices_need_a_privileged_container() -> None:
 
 def test_pull_secrets_become_docker_config() -> None:
     secret = {"name": "login", "registry": "example.org", "username": "u", "password": "p:w"}
-    objects = _workloads.namespace_objects(ctx(pull_secrets=[secret, {"name": "other"}]))
-    made = [item for item in objects if item["kind"] == "Secret"]
+    found = robot(pull_secrets=[secret, {"name": "other"}])
+    made = pull_secret_objects(found, [secret, {"name": "other"}])
+    assert "p:w" not in str(found)
     assert [item["metadata"]["name"] for item in made] == ["login"]
     config = json.loads(base64.b64decode(made[0]["data"][".dockerconfigjson"]))
     assert base64.b64decode(config["auths"]["example.org"]["auth"]) == b"u:p:w"
     names = [
-        item["name"]
-        for item in pod(deployment(robot={"pull_secrets": [secret, {"name": "other"}]}))["imagePullSecrets"]
+        item["name"] for item in pod(deployment(of={"pull_secrets": [secret, {"name": "other"}]}))["imagePullSecrets"]
     ]
     assert names == ["login", "other"]
 
 
 def test_external_master_makes_no_objects() -> None:
-    full = ctx(master={"mode": "external", "uri": "http://192.0.2.1:11311"})
-    assert _workloads.ros_master_objects(full) == []
-    assert _workloads.ros_conditions(full)["master_uri"] == "http://192.0.2.1:11311"
-    assert "master_uri" not in _workloads.ros_conditions(ctx())
+    full = robot(master={"mode": "external", "uri": "http://192.0.2.1:11311"})
+    assert master.master_objects(full) == []
+    assert graph_conditions(full)["master_uri"] == "http://192.0.2.1:11311"
+    assert "master_uri" not in graph_conditions(robot())
 
 
 def test_conditions_unite_all_apps() -> None:
-    conditions = _workloads.ros_conditions(
-        ctx(
+    conditions = graph_conditions(
+        robot(
             app(name="a", readiness={"topics": [{"name": "t"}], "timeout": 10, "interval": 0.2, "services": ["s"]}),
             app(name="b", readiness={"topics": [{"name": "/t"}, {"name": "~p"}], "timeout": 90, "consecutive": 3}),
             app(
@@ -365,9 +363,9 @@ def test_conditions_of_a_shared_master_are_in_the_robots_namespace() -> None:
         private_names=["kept"],
         readiness={"topics": [{"name": n} for n in ("t", "/g", "~kept", "~p")]},
     )
-    full = ctx(item, robot="robot-1", master={"mode": "shared"})
-    node = f"/robot_1/talker_{revision(_workloads.ros_app_objects(full)[0])}"
-    conditions = _workloads.ros_conditions(full)
+    full = robot(item, name="robot-1", master={"mode": "shared"})
+    node = f"/robot_1/talker_{revision(app_objects(full)[0])}"
+    conditions = graph_conditions(full)
     assert conditions["nodes"] == [node]
     assert [topic["name"] for topic in conditions["topics"]] == [
         "/robot_1/t",
@@ -379,31 +377,18 @@ def test_conditions_of_a_shared_master_are_in_the_robots_namespace() -> None:
 
 def test_images_by_placement() -> None:
     init = {"spec": {"template": {"spec": {"initContainers": [{"name": "i", "image": "init:1"}]}}}}
-    full = ctx(app(name="a", image="a:1", placement="local"), app(name="b", image="b:1", overrides=init))
-    assert _workloads.fleet_images(full) == ["a:1", "b:1", "init:1", "ros:noetic-ros-core"]
-    assert _workloads.fleet_images(full, "local") == ["a:1", "ros:noetic-ros-core"]
-    assert _workloads.fleet_images(full, "remote") == ["b:1", "init:1"]
-
-
-def test_context_from_variables_and_defaults() -> None:
-    variables = {"ros_apps": [app()], "persistent_storage": {"volumes": [{"name": "v"}]}, "unrelated": 1}
-    full = fleet_context(variables, "robot1")
-    assert full["namespace"] == "robot-robot1"
-    assert full["mode"] == "agent"
-    assert full["master"] == {
-        "mode": "robot", "image": "ros:noetic-ros-core", "uri": "", "placement": "local", "overrides": {},
-    }  # fmt: skip
-    assert full["volumes"][0]["size"] == "1Gi"
-    assert complete_context(full) == full
-    assert fleet_context({"ros_master_mode": "shared"}, "r")["master"]["placement"] == "remote"
+    full = robot(app(name="a", image="a:1", placement="local"), app(name="b", image="b:1", overrides=init))
+    assert images(full) == ["a:1", "b:1", "init:1", "ros:noetic-ros-core"]
+    assert images(full, "local") == ["a:1", "ros:noetic-ros-core"]
+    assert images(full, "remote") == ["b:1", "init:1"]
 
 
 def test_master_starts_roscore_as_measured() -> None:
-    master, service, *_keeper = _workloads.ros_master_objects(ctx())
-    assert container(master)["args"] == ["roscore", "-p", "11311", "-t", "2", "-w", "16"]
-    assert "ROS_MASTER_URI" not in env(master)
-    assert master["spec"]["strategy"] == {"type": "Recreate"}
-    labels = master["spec"]["template"]["metadata"]["labels"]
+    deployed, service, *_keeper = master.master_objects(robot())
+    assert container(deployed)["args"] == ["roscore", "-p", "11311", "-t", "2", "-w", "16"]
+    assert "ROS_MASTER_URI" not in env(deployed)
+    assert deployed["spec"]["strategy"] == {"type": "Recreate"}
+    labels = deployed["spec"]["template"]["metadata"]["labels"]
     assert service["spec"]["selector"].items() <= labels.items()
     assert service["spec"]["ports"][0]["port"] == 11311
 
@@ -422,7 +407,7 @@ def api_port(request: pytest.FixtureRequest) -> Iterator[int]:
 
 
 def probe(port: int) -> int:
-    code = _master.PROBE.replace("11311", str(port))
+    code = master.PROBE.replace("11311", str(port))
     return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode  # noqa: S603
 
 
@@ -444,6 +429,4 @@ def test_selectors_are_among_the_pods_labels() -> None:
 
 
 def test_hash_is_of_canonical_json() -> None:
-    assert _deployment.canonical_hash({"b": 1, "a": [True, None]}) == _deployment.canonical_hash(
-        {"a": [True, None], "b": 1}
-    )
+    assert canonical_hash({"b": 1, "a": [True, None]}) == canonical_hash({"a": [True, None], "b": 1})

@@ -8,16 +8,17 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import ros_app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import kept, rollback_plan, update_plan
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
-    ctx,
     entry,
     marked,
     update_map,
 )
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
 def step_names(plan: dict[str, Any]) -> list[list[str]]:
@@ -25,14 +26,14 @@ def step_names(plan: dict[str, Any]) -> list[list[str]]:
 
 
 def test_what_is_as_it_should_be_is_no_step() -> None:
-    wanted = ctx(app("one"), app("two"))
+    wanted = robot(app("one"), app("two"))
     plan = update_plan(wanted, applied(wanted))
     assert plan["steps"] == []
     assert sorted(plan["unchanged"]) == ["one", "ros-master", "two"]
 
 
 def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
-    before, after = ctx(app("one"), app("two")), ctx(app("one", "example.org/app:1.1"), app("two"))
+    before, after = robot(app("one"), app("two")), robot(app("one", "example.org/app:1.1"), app("two"))
     (step,) = update_plan(after, applied(before))["steps"]
     assert step["apps"] == ["one"]
     assert step["handoff"] == "overlap"
@@ -45,14 +46,14 @@ def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
 
 
 def test_the_way_back_is_what_was_applied_without_the_servers_additions() -> None:
-    before = ctx(app("one", env={"A": "1"}))
-    (step,) = update_plan(ctx(app("one", env={"A": "2"})), applied(before))["steps"]
-    (was,) = [item for item in ros_app_objects(before) if item["kind"] == "Deployment"]
+    before = robot(app("one", env={"A": "1"}))
+    (step,) = update_plan(robot(app("one", env={"A": "2"})), applied(before))["steps"]
+    (was,) = [item for item in app_objects(before) if item["kind"] == "Deployment"]
     assert step["previous"]["one"] == was
 
 
 def test_an_app_that_is_not_there_yet_is_deleted_on_the_way_back() -> None:
-    (step,) = update_plan(ctx(app("one"), app("two")), applied(ctx(app("one"))))["steps"]
+    (step,) = update_plan(robot(app("one"), app("two")), applied(robot(app("one"))))["steps"]
     assert step["apps"] == ["two"]
     assert step["previous"] == {}
     assert [item["metadata"]["name"] for item in step["created"]] == ["two"]
@@ -60,8 +61,8 @@ def test_an_app_that_is_not_there_yet_is_deleted_on_the_way_back() -> None:
 
 
 def test_providers_come_before_their_users_and_the_master_before_all() -> None:
-    def fleet(image: str) -> dict[str, Any]:
-        return ctx(
+    def fleet(image: str) -> Robot:
+        return robot(
             app("user", image, depends_on=["sensor", "map"]),
             app("map", image, depends_on=["sensor"]),
             app("sensor", image),
@@ -73,8 +74,8 @@ def test_providers_come_before_their_users_and_the_master_before_all() -> None:
 
 
 def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> None:
-    def fleet(image: str) -> dict[str, Any]:
-        return ctx(
+    def fleet(image: str) -> Robot:
+        return robot(
             app("stats", image, depends_on=["sensor"], update={"group": "temperature"}),
             app("other", image),
             app("sensor", image, update={"group": "temperature"}),
@@ -87,8 +88,8 @@ def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> 
 
 
 def test_only_the_changed_apps_of_a_group_take_part() -> None:
-    def fleet(image: str) -> dict[str, Any]:
-        return ctx(app("a", image, update={"group": "g"}), app("b", update={"group": "g"}))
+    def fleet(image: str) -> Robot:
+        return robot(app("a", image, update={"group": "g"}), app("b", update={"group": "g"}))
 
     plan = update_plan(fleet("example.org/app:2"), applied(fleet("example.org/app:1.0")))
     assert step_names(plan) == [["a"]]
@@ -96,19 +97,19 @@ def test_only_the_changed_apps_of_a_group_take_part() -> None:
 
 
 def test_an_unknown_app_is_an_error_that_names_those_there_are() -> None:
-    wanted = ctx(app("one"))
+    wanted = robot(app("one"))
     with pytest.raises(SpecError, match="no app nine; it has ros-master, one"):
         update_plan(wanted, applied(wanted), only=["nine"])
 
 
 def test_only_limits_the_plan() -> None:
-    before, after = ctx(app("a"), app("b")), ctx(app("a", "x.org/a:2"), app("b", "x.org/a:2"))
+    before, after = robot(app("a"), app("b")), robot(app("a", "x.org/a:2"), app("b", "x.org/a:2"))
     assert step_names(update_plan(after, applied(before), only=["b"])) == [["b"]]
 
 
 def test_what_belongs_to_the_fleet_is_left_to_the_robot_whose_it_is() -> None:
-    def fleet(image: str) -> dict[str, Any]:
-        return ctx(
+    def fleet(image: str) -> Robot:
+        return robot(
             app("planner", image, scope="fleet"), app("one", image), master={"mode": "shared", "image": "x.org/ros:1"}
         )
 
@@ -118,13 +119,13 @@ def test_what_belongs_to_the_fleet_is_left_to_the_robot_whose_it_is() -> None:
 
 
 def test_a_deployment_that_the_inventory_does_not_know_is_named_and_left() -> None:
-    plan = update_plan(ctx(app("one")), applied(ctx(app("one"), app("old"))))
+    plan = update_plan(robot(app("one")), applied(robot(app("one"), app("old"))))
     assert plan["orphans"] == ["old"]
     assert plan["steps"] == []
 
 
 def test_a_step_that_was_cut_off_is_taken_up_again_and_goes_back_to_the_last_proven_version() -> None:
-    proven, wanted = ctx(app("one")), ctx(app("one", "x.org/a:2"))
+    proven, wanted = robot(app("one")), robot(app("one", "x.org/a:2"))
     live = marked(applied(wanted), "one")
     (step,) = update_plan(wanted, live, [update_map("one", [entry(proven, "one")])])["steps"]
     assert step["resume"]
@@ -134,15 +135,15 @@ def test_a_step_that_was_cut_off_is_taken_up_again_and_goes_back_to_the_last_pro
 
 
 def test_a_third_version_after_a_cut_off_step_is_a_new_step_from_the_proven_one() -> None:
-    proven, cut_off = ctx(app("one")), ctx(app("one", "x.org/a:2"))
+    proven, cut_off = robot(app("one")), robot(app("one", "x.org/a:2"))
     live = marked(applied(cut_off), "one")
-    (step,) = update_plan(ctx(app("one", "x.org/a:3")), live, [update_map("one", [entry(proven, "one")])])["steps"]
+    (step,) = update_plan(robot(app("one", "x.org/a:3")), live, [update_map("one", [entry(proven, "one")])])["steps"]
     assert not step["resume"]
     assert step["previous"]["one"] == entry(proven, "one")["deployment"]
 
 
 def test_back_to_the_previous_version() -> None:
-    old, new = ctx(app("one"), app("two")), ctx(app("one", "x.org/a:2"), app("two"))
+    old, new = robot(app("one"), app("two")), robot(app("one", "x.org/a:2"), app("two"))
     plan = rollback_plan(new, applied(new), [update_map("one", [entry(old, "one")])])
     assert step_names(plan) == [["one"]]
     assert plan["steps"][0]["to"]["one"]["image"] == "example.org/app:1.0"
@@ -150,7 +151,7 @@ def test_back_to_the_previous_version() -> None:
 
 
 def test_back_to_a_named_version() -> None:
-    first, second, third = (ctx(app("one", f"x.org/a:{number}")) for number in (1, 2, 3))
+    first, second, third = (robot(app("one", f"x.org/a:{number}")) for number in (1, 2, 3))
     history = [update_map("one", [entry(second, "one"), entry(first, "one")])]
     wanted = entry(first, "one")["revision"]
     plan = rollback_plan(third, applied(third), history, to=wanted)
@@ -158,28 +159,28 @@ def test_back_to_a_named_version() -> None:
 
 
 def test_back_from_an_old_version_is_the_newer_one_not_itself() -> None:
-    old, new = ctx(app("one")), ctx(app("one", "x.org/a:2"))
+    old, new = robot(app("one")), robot(app("one", "x.org/a:2"))
     history = [update_map("one", [entry(new, "one"), entry(old, "one")])]
     plan = rollback_plan(new, applied(old), history)
     assert plan["steps"][0]["to"]["one"]["image"] == "x.org/a:2"
 
 
 def test_no_way_back_is_unchanged_for_a_fleet_and_an_error_for_a_named_app() -> None:
-    wanted = ctx(app("one"))
+    wanted = robot(app("one"))
     assert rollback_plan(wanted, applied(wanted), [])["steps"] == []
     with pytest.raises(SpecError, match="app one has no previous revision to go back to; kept: none"):
         rollback_plan(wanted, applied(wanted), [], only=["one"])
 
 
 def test_an_unknown_revision_is_an_error_that_names_those_there_are() -> None:
-    old, new = ctx(app("one")), ctx(app("one", "x.org/a:2"))
+    old, new = robot(app("one")), robot(app("one", "x.org/a:2"))
     history = [update_map("one", [entry(old, "one")])]
     with pytest.raises(SpecError, match=rf"no revision 12345678 .* kept: {entry(old, 'one')['revision']} "):
         rollback_plan(new, applied(new), history, only=["one"], to="12345678")
 
 
 def test_what_somebody_else_applied_is_kept_without_the_servers_bookkeeping() -> None:
-    item = applied(ctx(app("one")))[-1]
+    item = applied(robot(app("one")))[-1]
     item["metadata"]["managedFields"][0]["manager"] = "kubectl"
     assert set(kept(item)["metadata"]) == {"name", "namespace", "labels", "annotations"}
     assert "status" not in kept(item)

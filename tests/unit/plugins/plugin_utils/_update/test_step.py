@@ -8,6 +8,7 @@ import json
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import update_plan
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     HISTORY_KEPT,
@@ -19,11 +20,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
-    ctx,
     entry,
     marked,
     update_map,
 )
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 URI = "http://10.42.0.7:4000/"
 
@@ -34,7 +35,7 @@ def step_of(before: dict[str, Any], after: dict[str, Any], updates: list[dict[st
 
 
 def sensor_step(**more: Any) -> Any:
-    return step_of(ctx(app("sensor", **more)), ctx(app("sensor", "x.org/a:2", **more)))
+    return step_of(robot(app("sensor", **more)), robot(app("sensor", "x.org/a:2", **more)))
 
 
 def node(**more: Any) -> dict[str, Any]:
@@ -113,8 +114,8 @@ def test_an_open_service_connection_is_a_warning() -> None:
 
 
 def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
-    def fleet(image: str) -> dict[str, Any]:
-        return ctx(
+    def fleet(image: str) -> Robot:
+        return robot(
             app(
                 "planner", image, pattern="action", readiness={"actions": ["plan"]},
                 update={"idle": ["/move_base", "/gone"]},
@@ -170,9 +171,9 @@ def test_the_mark_is_not_part_of_the_plan() -> None:
 
 
 def test_the_history_keeps_the_last_versions_each_once() -> None:
-    history = [entry(ctx(app("sensor", f"x.org/a:{number}")), "sensor") for number in range(10, 20)]
-    again = entry(ctx(app("sensor")), "sensor")
-    step = step_of(ctx(app("sensor")), ctx(app("sensor", "x.org/a:2")), [update_map("sensor", [again, *history])])
+    history = [entry(robot(app("sensor", f"x.org/a:{number}")), "sensor") for number in range(10, 20)]
+    again = entry(robot(app("sensor")), "sensor")
+    step = step_of(robot(app("sensor")), robot(app("sensor", "x.org/a:2")), [update_map("sensor", [again, *history])])
     kept = json.loads(applied_by(step, graph_of(step))[0]["data"]["history.json"])
     assert len(kept) == HISTORY_KEPT
     assert [item["revision"] for item in kept].count(again["revision"]) == 1
@@ -180,7 +181,7 @@ def test_the_history_keeps_the_last_versions_each_once() -> None:
 
 
 def test_a_step_taken_up_again_holds_to_the_contract_of_its_beginning() -> None:
-    proven, wanted = ctx(app("sensor")), ctx(app("sensor", "x.org/a:2"))
+    proven, wanted = robot(app("sensor")), robot(app("sensor", "x.org/a:2"))
     begun = step_of(proven, wanted)
     first = applied_by(begun, graph_of(begun))
     updates = [{"metadata": first[0]["metadata"], "data": first[0]["data"]}]
@@ -193,8 +194,8 @@ def test_a_step_taken_up_again_holds_to_the_contract_of_its_beginning() -> None:
 
 
 def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> None:
-    def fleet(image: str) -> dict[str, Any]:
-        return ctx(app("sensor", image), app("stats", image))
+    def fleet(image: str) -> Robot:
+        return robot(app("sensor", image), app("stats", image))
 
     first, second = update_plan(fleet("x.org/a:2"), applied(fleet("x.org/a:1")))["steps"]
     (publisher,), (subscriber,) = first["old_nodes"].values(), second["old_nodes"].values()
@@ -208,8 +209,8 @@ def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> N
 
 
 def test_the_masters_contract_is_everything_that_is_registered() -> None:
-    def fleet(image: str) -> dict[str, Any]:
-        return ctx(app("sensor"), master={"image": image})
+    def fleet(image: str) -> Robot:
+        return robot(app("sensor"), master={"image": image})
 
     step = step_of(fleet("x.org/ros:1"), fleet("x.org/ros:2"))
     other = sensor_step()

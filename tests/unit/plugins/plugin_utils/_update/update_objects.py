@@ -9,7 +9,9 @@ import json
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import ros_app_objects, ros_master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import kept
 
 
@@ -17,14 +19,10 @@ def app(name: str, image: str = "example.org/app:1.0", **more: Any) -> dict[str,
     return {"name": name, "image": image, "command": ["run"], "pattern": "pubsub", **more}
 
 
-def ctx(*apps: dict[str, Any], **more: Any) -> dict[str, Any]:
-    return {"robot": "robot1", "apps": list(apps), **more}
-
-
-def applied(context: dict[str, Any]) -> list[dict[str, Any]]:
+def applied(context: Robot) -> list[dict[str, Any]]:
     """The Deployments of a robot as the API shows them after they were applied."""
     found = []
-    for item in [*ros_master_objects(context), *ros_app_objects(context)]:
+    for item in [*master_objects(context), *app_objects(context)]:
         if item["kind"] == "Deployment":
             there = copy.deepcopy(item)
             there["metadata"]["managedFields"] = [
@@ -60,7 +58,7 @@ def update_map(name: str, history: list[dict[str, Any]]) -> dict[str, Any]:
     return {"metadata": {"name": f"{name}-update", "labels": labels}, "data": {"history.json": json.dumps(history)}}
 
 
-def entry(context: dict[str, Any], name: str) -> dict[str, Any]:
+def entry(context: Robot, name: str) -> dict[str, Any]:
     item = next(item for item in applied(context) if item["metadata"]["name"] == name)
     revision = item["spec"]["template"]["metadata"]["labels"][names.LABEL_REVISION]
     return {"revision": revision, "image": "?", "deployment": kept(item)}

@@ -12,17 +12,14 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import fleet_context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import (
-    fleet_images,
-    namespace_objects,
-    ros_app_objects,
-    ros_conditions,
-    ros_master_objects,
-    storage_objects,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import Report, check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import APP, FLEET_VARIABLES
@@ -221,14 +218,14 @@ def test_mutated_cases_are_refused_or_can_be_built() -> None:
                     refused += 1
                     continue
                 accepted += 1
-                ctx = fleet_context(mutated["variables"], robot)
-                ros_conditions(ctx)
-                fleet_images(ctx)
+                made = Robot.from_variables(mutated["variables"], robot)
+                graph_conditions(made)
+                images(made)
                 objects = [
-                    *namespace_objects(ctx),
-                    *storage_objects(ctx),
-                    *ros_master_objects(ctx),
-                    *ros_app_objects(ctx),
+                    *namespace_objects(made),
+                    *storage_objects(made),
+                    *master_objects(made),
+                    *app_objects(made),
                 ]
                 assert json.loads(json.dumps(objects)) == objects
     assert accepted > 100

@@ -1,0 +1,142 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every object of the collection has in common: labels, hashes, and the frame of a Deployment. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+
+Object = dict[str, Any]
+
+REVISION_HISTORY = 3
+PROGRESS_DEADLINE = 300  # seconds
+RECREATE_STRATEGY = {"type": "Recreate"}
+SELECTOR = ("app.kubernetes.io/name", names.LABEL_APP)
+
+
+def owner_labels(robot: str | None) -> dict[str, str]:
+    """Labels of what belongs to a robot; without one it is the whole fleet's."""
+    labels = {"app.kubernetes.io/managed-by": names.MANAGER}
+    return labels if robot is None else {**labels, names.LABEL_ROBOT: robot}
+
+
+def object_labels(name: str, robot: str | None) -> dict[str, str]:
+    """Labels of the objects of a workload, and of its pods."""
+    return {"app.kubernetes.io/name": name, names.LABEL_APP: name, **owner_labels(robot)}
+
+
+def pod_selector(name: str) -> dict[str, str]:
+    """The labels by which a workload and its Service find its pods."""
+    return dict.fromkeys(SELECTOR, name)
+
+
+def config_map(name: str, namespace: str, labels: Mapping[str, str], data: Mapping[str, str]) -> Object:
+    """A ConfigMap of text files, in order."""
+    metadata = {"name": name, "namespace": namespace, "labels": dict(labels)}
+    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": dict(sorted(data.items()))}
+
+
+def cluster_service(name: str, namespace: str, robot: str | None, port: int) -> Object:
+    """The Service in front of a workload's XML-RPC port."""
+    return {
+        "apiVersion": "v1",
+        "kind": "Service",
+        "metadata": {"name": name, "namespace": namespace, "labels": object_labels(name, robot)},
+        "spec": {
+            "type": "ClusterIP",
+            "selector": pod_selector(name),
+            "ports": [{"name": "xmlrpc", "port": port, "targetPort": port, "protocol": "TCP"}],
+        },
+    }
+
+
+def workload(  # noqa: PLR0913 - the parts of a Deployment in which ours differ
+    name: str,
+    namespace: str,
+    robot: str | None,
+    pod: Mapping[str, Any],
+    *,
+    kind: str = "Deployment",
+    strategy: Mapping[str, Any] = RECREATE_STRATEGY,
+    annotations: Mapping[str, str] | None = None,
+) -> Object:
+    """The Deployment (or DaemonSet) of one pod, without hashes; `annotations` are the pod's."""
+    spec: Object = {"revisionHistoryLimit": REVISION_HISTORY, "selector": {"matchLabels": pod_selector(name)}}
+    if kind == "Deployment":
+        spec |= {"replicas": 1, "progressDeadlineSeconds": PROGRESS_DEADLINE, "strategy": dict(strategy)}
+    else:
+        spec["updateStrategy"] = dict(strategy)
+    notes = {"annotations": dict(annotations)} if annotations else {}
+    spec["template"] = {"metadata": {"labels": object_labels(name, robot), **notes}, "spec": dict(pod)}
+    return {
+        "apiVersion": "apps/v1",
+        "kind": kind,
+        "metadata": {"name": name, "namespace": namespace, "labels": object_labels(name, robot)},
+        "spec": spec,
+    }
+
+
+def hashed(deployment: Object) -> Object:
+    """The Deployment with its pod template's hash in the template, and that of all of it in its own annotations."""
+    annotate(deployment["spec"]["template"])
+    return annotate(deployment)
+
+
+def annotate(item: Object) -> Object:
+    """Write the hash of an object, or of a pod template, into its annotations; what is changed is given back."""
+    digest = canonical_hash(item)
+    metadata = item["metadata"]
+    metadata["annotations"] = {**(metadata.get("annotations") or {}), names.ANNOTATION_HASH: digest}
+    return item
+
+
+def pod_spec(
+    containers: Sequence[Mapping[str, Any]],
+    volumes: Sequence[Mapping[str, Any]] = (),
+    pull_secrets: Sequence[str] = (),
+    **more: Any,
+) -> Object:
+    """A pod without access to the API. Without the last field every Service of its namespace becomes variables."""
+    spec: Object = {**more, "automountServiceAccountToken": False, "enableServiceLinks": False}
+    spec["containers"] = list(containers)
+    if volumes:
+        spec["volumes"] = list(volumes)
+    if pull_secrets:
+        spec["imagePullSecrets"] = [{"name": name} for name in pull_secrets]
+    return spec
+
+
+def node_selector(placement: str, robot: str) -> dict[str, str]:
+    """`local` is the robot itself, `remote` any edge host."""
+    return {names.LABEL_ROBOT: robot} if placement == "local" else {names.LABEL_PLACEMENT: "remote"}
+
+
+def mount(name: str, path: str, read_only: bool = False) -> Object:
+    """A container's mount of a pod's volume."""
+    return {"name": name, "mountPath": path, **({"readOnly": True} if read_only else {})}
+
+
+def variable(name: str, value: str) -> Object:
+    """A container's environment variable."""
+    return {"name": name, "value": value}
+
+
+def field_variable(name: str, path: str) -> Object:
+    """An environment variable that Kubernetes fills from the pod's own fields."""
+    return {"name": name, "valueFrom": {"fieldRef": {"fieldPath": path}}}
+
+
+def exec_probe(command: Sequence[str]) -> Object:
+    """A readiness probe; Kubernetes' default time-out of 1 s is too short for a python3 start on a loaded robot."""
+    return {"exec": {"command": list(command)}, "periodSeconds": 2, "timeoutSeconds": 5, "failureThreshold": 3}
+
+
+def canonical_hash(value: Any) -> str:
+    """SHA-256 of the value as JSON with sorted keys and no blanks."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()

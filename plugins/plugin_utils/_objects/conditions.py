@@ -1,0 +1,50 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the ROS graph of a robot must show when all its apps are up. Pure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Readiness, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
+
+
+def graph_conditions(robot: Robot) -> dict[str, Any]:
+    """Options of ros_ready, every name in full.
+
+    `{nodes, topics, services, actions, absent, timeout, interval, consecutive}`, and `master_uri` for an external
+    master only: the address of a master in the cluster is known to the cluster (its Service), not to the inventory.
+    """
+    conditions: dict[str, Any] = {key: [] for key in ("nodes", "topics", "services", "actions", "absent")}
+    for app in robot.apps:
+        for kind, items in _app_conditions(app, robot).items():
+            conditions[kind] += [item for item in items if item not in conditions[kind]]
+    ready = [app.readiness for app in robot.apps] or [Readiness()]
+    conditions["timeout"] = max(item.timeout for item in ready)
+    conditions["interval"] = min(item.interval for item in ready)
+    conditions["consecutive"] = max(item.consecutive for item in ready)
+    if robot.master.mode == "external":
+        conditions["master_uri"] = robot.master.uri
+    return conditions
+
+
+def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:
+    metadata = app_deployment(app, robot)["spec"]["template"]["metadata"]
+    node, stable = metadata["annotations"][names.ANNOTATION_NODE], context.graph_node(app, robot)
+    readiness = app.readiness
+
+    def resolve(name: str) -> str:
+        # a private name that is remapped stays below the stable name, the others follow the revision's
+        owner = stable if name.startswith("~") and name[1:].lstrip("/") in app.private_names else node
+        return names.resolve_graph_name(name, context.graph_namespace(app, robot), owner)
+
+    return {
+        "nodes": [node] if readiness.nodes else [],
+        "topics": [{**item, "name": resolve(item["name"])} for item in readiness.topics],
+        "services": [{**item, "name": resolve(item["name"])} for item in readiness.services],
+        "actions": [{**item, "name": resolve(item["name"])} for item in readiness.actions],
+        "absent": [resolve(name) for name in readiness.absent],
+    }

@@ -1,0 +1,100 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot's namespace and its claims. Pure and deterministic; no I/O, no clock, no random.
+
+What is the whole fleet's (namespace `fleet`: a shared master, apps of scope `fleet`) comes out of every robot, the same
+bytes each time: applying it again is no change, and no robot's absence keeps it from existing.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from typing import Any, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, Volume
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, owner_labels
+
+
+def namespace_objects(robot: Robot) -> list[Object]:
+    """The robot's namespace with quota and limits; the namespace `fleet` where the robot needs it."""
+    objects = [_namespace(robot.namespace, robot.name)]
+    if robot.quota:
+        quota = {"hard": _texts(robot.quota)}
+        objects.append(_object("v1", "ResourceQuota", robot.namespace, robot.name, spec=quota))
+    if robot.limits:
+        limits = [{"type": "Container", **{key: _texts(value) for key, value in robot.limits.items()}}]
+        objects.append(_object("v1", "LimitRange", robot.namespace, robot.name, spec={"limits": limits}))
+    if needs_fleet_namespace(robot):
+        objects.append(_namespace(names.FLEET_NAMESPACE, None))
+    return objects
+
+
+def pull_secret_objects(robot: Robot, pull_secrets: Sequence[Mapping[str, Any]]) -> list[Object]:
+    """Registry credentials (robot_namespace_pull_secrets) as Secrets, wherever pods of the robot run.
+
+    An item without `registry` names a Secret that somebody else keeps there.
+    """
+    owners: dict[str, str | None] = {robot.namespace: robot.name}
+    if needs_fleet_namespace(robot):
+        owners[names.FLEET_NAMESPACE] = None
+    kind = "kubernetes.io/dockerconfigjson"
+    return [
+        _object("v1", "Secret", namespace, owner, secret["name"], type=kind, data={".dockerconfigjson": login})
+        for namespace, owner in owners.items()
+        for secret in pull_secrets
+        if secret.get("registry")
+        for login in [_docker_config(secret)]
+    ]
+
+
+def storage_objects(robot: Robot) -> list[Object]:
+    """A claim `<name>-pvc` per volume, in the namespace of the apps that mount it (the robot's if none does)."""
+    users: dict[str, list[str]] = {}
+    for app in robot.apps:
+        for mount in app.volumes:
+            users.setdefault(mount.name, []).append(context.namespace_of(app, robot))
+    return [
+        _claim(volume, namespace, None if namespace == names.FLEET_NAMESPACE else robot.name)
+        for volume in robot.volumes
+        for namespace in dict.fromkeys(users.get(volume.name) or [robot.namespace])
+    ]
+
+
+def needs_fleet_namespace(robot: Robot) -> bool:
+    """Whether something of this robot lives in the namespace `fleet`."""
+    return robot.master.mode == "shared" or any(app.scope == "fleet" for app in robot.apps)
+
+
+def _namespace(name: str, robot: str | None) -> Object:
+    return {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": name, "labels": owner_labels(robot)}}
+
+
+def _object(api: str, kind: str, namespace: str, robot: str | None, name: str = "robot", **body: Any) -> Object:
+    metadata = {"name": name, "namespace": namespace, "labels": owner_labels(robot)}
+    return {"apiVersion": api, "kind": kind, "metadata": metadata, **body}
+
+
+def _claim(volume: Volume, namespace: str, robot: str | None) -> Object:
+    spec: Object = {
+        "accessModes": [volume.access_mode],
+        "resources": {"requests": {"storage": str(volume.size)}},
+    }
+    if volume.storage_class is not None:
+        spec["storageClassName"] = volume.storage_class
+    return _object("v1", "PersistentVolumeClaim", namespace, robot, names.claim_name(volume.name), spec=spec)
+
+
+def _docker_config(secret: Mapping[str, Any]) -> str:
+    """The file that `docker login` writes, base64 as Kubernetes wants it in `data`."""
+    user, password = str(secret["username"]), str(secret["password"])
+    auth = base64.b64encode(f"{user}:{password}".encode()).decode()
+    config = {"auths": {secret["registry"]: {"username": user, "password": password, "auth": auth}}}
+    return base64.b64encode(json.dumps(config, sort_keys=True).encode()).decode()
+
+
+def _texts(quantities: Mapping[str, Any]) -> dict[str, str]:
+    """Quantities as text: `2` and `"2"` are the same to Kubernetes, but not to a comparison with what it stores."""
+    return {str(key): str(value) for key, value in quantities.items()}

@@ -1,0 +1,91 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot's defaults, and its way through a fact."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import (
+    App,
+    Master,
+    Robot,
+    UpdateSettings,
+    Volume,
+)
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+CASES = {
+    path.stem: yaml.safe_load(path.read_text("utf-8"))
+    for path in sorted((Path(__file__).resolve().parents[3] / "golden" / "cases").glob("*.yml"))
+}
+APP = {"name": "talker", "image": "example.org/talker:1.0"}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=list(CASES))
+def test_a_robot_survives_its_way_through_a_fact(case: dict[str, Any]) -> None:
+    made = Robot.from_variables(case["variables"], case["robot"])
+    fact = json.loads(json.dumps(made.as_dict()))
+    assert fact == made.as_dict()
+    assert Robot.from_dict(fact) == made
+
+
+def test_every_field_survives() -> None:
+    """Each one away from its default, so that none can be lost and filled in again."""
+    made = robot(
+        {
+            **APP, "handoff": "replace", "node_name": "n", "command": ["c"], "args": ["a"], "env": {"A": True, "B": 1},
+            "placement": "local", "scope": "fleet", "pattern": "service", "private_names": ["~p"],
+            "volumes": [{"name": "v", "mount_path": "/m", "read_only": True}], "hooks": False,
+            "readiness": {
+                "command": ["r"], "nodes": False, "topics": [{"name": "t", "min_rate": 2}], "services": ["s"],
+                "actions": ["a"], "absent": ["x"], "timeout": 1, "interval": 0.1, "consecutive": 2,
+            },
+            "depends_on": ["o", "o"], "update": {"group": "g", "idle": ["i"], "on_busy": "defer"},
+            "drain_deadline": 0, "termination_grace_period": 1, "resources": {"limits": {"cpu": 1}},
+            "devices": ["/dev/x"], "host_network": True, "overrides": {"spec": None},
+            "host_paths": [{"path": "/data", "read_only": False}],
+        },
+        mode="standalone",
+        volumes=[{"name": "v", "size": "2Gi", "storage_class": "c", "mountPath": "/p", "access_mode": "ReadOnlyMany"}],
+        master={"mode": "external", "image": "i", "uri": "http://x:1", "placement": "remote", "overrides": {"a": 1}},
+        quota={"pods": 2},
+        limits={"max": {"cpu": 2}},
+        pull_secrets=[{"name": "login", "registry": "r", "username": "u", "password": "hush"}],
+    )  # fmt: skip
+    fact = json.loads(json.dumps(made.as_dict()))
+    assert Robot.from_dict(fact) == made
+    for item in (made, made.apps[0], made.apps[0].readiness, made.apps[0].update, made.master, made.volumes[0]):
+        for field in dataclasses.fields(item):
+            assert getattr(item, field.name) != field.default, field.name
+    assert made.apps[0].depends_on == ("o",)
+    assert made.apps[0].env == {"A": "true", "B": "1"}
+    assert "hush" not in json.dumps(fact)
+
+
+def test_a_robot_of_nothing_but_defaults() -> None:
+    made = robot(APP, volumes=[{"name": "v"}])
+    assert (made.namespace, made.mode) == ("robot-robot1", "agent")
+    assert made.master == Master("robot", "ros:noetic-ros-core", "", "local", {})
+    assert made.volumes == (Volume("v", "/mnt/data/v", "1Gi", None, "ReadWriteOnce"),)
+    assert made.apps == (App("talker", "example.org/talker:1.0", "replace", "talker"),)
+    assert made.apps[0].update == UpdateSettings(None, (), None)
+    assert robot(master={"mode": "shared"}).master.placement == "remote"
+
+
+@pytest.mark.parametrize("nothing", [None, ""])
+def test_null_and_the_empty_text_stand_for_the_default(nothing: Any) -> None:
+    master = dict.fromkeys(("mode", "image", "uri", "placement", "overrides"), nothing)
+    assert robot({**APP, "handoff": nothing}, master=master) == robot(APP)
+
+
+def test_an_app_is_found_by_its_name() -> None:
+    made = robot(APP, {**APP, "name": "other"})
+    assert made.app("other") is made.apps[1]
+    with pytest.raises(KeyError):
+        made.app("nobody")

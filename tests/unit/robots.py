@@ -1,0 +1,28 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Robots for tests, from what an inventory would say."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+
+
+def robot(
+    *apps: Mapping[str, Any],
+    name: str = "robot1",
+    mode: str | None = None,
+    volumes: Sequence[Mapping[str, Any]] = (),
+    master: Mapping[str, Any] | None = None,
+    **namespace: Any,
+) -> Robot:
+    """A robot with these items of ros_apps; `master` is ros_master_*, `namespace` are robot_namespace_*."""
+    variables = {
+        "robot_mode": mode,
+        "ros_apps": list(apps),
+        "persistent_storage": {"volumes": list(volumes)},
+        **{f"ros_master_{key}": value for key, value in (master or {}).items()},
+        **{f"robot_namespace_{key}": value for key, value in namespace.items()},
+    }
+    return Robot.from_variables(variables, name)
