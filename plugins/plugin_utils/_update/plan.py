@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
@@ -273,7 +274,7 @@ def _actions(robot: Robot, apps: Sequence[App], which: str) -> list[str]:
         else:
             given = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
         namespace, node = context.graph_namespace(app, robot), context.graph_node(app, robot)
-        found += [names.resolve_graph_name(name, namespace, node) for name in given]
+        found += [resolve(name, namespace, node) for name in given]
     return list(dict.fromkeys(found))
 
 
