@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from typing import Any, Callable, Mapping, Protocol
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
@@ -92,7 +92,7 @@ class Lease:
     def _write(self, way: Callable[[Object], Object], found: Object, holder: str | None = None) -> Hold:
         """Write it with us (or nobody) as the holder. Whoever was faster has it: then that is the answer."""
         was = found.get("spec") or {}
-        time_now = datetime.fromtimestamp(self._wall(), timezone.utc).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        time_now = datetime.fromtimestamp(self._wall(), UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
         ours = was.get("holderIdentity") == self._holder
         spec = {
             **was,
