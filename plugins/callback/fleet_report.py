@@ -53,7 +53,6 @@ requirements:
 
 import functools
 import json
-import os
 import time
 from pathlib import Path
 from typing import Any, Callable
@@ -70,6 +69,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UNCHANGED,
     UPDATED,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, write
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
     HIDDEN,
     RunReport,
@@ -215,17 +215,10 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
             self._display.display(line, color=(hosts[number] or None) if number < len(hosts) else None)
 
     def _write(self, report: dict[str, Any]) -> None:
-        path = self._path()
+        path = placed(str(self.get_option("path") or ""))
         if path is None:
             return
-        path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(report, indent=2, default=str) + "\n"
         for place in paths_of(path, report):
-            unfinished = place.with_name(f".{place.name}.{os.getpid()}")
-            unfinished.write_text(json.dumps(report, indent=2, default=str) + "\n", encoding="utf-8")
-            unfinished.replace(place)  # a reader never sees half a report
+            write(place, text)
         self._display.display(f"report: {path}")
-
-    def _path(self) -> Path | None:
-        given = str(self.get_option("path") or "")
-        base = Path(C.CONFIG_FILE).parent if C.CONFIG_FILE else Path.cwd()
-        return base / Path(given).expanduser() if given else None

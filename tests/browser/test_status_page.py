@@ -15,8 +15,8 @@ from typing import Any
 
 import chromium
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.html import status_html
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import fleet_status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
 
 HERE = Path(__file__).resolve().parent
 SHOTS = HERE.parent / "output" / "browser"
@@ -50,10 +50,9 @@ FAINT = """
   };
   return [...document.querySelectorAll('body *')].filter(one =>
     [...one.childNodes].some(node => node.nodeType === 3 && node.data.trim())
-    && !['title', 'desc'].includes(one.localName)
   ).map(one => {
     const style = getComputedStyle(one);
-    const [a, b] = [light(one.closest('svg') ? style.fill : style.color), light(behind(one))].sort((x, y) => y - x);
+    const [a, b] = [light(style.color), light(behind(one))].sort((x, y) => y - x);
     return [(a + 0.05) / (b + 0.05), one.outerHTML.slice(0, 80)];
   }).filter(([ratio]) => ratio < 4.5);
 })()
@@ -99,7 +98,7 @@ def large(robots: int = 60, topics: int = 12) -> dict[str, Any]:
 
 MODELS = {
     "fleet": recorded,
-    "empty": lambda: fleet_status({}),
+    "empty": lambda: status_rows({}, {}, {}),
     "hostile": lambda: {key: hostile(rows) for key, rows in recorded().items()},
     "large": large,
 }
@@ -108,7 +107,7 @@ MODELS = {
 def written(name: str) -> Path:
     SHOTS.mkdir(parents=True, exist_ok=True)
     file = SHOTS / f"{name}.html"
-    file.write_text(status_html(MODELS[name](), MADE), encoding="utf-8")
+    file.write_text(status_page(MODELS[name](), MADE), encoding="utf-8")
     return file
 
 
@@ -132,13 +131,15 @@ def test_what_is_seen_of_the_fleet(browser: chromium.Chromium) -> None:
     text = browser.evaluate("document.body.innerText")
     for words in ("host robot2: offline", "add-two-ints-client", "498 Hz", "deferred-offline", "/temperature_5790328c"):
         assert words in text
-    drawn = browser.evaluate(
-        "[...document.querySelectorAll('svg.plot rect:not(.track)')].map(one => one.getBoundingClientRect().width)"
-    )
+    widths = "[...document.querySelectorAll('{}')].map(one => one.getBoundingClientRect().width)"
+    drawn = browser.evaluate(widths.format(".track i"))
     assert len(drawn) > 20 and max(drawn) > 100
     # the longest step's phases, of 20 s on the axis
-    track = browser.evaluate("document.querySelector('svg.plot .track').getBoundingClientRect().width")
+    track = min(browser.evaluate(widths.format(".track")))
     assert track > 250
+    longest = "[...document.querySelectorAll('.bars li')].find(one => one.innerText.includes('19.7 s'))"
+    phases = f"[...{longest}.querySelectorAll('.track i')].map(one => one.getBoundingClientRect().width)"
+    assert sum(browser.evaluate(phases)) == pytest.approx(track * 19.7 / 20, abs=2)
 
 
 def test_tables_stay_tables_on_a_phone(browser: chromium.Chromium) -> None:

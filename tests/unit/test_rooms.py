@@ -17,8 +17,6 @@ PENDING = (
     "plugins/modules/fleet_config.py: imports ",
     "plugins/modules/rollout_ready.py: imports plugins.plugin_utils.",
     "plugins/plugin_utils/_model/secrets.py: imports plugins.plugin_utils._validate.",
-    "plugins/plugin_utils/_update/events.py: imports plugins.plugin_utils._report.",
-    "plugins/plugin_utils/_update/outcome.py: imports plugins.plugin_utils._report.",
 )
 
 

@@ -11,7 +11,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 
 Row = Dict[str, Any]
-Status = Mapping[str, Sequence[Mapping[str, Any]]]
+Rows = Sequence[Mapping[str, Any]]
+Status = Mapping[str, Rows]  # by section
 
 OK, WARN, BAD = "ok", "warn", "bad"
 NEARLY_FULL = 0.9

@@ -1,13 +1,16 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stands, as plain rows, from raw Kubernetes objects and the graphs that ros_graph_info returns. Pure.
+"""How the fleet stands, as plain rows: from Kubernetes objects, the graphs that ros_graph_info returns, and the JSON
+files that the callback fleet_report has written. Pure.
 
-A part that is missing (a robot that is off, a cluster that does not answer) leaves its section short.
+A part that is missing (a robot that is off, a cluster that does not answer) leaves its section short. Of reports there
+may be none, several (one per playbook or kept by hand), and spoilt ones; each host's newest run counts.
 """
 
 from __future__ import annotations
 
+import json
 from typing import Any, Dict, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
@@ -19,7 +22,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     why_not_ready,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.outcomes import outcome_rows, read_reports, step_rows
 
 Row = Dict[str, Any]
 
@@ -28,6 +30,8 @@ BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.k
 ROLE_LABEL = "node-role.kubernetes.io/"
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
 SHARED = "(shared)"
+# Runs that only look. Whoever looks twice still wants to know what became of the last change.
+LOOKING = frozenset({"status.yml", "validate.yml"})
 
 
 def _labels(obj: Mapping[str, Any]) -> dict[str, str]:
@@ -194,22 +198,102 @@ def graph_rows(graphs: Mapping[str, Mapping[str, Any]]) -> tuple[list[Row], list
     return nodes, topics
 
 
-def fleet_status(sources: Mapping[str, Any]) -> dict[str, list[Row]]:
-    """Rows of everything. Every source may be missing; hosts are rows already."""
-    nodes = node_rows(sources.get("nodes") or [])
-    masters, apps = workload_rows(sources.get("deployments") or [], sources.get("pods") or [])
-    ros_nodes, topics = graph_rows(sources.get("graphs") or {})
-    reports, unreadable = read_reports(sources.get("reports") or {})
+def read_reports(texts: Mapping[str, str]) -> tuple[list[Row], list[Row]]:
+    """Reports of runs that may have changed something, the oldest first, and what cannot be read. By file name."""
+    found: list[Row] = []
+    problems: list[Row] = []
+    for name, text in sorted(texts.items()):
+        try:
+            report = json.loads(text)
+            hosts = [dict(host) for host in report["hosts"]]
+            looking = report["check_mode"] or report["playbook"] in LOOKING
+            kept = {"playbook": str(report["playbook"]), "started": str(report["started"]), "hosts": hosts}
+            _rows = outcome_rows([kept]), step_rows([kept])  # one that cannot be shown must not keep the others from it
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            problems.append({"where": name, "what": f"not a report of fleet_report ({type(error).__name__})"})
+            continue
+        if not looking:
+            found.append(kept)
+    return sorted(found, key=lambda report: str(report["started"])), problems
+
+
+def outcome_rows(reports: Iterable[Mapping[str, Any]]) -> list[Row]:
+    """What the newest run that had the host made of it."""
+    rows: dict[str, Row] = {}
+    for report in reports:
+        for host in report["hosts"]:
+            name, lines = str(host.get("host", "")), str(host.get("reason") or "").strip().splitlines()
+            note = " ".join(line.strip() for line in lines[:2])
+            failed = host.get("failed_task")
+            rows[name] = {
+                "host": name,
+                "outcome": str(host.get("outcome", "")),
+                "playbook": report["playbook"],
+                "started": report["started"],
+                "changed": len(host.get("changed") or []),
+                "note": f"{failed}: {note}" if failed else note,
+            }
+    return [rows[name] for name in sorted(rows)]
+
+
+def step_rows(reports: Iterable[Mapping[str, Any]]) -> list[Row]:
+    """The steps of each robot's newest run that had any, in their order."""
+    newest: dict[str, list[Row]] = {}
+    for report in reports:
+        for host in report["hosts"]:
+            steps = [_step(str(host.get("host", "")), step) for step in host.get("steps") or []]
+            if steps:
+                newest[steps[0]["robot"]] = steps
+    return [step for robot in sorted(newest) for step in newest[robot]]
+
+
+def _step(robot: str, step: Mapping[str, Any]) -> Row:
+    phases = {str(name): float(seconds) for name, seconds in (step.get("phases") or {}).items()}
     return {
-        "problems": [*(dict(row) for row in sources.get("problems") or []), *unreadable],
-        "hosts": [dict(host) for host in sources.get("hosts") or []],
+        "robot": robot,
+        "id": str(step.get("id") or ""),
+        "name": str(step.get("name", "")),
+        "handoff": str(step.get("handoff", "")),
+        "outcome": str(step.get("outcome", "")),
+        "from": _versions(step.get("from")),
+        "to": _versions(step.get("to")),
+        "seconds": round(sum(phases.values()), 3),
+        "busy_wait": float(step.get("busy_wait") or 0),
+        "phases": phases,
+        "note": str(step.get("reason") or ""),
+    }
+
+
+def _versions(apps: Any) -> list[str]:
+    """`image (revision)` of each app of the step."""
+    versions = [version for version in (apps or {}).values() if isinstance(version, Mapping)]
+    return [f"{version.get('image', '')} ({version.get('revision', '')})" for version in versions]
+
+
+def cluster_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mapping[str, int]) -> dict[str, list[Row]]:
+    """What the clusters hold, from their objects by kind. `usage`: bytes used, by `<namespace>/<claim>`."""
+    nodes = node_rows(objects.get("Node", ()))
+    masters, apps = workload_rows(objects.get("Deployment", ()), objects.get("Pod", ()))
+    return {
         "nodes": nodes,
         "placement": placement_rows(nodes, [*masters, *apps]),
         "masters": masters,
         "apps": apps,
+        "claims": claim_rows(objects.get("PersistentVolumeClaim", ()), usage),
+    }
+
+
+def status_rows(
+    fleet: Mapping[str, Iterable[Row]], graphs: Mapping[str, Mapping[str, Any]], reports: Mapping[str, str]
+) -> dict[str, list[Row]]:
+    """All sections: hosts, problems and what the clusters hold (`fleet`), ROS graphs by robot, texts of reports."""
+    ros_nodes, topics = graph_rows(graphs)
+    found, unreadable = read_reports(reports)
+    return {
+        "problems": [*fleet.get("problems", ()), *unreadable],
+        **{key: list(fleet.get(key, ())) for key in ("hosts", "nodes", "placement", "masters", "apps", "claims")},
         "ros_nodes": ros_nodes,
         "topics": topics,
-        "claims": claim_rows(sources.get("claims") or [], sources.get("usage") or {}),
-        "outcomes": outcome_rows(reports),
-        "steps": step_rows(reports),
+        "outcomes": outcome_rows(found),
+        "steps": step_rows(found),
     }

@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UNCHANGED,
     UPDATED,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.table import table
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import table
 
 # In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words above.
 WOULD = {UPDATED: "would change", UNCHANGED: "would not change"}

@@ -145,10 +145,13 @@ def test_an_empty_path_writes_none(callback: Any, tmp_path: Path, monkeypatch: p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_relative_path_starts_at_the_configuration(callback: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_relative_path_starts_at_the_configuration(
+    callback: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(callback, "get_option", lambda _name: "reports/fleet-report.json")
-    monkeypatch.setattr(constants, "CONFIG_FILE", "/project/ansible.cfg", raising=False)
-    assert callback._path() == Path("/project/reports/fleet-report.json")
+    monkeypatch.setattr(constants, "CONFIG_FILE", str(tmp_path / "ansible.cfg"), raising=False)
+    callback.v2_playbook_on_stats(stats(robot1="ok"))
+    assert (tmp_path / "reports" / "fleet-report-site.json").exists()
 
 
 def test_a_later_look_does_not_hide_what_an_update_did(tmp_path: Path) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 
-from ansible_collections.rosops.fleet.plugins.filter import status_html, update_events, update_step_id
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import fleet_status
+from ansible_collections.rosops.fleet.plugins.filter import update_events, update_step_id
 
 STARTED = 1795252087.347614
 STEP = {"name": "a", "apps": ["a"], "handoff": "overlap", "outcome": "updated", "started": STARTED}
@@ -15,8 +14,3 @@ def test_an_event_has_the_id_that_the_step_was_given() -> None:
     made = update_events.FilterModule().filters()["update_events"]([STEP], "robot1")
     [event] = json.loads(made["data"]["updates.json"])["updates"]
     assert event["id"] == update_step_id.FilterModule().filters()["update_step_id"]("robot1", ["a"], str(STARTED))
-
-
-def test_a_page_of_nothing_is_a_page() -> None:
-    page = status_html.FilterModule().filters()["status_html"](fleet_status({}), "2026-01-01 00:00 UTC")
-    assert page.startswith("<!DOCTYPE html>")

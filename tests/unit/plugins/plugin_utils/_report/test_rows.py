@@ -1,15 +1,16 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rows of raw objects, and the page that they make."""
+"""Rows of raw objects, graphs and reports, and the page of text that they make."""
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import fleet_status
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import size_words, status_table
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows, nodes_off, status_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import size_words, status_text
 
 
 def node(name: str, ready: str = "True", **labels: str) -> Object:
@@ -127,6 +128,13 @@ SOURCES: dict[str, Any] = {
 }
 
 
+def fleet_status(sources: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    kinds = {"Node": "nodes", "Deployment": "deployments", "Pod": "pods", "PersistentVolumeClaim": "claims"}
+    found = {kind: sources[key] for kind, key in kinds.items() if key in sources}
+    fleet = {"hosts": sources.get("hosts", []), **cluster_rows(found, sources.get("usage", {}))}
+    return status_rows(fleet, sources.get("graphs", {}), {})
+
+
 def test_nodes() -> None:
     assert fleet_status(SOURCES)["nodes"] == [
         {
@@ -213,8 +221,8 @@ def test_claims() -> None:
 
 def test_nothing_found() -> None:
     assert all(rows == [] for rows in fleet_status({}).values())
-    assert all(rows == [] for rows in fleet_status(dict.fromkeys(SOURCES)).values())
-    assert status_table(fleet_status({})).count("  none") == 8
+    assert status_rows({}, {}, {}) == fleet_status({})
+    assert status_text(fleet_status({})).count("  none") == 8
 
 
 PAGE = """\
@@ -259,17 +267,17 @@ CLAIMS
 
 
 def test_the_page() -> None:
-    assert status_table(fleet_status(SOURCES), width=110) == PAGE
+    assert status_text(fleet_status(SOURCES), width=110) == PAGE
 
 
 @pytest.mark.parametrize("width", [80, 100, 120])
 def test_the_page_fits(width: int) -> None:
-    assert max(map(len, status_table(fleet_status(SOURCES), width).splitlines())) <= width
+    assert max(map(len, status_text(fleet_status(SOURCES), width).splitlines())) <= width
 
 
 def test_a_missing_section_is_left_out() -> None:
-    assert status_table({"hosts": []}) == "HOSTS\n  none\n"
-    assert status_table({}) == ""
+    assert status_text({"hosts": []}) == "HOSTS\n  none\n"
+    assert status_text({}) == ""
 
 
 @pytest.mark.parametrize(
@@ -277,3 +285,121 @@ def test_a_missing_section_is_left_out() -> None:
 )
 def test_sizes(count: int | None, words: str) -> None:
     assert size_words(count) == words
+
+
+def test_a_node_is_off_unless_it_says_that_it_is_ready() -> None:
+    def said(name: str, *conditions: tuple[str, str]) -> Object:
+        status = {"conditions": [{"type": kind, "status": status} for kind, status in conditions]}
+        return {"metadata": {"name": name}, "status": status}
+
+    nodes = [
+        said("on", ("DiskPressure", "False"), ("Ready", "True")),
+        said("away", ("Ready", "Unknown")),
+        said("broken", ("DiskPressure", "True"), ("Ready", "False")),
+        said("new"),
+    ]
+    assert nodes_off(nodes) == ["away", "broken", "new"]
+    assert nodes_off([]) == []
+
+
+# --- reports --------------------------------------------------------------------------------------------------------
+
+STEP = {
+    "id": "0123456789ab",
+    "name": "temperature",
+    "apps": ["temperature"],
+    "handoff": "overlap",
+    "from": {"temperature": {"image": "lab/apps:1.0", "revision": "1793ed6c"}},
+    "to": {"temperature": {"image": "lab/apps:1.1", "revision": "3f0e725c"}},
+    "phases": {"gate": 1.0, "apply": 7.5},
+    "busy_wait": 0,
+    "outcome": "updated",
+    "reason": "",
+}
+
+
+def host(name: str, outcome: str = "updated", *steps: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"host": name, "outcome": outcome, "reason": "", "changed": ["a"], "steps": list(steps), **more}
+
+
+def report(playbook: str, started: str, *hosts: dict[str, Any], check_mode: bool = False) -> str:
+    return json.dumps({"playbook": playbook, "check_mode": check_mode, "started": started, "hosts": list(hosts)})
+
+
+def status(**reports: str) -> dict[str, list[dict[str, Any]]]:
+    return status_rows({}, {}, reports)
+
+
+def test_each_hosts_newest_run_counts() -> None:
+    found = status(
+        a=report("update.yml", "2026-01-02T00:00:00Z", host("robot1", "rolled-back", reason="half\nthe rate\nmore")),
+        b=report("site.yml", "2026-01-01T00:00:00Z", host("robot1"), host("robot2", "failed", failed_task="Apply")),
+    )
+    assert [(row["host"], row["outcome"], row["playbook"], row["note"]) for row in found["outcomes"]] == [
+        ("robot1", "rolled-back", "update.yml", "half the rate"),
+        ("robot2", "failed", "site.yml", "Apply: "),
+    ]
+    assert found["problems"] == []
+
+
+@pytest.mark.parametrize(
+    ("playbook", "check_mode"), [("status.yml", False), ("validate.yml", False), ("site.yml", True)]
+)
+def test_a_run_that_only_looked_hides_nothing(playbook: str, check_mode: bool) -> None:
+    found = status(
+        a=report("update.yml", "2026-01-01T00:00:00Z", host("robot1", "updated", STEP)),
+        b=report(playbook, "2026-01-02T00:00:00Z", host("robot1", "unchanged"), check_mode=check_mode),
+    )
+    assert [(row["outcome"], row["playbook"]) for row in found["outcomes"]] == [("updated", "update.yml")]
+
+
+def test_the_steps_of_the_last_update_stay_when_later_runs_had_none() -> None:
+    found = status(
+        a=report("update.yml", "2026-01-01T00:00:00Z", host("robot1", "updated", STEP)),
+        b=report("update.yml", "2026-01-02T00:00:00Z", host("robot1", "unchanged")),
+    )
+    assert [row["outcome"] for row in found["outcomes"]] == ["unchanged"]
+    assert found["steps"] == [
+        {
+            "robot": "robot1",
+            "id": "0123456789ab",
+            "name": "temperature",
+            "handoff": "overlap",
+            "outcome": "updated",
+            "from": ["lab/apps:1.0 (1793ed6c)"],
+            "to": ["lab/apps:1.1 (3f0e725c)"],
+            "seconds": 8.5,
+            "busy_wait": 0.0,
+            "phases": {"gate": 1.0, "apply": 7.5},
+            "note": "",
+        }
+    ]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "no JSON", "[]", "{}", '{"hosts": [1], "check_mode": false, "playbook": "a"}', "1"]
+)
+def test_a_spoilt_report_is_said_and_hides_no_other(text: str) -> None:
+    good = report("update.yml", "2026-01-01T00:00:00Z", host("robot1", "updated", STEP))
+    found = status(**{"fleet-report.json": text, "good": good})
+    assert [row["where"] for row in found["problems"]] == ["fleet-report.json"]
+    assert [row["host"] for row in found["outcomes"]] == ["robot1"]
+
+
+@pytest.mark.parametrize("steps", [[1], [{"phases": {"a": "b"}}], ["a"], 7])
+def test_steps_of_another_shape_are_a_spoilt_report(steps: Any) -> None:
+    odd = {**host("robot1"), "steps": steps}
+    found = status(a=report("update.yml", "2026-01-01T00:00:00Z", odd))
+    assert [row["where"] for row in found["problems"]] == ["a"]
+
+
+def test_on_the_page_of_text() -> None:
+    good = report("update.yml", "2026-01-01T00:00:00Z", host("robot1", "updated", STEP))
+    page = status_text(status(a=good, b=""))
+    assert page.startswith("PROBLEMS\n  where  what\n  b      not a report of fleet_report")
+    assert "LAST OUTCOMES\n  host    outcome  run         started               changed\n  robot1  updated" in page
+    assert "robot1  temperature  overlap  updated  lab/apps:1.0 (1793ed6c)  lab/apps:1.1 (3f0e725c)  8.5" in page
+
+
+def test_without_a_report_the_page_of_text_has_no_such_sections() -> None:
+    assert "LAST" not in status_text(status_rows({"hosts": [{"name": "robot1"}]}, {}, {}))

@@ -11,9 +11,9 @@ import re
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.html import UNFOLDED, status_html
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.html_plots import MOST
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import fleet_status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import UNFOLDED, status_page
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.plots import MOST
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.html_check import Page
 
 MADE = "2026-11-21T09:07:52Z"
@@ -81,7 +81,7 @@ STATUS: dict[str, Any] = {
 
 
 def page(status: dict[str, Any] | None = None, **more: str) -> Page:
-    return Page(status_html(STATUS if status is None else status, MADE, **more))
+    return Page(status_page(STATUS if status is None else status, MADE, **more))
 
 
 def section(text: str, key: str) -> str:
@@ -115,13 +115,25 @@ def test_the_check_of_this_test_finds_what_is_wrong() -> None:
 
 
 def test_the_policy_lets_the_pages_own_style_through_and_nothing_else() -> None:
-    text = status_html(STATUS, MADE)
+    text = status_page(STATUS, MADE)
     style = re.search("<style>(.*?)</style>", text, re.DOTALL)
     assert style
     digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()
     assert f"default-src 'none'; style-src 'sha256-{digest}'" in text
     assert "url(" not in style[1] and "@import" not in style[1]
-    assert 'style="' not in text
+    assert "style-src-attr 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'\"" in text
+
+
+def test_style_attributes_are_places_and_nothing_else() -> None:
+    status = copy.deepcopy(STATUS)
+    status["steps"][0]["phases"] = {HOSTILE: 1.0, "gate": 1e9}
+    styles = [
+        about["style"] for found in (page(), page(status)) for _tag, about in found.attributes if "style" in about
+    ]
+    assert len(styles) > 20
+    place = r"[0-9.]+%"
+    allowed = re.compile(rf"left:{place}(;width:{place})?|left:clamp\(\.35rem,{place},100% - \.35rem\)")
+    assert [style for style in styles if not allowed.fullmatch(style)] == []
 
 
 def test_every_cell_belongs_to_a_header() -> None:
@@ -138,7 +150,7 @@ def test_what_comes_from_elsewhere_is_text() -> None:
     status["steps"][0]["phases"] = {HOSTILE: 1.0}
     status["nodes"][0]["labels"] = {HOSTILE: HOSTILE}
     status["problems"] = [{"where": HOSTILE, "what": HOSTILE}]
-    text = status_html(status, HOSTILE, limit=HOSTILE)
+    text = status_page(status, HOSTILE, limit=HOSTILE)
     found = Page(text)
     assert found.problems == []
     assert not {"script", "img"} & {*found.tags}
@@ -147,15 +159,15 @@ def test_what_comes_from_elsewhere_is_text() -> None:
 
 
 def test_an_empty_fleet() -> None:
-    found = page(fleet_status({}))
+    found = page(status_rows({}, {}, {}))
     assert found.problems == []
     assert {"Nothing was found.", "No update has been reported yet.", "None."} <= {*found.texts}
-    assert "svg" not in found.tags
-    assert Page(status_html({}, MADE)).problems == []
+    assert "figure" not in found.tags
+    assert Page(status_page({}, MADE)).problems == []
 
 
 def test_a_robot_that_is_off() -> None:
-    text = status_html(STATUS, MADE)
+    text = status_page(STATUS, MADE)
     wants = section(text, "problems")
     assert "<strong>host robot2</strong>: offline: timed out" in wants
     assert "NodeStatusUnknown" not in wants  # told with its host
@@ -169,7 +181,7 @@ def test_what_is_wrong_comes_first() -> None:
     status["outcomes"][0].update(outcome="rolled-back", note="half the rate")
     status["problems"] = [{"where": "cluster edge", "what": "does not answer"}]
     items = re.findall(
-        '<li class="(bad|warn)">.*?<strong>(.*?)</strong>', section(status_html(status, MADE), "problems")
+        '<li class="(bad|warn)">.*?<strong>(.*?)</strong>', section(status_page(status, MADE), "problems")
     )
     assert items == [
         ("bad", "cluster edge"),
@@ -181,18 +193,19 @@ def test_what_is_wrong_comes_first() -> None:
 
 def test_plots_of_what_there_is() -> None:
     found = page()
-    titles = [said for said in found.texts if said in ("Rates of topics", "Steps of the last update", "Claims")]
-    assert titles.count("Rates of topics") == 2  # caption, and title for a screen reader
-    text = status_html(STATUS, MADE)
-    assert "<circle" in text  # 0.5 and 500 Hz on one axis: decades, so dots
-    assert "512.0 MiB of 1Gi" in text and "gate 1.0 s" in text
+    assert found.tags.count("figure") == 3
+    assert {"Rates of topics", "Steps of the last update", "Claims", "512.0 MiB of 1Gi", "gate"} <= {*found.texts}
+    classes = [about.get("class", "") for tag, about in found.attributes if tag == "i"]
+    assert classes.count("dot c1") == 2  # 0.5 and 500 Hz on one axis: decades, so dots
+    titles = [about["title"] for _tag, about in found.attributes if about.get("title")]
+    assert titles == ["gate 1.0 s", "apply 7.5 s", "50.0 %"]
 
 
 def test_a_large_fleets_plots_and_tables_stay_readable() -> None:
     status = copy.deepcopy(STATUS)
     status["topics"] = [{**STATUS["topics"][0], "name": f"/t{number}", "rate": number + 1.0} for number in range(500)]
     status["hosts"] = [{**STATUS["hosts"][1], "name": f"robot{number}"} for number in range(100)]
-    text = status_html(status, MADE)
+    text = status_page(status, MADE)
     plot = re.search(r"<figure><figcaption><strong>Rates.*?</figure>", text, re.DOTALL)
     assert plot
     assert len(re.findall('class="track"', plot[0])) == MOST
@@ -207,31 +220,31 @@ def test_of_many_robots_the_one_that_differs_is_seen() -> None:
     one = STATUS["topics"][0]
     status["topics"] = [{**one, "robot": f"robot{number}", "rate": 500.0} for number in range(50)]
     status["topics"] += [{**one, "robot": "robot50", "rate": 250.0}, {**one, "name": "/only", "rate": 10.0}]
-    text = status_html(status, MADE)
+    text = status_page(status, MADE)
     assert "median of 52 robots" not in text and "median of 51 robots" in text
-    assert ">250 Hz to 500 Hz</text>" in text and ">10.0 Hz</text>" in text
+    assert ">250 Hz to 500 Hz</span>" in text and ">10.0 Hz</span>" in text
 
 
 def test_a_new_time_alone_makes_no_new_page() -> None:
-    first = status_html(STATUS, MADE)
-    assert status_html(STATUS, "2026-11-21T10:00:00Z", first) == first
+    first = status_page(STATUS, MADE)
+    assert status_page(STATUS, "2026-11-21T10:00:00Z", first) == first
     changed = copy.deepcopy(STATUS)
     changed["apps"][0]["ready"] = 0
-    second = status_html(changed, "2026-11-21T10:00:00Z", first)
+    second = status_page(changed, "2026-11-21T10:00:00Z", first)
     assert second != first and "2026-11-21 10:00:00 UTC" in second
 
 
 def test_a_rate_that_trembles_makes_no_new_page() -> None:
     trembling = copy.deepcopy(STATUS)
     trembling["topics"][0]["rate"] = 499.9
-    first = status_html(STATUS, MADE)
-    assert status_html(trembling, "2026-11-21T10:00:00Z", first) == first
+    first = status_page(STATUS, MADE)
+    assert status_page(trembling, "2026-11-21T10:00:00Z", first) == first
 
 
 @pytest.mark.parametrize("previous", ["", "something else", '<time id="made">'])
 def test_a_page_of_another_make_is_replaced(previous: str) -> None:
-    assert status_html(STATUS, MADE, previous).startswith("<!DOCTYPE html>")
+    assert status_page(STATUS, MADE, previous).startswith("<!DOCTYPE html>")
 
 
 def test_a_limited_run_says_so() -> None:
-    assert "<code>robot1:&amp;x</code>" in status_html(STATUS, MADE, limit="robot1:&x")
+    assert "<code>robot1:&amp;x</code>" in status_page(STATUS, MADE, limit="robot1:&x")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.table import table, words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import table, words
 
 
 @pytest.mark.parametrize(

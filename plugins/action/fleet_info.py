@@ -1,0 +1,57 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The hosts of the run as the inventory and a former task have them, and what their clusters answer to one question."""
+
+from __future__ import annotations
+
+import os
+from itertools import chain
+from typing import Any
+
+from ansible.plugins.action import ActionBase
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
+    clusters_of,
+    graphs_to_read,
+    members,
+    usage_of,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows
+
+ARGS = {"volumes": {"type": "str", "required": True}}
+
+
+class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    TRANSFERS_FILES = False
+    _requires_connection = False
+    _supports_check_mode = True
+
+    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        params = self.validate_argument_spec(argument_spec=ARGS)[1]
+        try:
+            result.update(changed=False, **_look(task_vars or {}, params["volumes"]))
+        except FleetError as exc:
+            result.update(failed=True, msg=str(exc), **exc.details)
+        return result
+
+
+def _look(task_vars: dict[str, Any], volumes: str) -> dict[str, Any]:
+    hostvars, names = HostVariables(task_vars["hostvars"]), task_vars["ansible_play_hosts_all"]
+    results = {host: hostvars[host].get(volumes, {}) for host in names}
+    hosts = members(names, task_vars["groups"], hostvars, results, os.environ)
+    asked, silent = clusters_of(hosts)
+    answers = ask(asked)
+    problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
+    together = {kind: list(chain(*(one.objects.get(kind, ()) for one in answers.values()))) for kind in KINDS}
+    return {
+        "hosts": [host.row() for host in hosts],
+        "graphs": graphs_to_read(hosts, {name: one.objects.get("Service", ()) for name, one in answers.items()}),
+        "problems": [
+            {"where": f"cluster {cluster}", "what": f"does not answer: {why}"} for cluster, why in problems.items()
+        ],
+        **cluster_rows(together, usage_of(results.values())),
+    }

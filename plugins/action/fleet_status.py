@@ -1,0 +1,78 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What was read of the fleet as text on the screen and as a page for the browser."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Mapping
+
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible.plugins.action import ActionBase
+from ansible.plugins.loader import callback_loader
+from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import FACT, message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
+
+ARGS = {
+    "fleet": {"type": "dict", "required": True},
+    "graphs": {"type": "str", "required": True},
+    "page": {"type": "str", "default": "reports/fleet-status.html"},
+}
+display = Display()
+
+
+class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    TRANSFERS_FILES = False
+    _requires_connection = False
+    _supports_check_mode = True
+
+    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        params, variables = self.validate_argument_spec(argument_spec=ARGS)[1], task_vars or {}
+        fleet = params["fleet"]
+        results = {host: variables["hostvars"][host].get(params["graphs"], {}) for host in fleet["graphs"]}
+        graphs = {fleet["graphs"][host]["robot"]: one["graph"] for host, one in results.items() if "graph" in one}
+        problems = [*fleet["problems"], *graph_problems(results)]
+        status = status_rows({**fleet, "problems": problems}, graphs, report_texts(callback_path()))
+        text = status_text(status)
+        display.display(text)
+        result.update(
+            changed=self._write(status, params["page"], str(variables.get("ansible_limit") or "")),
+            status=status,
+            text=text,
+            # for the report: a page that was written on the control node is no change to a host
+            ansible_facts={FACT: UNCHANGED},
+        )
+        return result
+
+    def _write(self, status: Mapping[str, Any], given: str, limit: str) -> bool:
+        """Whether the page says, or in check mode would say, something new."""
+        path = placed(given)
+        if path is None:
+            return False
+        before = text_of(path)
+        page = status_page(status, time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), before, limit)
+        if page != before and not self._task.check_mode:
+            write(path, page, 0o644)  # for everybody's browser
+        return page != before
+
+
+def callback_path() -> str:
+    """Where the callback fleet_report writes, as its option says; it need not be enabled now."""
+    callback = callback_loader.get("rosops.fleet.fleet_report", class_only=True)  # the configuration then knows it
+    return str(C.config.get_config_value("path", plugin_type="callback", plugin_name=callback._load_name) or "")
+
+
+def graph_problems(results: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Which robots' graphs could not be read; a robot that went away meanwhile shows as such."""
+    return [
+        {"where": f"ROS graph of {host}", "what": message_of(result)}
+        for host, result in results.items()
+        if "graph" not in result and not result.get("unreachable")
+    ]

@@ -1,0 +1,97 @@
+#!/usr/bin/python
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Documentation; the work is the action plugin's."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: fleet_info
+short_description: Hosts of a fleet, and what their clusters hold
+version_added: 0.1.0
+description:
+  - Asks the cluster of every host of the play once, all clusters side by side, and returns rows for people.
+  - Everything runs on the control node, so once is enough (C(run_once)). A cluster whose servers are all unreachable is
+    not asked.
+  - M(rosops.fleet.fleet_status) shows what this returns.
+options:
+  volumes:
+    description:
+      - Name of the variable that holds, on every host, the registered result of a task that printed C(du -sb) of the
+        directories below local-path's storage. It also tells which hosts are unreachable.
+    type: str
+    required: true
+notes:
+  - The kubeconfig of a cluster is C(k3s_kubeconfig_path) of its hosts, by default C(<cluster>.yaml) below
+    C(fleet_kubeconfig_dir). With C(K8S_AUTH_HOST) or C(K8S_AUTH_KUBECONFIG) in the environment these say it.
+extends_documentation_fragment:
+  - rosops.fleet._attributes.read_only
+seealso:
+  - module: rosops.fleet.fleet_status
+author:
+  - rosops.fleet contributors (@rosops)
+"""
+
+EXAMPLES = r"""
+- name: Measure what the volumes hold
+  ansible.builtin.command: find /var/lib/rancher/k3s/storage -mindepth 1 -maxdepth 1 -type d -exec du -sb {} +
+  become: true
+  changed_when: false
+  ignore_unreachable: true
+  register: volumes
+
+- name: Ask each cluster once
+  rosops.fleet.fleet_info:
+    volumes: volumes
+  run_once: true
+  register: fleet
+"""
+
+RETURN = r"""
+hosts:
+  description: "The hosts of the play: name, group, address, role, cluster, reachable, reason."
+  returned: success
+  type: list
+  elements: dict
+nodes:
+  description: "Name, ready, reason, version, address, roles, placement, robot, labels (those that somebody chose)."
+  returned: success
+  type: list
+  elements: dict
+placement:
+  description: "What runs on each node: node, placement, runs."
+  returned: success
+  type: list
+  elements: dict
+masters:
+  description: "ROS masters: name, namespace, robot, placement, ready, wanted, nodes, images, restarts, note."
+  returned: success
+  type: list
+  elements: dict
+apps:
+  description: The same of the apps that this collection manages.
+  returned: success
+  type: list
+  elements: dict
+claims:
+  description: "Name, namespace, robot, bound, phase, storage_class, size, used_bytes."
+  returned: success
+  type: list
+  elements: dict
+graphs:
+  description:
+    - Which robots are to read a ROS graph. C(robot) says whose, C(master_uri) where. A shared master's graph is read by
+      the first of its robots that can be reached. It belongs to C((shared)).
+  returned: success
+  type: dict
+  sample:
+    robot1: {robot: robot1, master_uri: "http://10.43.0.17:11311"}
+problems:
+  description: "What could not be looked at: where, what."
+  returned: success
+  type: list
+  elements: dict
+  sample:
+    - {where: cluster edge, what: "does not answer: its servers are unreachable"}
+"""

@@ -1,0 +1,92 @@
+#!/usr/bin/python
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Documentation; the work is the action plugin's."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: fleet_status
+short_description: Show how a fleet stands
+version_added: 0.1.0
+description:
+  - Prints tables of hosts, nodes, masters, apps, ROS nodes, topics with live rates, claims, and what became of the last
+    runs, and writes them on the control node as a page for the browser.
+  - The page is one file without scripts. It loads nothing, and everything in it is escaped. It is written only when it
+    says something new beside the time.
+  - Everything runs on the control node, so once is enough (C(run_once)).
+options:
+  fleet:
+    description: What M(rosops.fleet.fleet_info) returned.
+    type: dict
+    required: true
+  graphs:
+    description: Name of the variable that holds, on the robots that C(fleet.graphs) names, the registered result of
+      M(rosops.fleet.ros_graph_info).
+    type: str
+    required: true
+  page:
+    description:
+      - Where the page goes. Relative to the directory of the ansible.cfg in use, or without one to the current
+        directory.
+      - Empty writes none.
+    type: str
+    default: reports/fleet-status.html
+notes:
+  - The last outcomes are those that the callback P(rosops.fleet.fleet_report#callback) has written, under the name that
+    its option C(path) gives or one that begins with it.
+  - Sets the fact C(fleet_outcome) to V(unchanged) for that callback. Looking changes no host.
+attributes:
+  check_mode:
+    description: Shows all, writes no page, and tells whether there would be a new one.
+    support: full
+  diff_mode:
+    description: Returns details on what has changed in diff mode.
+    support: none
+    details:
+      - A page of HTML is no diff that anybody reads. What is in it was shown.
+  idempotent:
+    description: A second run with the same options changes nothing.
+    support: full
+seealso:
+  - module: rosops.fleet.fleet_info
+  - module: rosops.fleet.ros_graph_info
+author:
+  - rosops.fleet contributors (@rosops)
+"""
+
+EXAMPLES = r"""
+- name: Read the ROS graphs, each on a robot's own host
+  rosops.fleet.ros_graph_info:
+    master_uri: "{{ fleet.graphs[inventory_hostname].master_uri }}"
+    rates: true
+  when: inventory_hostname in fleet.graphs
+  failed_when: false
+  register: graph
+
+- name: Show how the fleet stands
+  rosops.fleet.fleet_status:
+    fleet: "{{ fleet }}"
+    graphs: graph
+  run_once: true
+"""
+
+RETURN = r"""
+status:
+  description:
+    - Lists of rows under C(problems), C(hosts), C(nodes), C(placement), C(masters), C(apps), C(ros_nodes), C(topics),
+      C(claims), C(outcomes), C(steps). Those that are not here are as M(rosops.fleet.fleet_info) returns them.
+    - "C(ros_nodes): robot, name, reachable, error, publications, subscriptions, services."
+    - "C(topics): robot, name, type, publishers, subscribers, connections, rate, note; without rosout and clock."
+    - "C(outcomes), of the newest report that has the host, but for those of check mode and of playbooks that only look:
+      host, outcome, playbook, started, changed, note."
+    - "C(steps), of the robot's newest update: robot, id, name, handoff, outcome, from, to, seconds, busy_wait, phases,
+      note."
+  returned: success
+  type: dict
+text:
+  description: The tables.
+  returned: success
+  type: str
+"""

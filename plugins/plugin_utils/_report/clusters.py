@@ -1,0 +1,72 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the fleet's clusters hold, asked side by side: one that does not answer keeps nobody from the others."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Callable, Mapping
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+
+SECONDS = 60.0
+MOST_AT_ONCE = 16
+# Kind and label selector. Nothing is asked for that is not shown.
+KINDS = {
+    "Node": "",
+    "Deployment": f"app.kubernetes.io/managed-by={names.MANAGER}",
+    "Pod": names.LABEL_APP,
+    "PersistentVolumeClaim": "",
+    "Service": "",
+}
+
+
+@dataclass
+class Answer:
+    """The objects of a cluster by kind, and why there are no more of them (empty: these are all)."""
+
+    objects: dict[str, list[Object]] = field(default_factory=dict)
+    problem: str = ""
+
+
+def connect(kubeconfig: str) -> Kube:
+    return Kube({"kubeconfig": kubeconfig}, patience=0)  # whoever looks wants to see it now, and can look again
+
+
+def ask(
+    kubeconfigs: Mapping[str, str], opened: Callable[[str], Kube] = connect, seconds: float = SECONDS
+) -> dict[str, Answer]:
+    """The answer of each cluster, by its name."""
+    answers: dict[str, Answer] = {}
+    pool = ThreadPoolExecutor(MOST_AT_ONCE)
+    # All are opened before any is closed: the client's temporary files of keys go with the first that is closed.
+    with ExitStack() as open_ones:
+        running = {}
+        for cluster, kubeconfig in kubeconfigs.items():
+            try:
+                kube = open_ones.enter_context(opened(kubeconfig))
+            except KubeError as error:
+                answers[cluster] = Answer(problem=str(error))
+            else:
+                running[cluster] = pool.submit(_read, kube)
+        wait(running.values(), timeout=seconds)
+        late = Answer(problem=f"no answer within {seconds:.0f} s")
+        answers.update((cluster, one.result() if one.done() else late) for cluster, one in running.items())
+        pool.shutdown(wait=False, cancel_futures=True)
+    return {cluster: answers[cluster] for cluster in kubeconfigs}
+
+
+def _read(kube: Kube) -> Answer:
+    answer = Answer()
+    try:
+        for kind, labels in KINDS.items():
+            answer.objects[kind] = kube.objects(kind, labels=labels)
+    except KubeError as error:
+        answer.problem = str(error)
+    return answer

@@ -1,0 +1,41 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of reports on the control node: where they lie, reading them all, writing the page."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ansible import constants as C  # noqa: N812 - its customary name
+
+
+def placed(path: str) -> Path | None:
+    """A path as options of reports give it: relative to the ansible.cfg in use, or without one to the current
+    directory. None for an empty one."""
+    base = Path(C.CONFIG_FILE).parent if C.CONFIG_FILE else Path.cwd()
+    return base / Path(path).expanduser() if path else None
+
+
+def report_texts(given: str) -> dict[str, str]:
+    """The reports under a name and those that begin with it: text by file name."""
+    path = placed(given)
+    if path is None:
+        return {}
+    return {file.name: file.read_text("utf-8", "replace") for file in sorted(path.parent.glob(f"{path.stem}*.json"))}
+
+
+def text_of(path: Path) -> str:
+    """What a file holds; nothing if it is not there."""
+    return path.read_bytes().decode("utf-8", "replace") if path.exists() else ""
+
+
+def write(path: Path, text: str, mode: int | None = None) -> None:
+    """In one step: a reader never sees half of it. Without a mode the process's own counts."""
+    path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    unfinished.write_bytes(text.encode())
+    if mode is not None:
+        unfinished.chmod(mode)
+    unfinished.replace(path)

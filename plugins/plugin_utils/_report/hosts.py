@@ -1,0 +1,136 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The hosts of a run that looks at the fleet: who is off, which cluster can be asked, and who reads whose ROS graph."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Iterable, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, name_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Row
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
+
+Variables = Mapping[str, Any]
+# What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
+_USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
+KUBECONFIG_DIR = "~/.kube/rosops-fleet"
+
+
+@dataclass(frozen=True)
+class Member:
+    """A host of this run, with the robot that it is. `away` is why it does not answer, None where it does."""
+
+    name: str
+    address: str
+    role: str
+    cluster: str
+    servers: Sequence[str]
+    kubeconfig: str = ""
+    robot: Robot | None = None
+    away: str | None = None
+
+    @property
+    def graph(self) -> str:
+        """Whose ROS graph the robot's is. A robot that is a cluster of its own shares with nobody."""
+        shared = self.robot is not None and self.robot.master.mode == "shared" and list(self.servers) != [self.name]
+        return SHARED if shared else self.name
+
+    def row(self) -> Row:
+        return {
+            "name": self.name,
+            "group": "robots" if self.robot else "edge",
+            "address": self.address,
+            "role": self.role,
+            "cluster": self.cluster,
+            "reachable": self.away is None,
+            "reason": self.away or "",
+        }
+
+
+def members(
+    hosts: Iterable[str],
+    groups: Mapping[str, Any],
+    hostvars: Mapping[str, Variables],
+    results: Mapping[str, Variables],
+    environ: Mapping[str, str],
+) -> list[Member]:
+    """The hosts of a run; `results` are those of a task that ran on all of them."""
+    topology, robots = fleet_topology(groups, hostvars), groups.get("robots") or []
+    return [
+        Member(
+            host,
+            str(hostvars[host].get("ansible_host", host)),
+            topology[host]["role"],
+            topology[host]["cluster"],
+            topology[host]["servers"],
+            kubeconfig_of(hostvars[host], topology[host]["cluster"], environ),
+            Robot.from_variables(hostvars[host], host) if host in robots else None,
+            message_of(results[host]) if results.get(host, {}).get("unreachable") else None,
+        )
+        for host in hosts
+    ]
+
+
+def kubeconfig_of(variables: Variables, cluster: str, environ: Mapping[str, str]) -> str:
+    """Where a cluster's kubeconfig lies on the control node. Empty: the environment says how to reach the API."""
+    if environ.get("K8S_AUTH_HOST") or environ.get("K8S_AUTH_KUBECONFIG"):
+        return ""
+    if "k3s_kubeconfig_path" in variables:
+        given = str(variables["k3s_kubeconfig_path"])
+    else:
+        given = f"{variables.get('fleet_kubeconfig_dir', KUBECONFIG_DIR)}/{cluster}.yaml"
+    return str(Path(given).expanduser()) if given else ""
+
+
+def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]]:
+    """The kubeconfig of each cluster that can be asked, and why the others cannot. A server that is off would be
+    waited for; one that this run does not have may be up."""
+    asked: dict[str, str] = {}
+    silent: dict[str, str] = {}
+    by_name = {host.name: host for host in hosts}
+    for host in by_name.values():
+        servers = [by_name[name] for name in host.servers if name in by_name]
+        if servers and all(server.away is not None for server in servers):
+            silent[host.cluster] = "its servers are unreachable"
+        else:
+            asked.setdefault(host.cluster, host.kubeconfig)
+    return asked, silent
+
+
+def graphs_to_read(hosts: Iterable[Member], services: Mapping[str, Sequence[Object]]) -> dict[str, Row]:
+    """Which robot reads whose graph, and at which master: `{robot1: {robot: robot1, master_uri: http://..}}`.
+
+    A shared master's graph is all robots': the first of them that answers reads it. `services` are each cluster's.
+    """
+    found: dict[str, Row] = {}
+    taken = set()
+    for host in hosts:
+        if host.robot is None or host.away is not None or host.graph in taken:
+            continue
+        uri = _master_uri(host.robot, services.get(host.cluster, ()))
+        if uri:
+            taken.add(host.graph)
+            found[host.name] = {"robot": host.graph, "master_uri": uri}
+    return found
+
+
+def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
+    """Where a host of the cluster reaches the robot's master; empty where there is none."""
+    if robot.master.mode == "external":
+        return robot.master.uri
+    wanted = (master_namespace(robot), names.MASTER_NAME)
+    found = (one["spec"]["clusterIP"] for one in services if (meta(one).get("namespace"), name_of(one)) == wanted)
+    return next((f"http://{address}:{names.MASTER_PORT}" for address in found), "")
+
+
+def usage_of(results: Iterable[Variables]) -> dict[str, int]:
+    """Bytes by `<namespace>/<claim>`, from what `du -sb` said on the hosts."""
+    lines = [_USAGE.fullmatch(line) for result in results for line in result.get("stdout_lines") or []]
+    return {f"{found[2]}/{found[3]}": int(found[1]) for found in lines if found}

@@ -1,0 +1,155 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rows of a fleet's status as one HTML file that needs nothing else: no script, no server, no network.
+
+How it looks is `page.html.j2`. The sections and columns are those of the page of text. All that comes from elsewhere is
+escaped, and a policy in the page forbids a browser to run or to fetch anything, should something get through.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from pathlib import Path
+from typing import Any, Mapping, NamedTuple, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
+    Rows,
+    Status,
+    attention,
+    counts,
+    host_lines,
+    hosts_off,
+    level,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.plots import plots, rate_words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import SECTIONS, Columns, grid, words
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+UNFOLDED = 40  # a table of more rows is folded until somebody wants it
+LONG = 28  # characters of a word from which it may be broken anywhere
+NUMBERS = frozenset(
+    {
+        "restarts",
+        "publishes",
+        "subscribes",
+        "services",
+        "publishers",
+        "subscribers",
+        "connections",
+        "rate",
+        "size",
+        "used",
+        "changed",
+        "seconds",
+        "waited for idle",
+        "topics",
+        "messages/s",
+    }
+)
+NAMES = frozenset({"app", "node", "topic", "claim", "step"})
+# What a terminal has no room for.
+MORE_COLUMNS: Mapping[str, Columns] = {"steps": [("phases, s", "phases"), ("id", "id")]}
+# A rate with the digits that mean something, so that a page is new only when the fleet is.
+COLUMNS: Mapping[tuple[str, str], Any] = {
+    ("outcomes", "started"): lambda row: _when(str(row.get("started", ""))),
+    ("topics", "rate"): lambda row: "" if row.get("rate") is None else rate_words(float(row["rate"])),
+}
+HOST_COLUMNS: Columns = [
+    ("host", "host"),
+    ("group", "group"),
+    ("state", "state"),
+    ("node", "node"),
+    ("master", "master"),
+    ("apps ready", "apps"),
+    ("ROS nodes up", "ros_nodes"),
+    ("topics", "topics"),
+    ("messages/s", lambda row: "" if row["messages"] is None else rate_words(row["messages"])[: -len(" Hz")]),
+    ("last outcome", "outcome"),
+]
+_MADE = re.compile(r'<time id="made"[^>]*>[^<]*</time>')
+# control characters, halves of surrogate pairs, and the two that are no characters at all
+_NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+class Section(NamedTuple):
+    """A table with its heading. `levels` are those of the rows, `naming` is the column that names a row."""
+
+    key: str
+    title: str
+    headers: Sequence[str]
+    lines: Sequence[Sequence[str]]
+    levels: Sequence[str]
+    naming: int
+
+
+def status_page(status: Status, made: str, previous: str = "", limit: str = "") -> str:
+    """The page. `made` is when, as in 2026-11-21T09:07:52Z, `limit` is what a run was limited to.
+
+    With the text of the `previous` page that one is returned when nothing but the time is new.
+    """
+    page = _rendered(status, made, limit)
+    return previous if _MADE.sub("", previous) == _MADE.sub("", page) else page
+
+
+def _rendered(status: Status, made: str, limit: str) -> str:
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_text,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(digest=_digest, when=_when, words=words)
+    environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
+    off = hosts_off(status)
+    sections = [
+        _section(key, _titled(title), columns, status[key], [level(key, row, off) for row in status[key]])
+        for title, key, columns in SECTIONS
+        if status.get(key) is not None and key != "problems"
+    ]
+    hosts = host_lines(status)
+    return environment.get_template("page.html.j2").render(
+        made=made,
+        limit=limit,
+        counts=counts(status),
+        attention=attention(status),
+        hosts=_section("glance", "By host", HOST_COLUMNS, hosts, [str(line["level"]) for line in hosts]),
+        plots=plots(status),
+        sections=sections,
+        numbers=NUMBERS,
+        unfolded=UNFOLDED,
+    )
+
+
+def _section(key: str, title: str, columns: Columns, rows: Rows, levels: Sequence[str]) -> Section:
+    shown = [(header, COLUMNS.get((key, header), source)) for header, source in columns]
+    headers, lines = grid([*shown, *MORE_COLUMNS.get(key, ())], rows)
+    # the first column names a row, but for the robot, where many rows share that
+    naming = 1 if headers[:1] == ["robot"] and headers[1] in NAMES else 0
+    return Section(key, title, headers, [[words(cell) for cell in line] for line in lines], levels, naming)
+
+
+def _titled(title: str) -> str:
+    """`ROS NODES` as a heading: words that are names stay as they are."""
+    first, *rest = title.split()
+    return " ".join([first if first == "ROS" else first.capitalize(), *(word.lower() for word in rest)])
+
+
+def _when(time: str) -> str:
+    return time.replace("T", " ").replace("Z", " UTC")
+
+
+def _text(value: object) -> object:
+    """What the template writes, without what no HTML document may hold."""
+    return value if isinstance(value, Markup) else _NOT_TEXT.sub("\ufffd", str(value))
+
+
+def _digest(style: str) -> str:
+    """By which the page's policy knows the page's own style."""
+    return base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()

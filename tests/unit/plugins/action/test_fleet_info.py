@@ -1,0 +1,73 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The hosts and their clusters, from what a former task registered and the API answers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.action import fleet_info
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import Answer
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+
+GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2"]}
+MASTER = {"metadata": {"name": "ros-master", "namespace": "robot-robot1"}, "spec": {"clusterIP": "10.43.0.1"}}
+NODE = {"metadata": {"name": "robot1"}, "status": {"conditions": [{"type": "Ready", "status": "True"}]}}
+
+
+def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results: Any) -> dict[str, Any]:
+    asked: list[str] = []
+
+    def ask(kubeconfigs: dict[str, str]) -> dict[str, Answer]:
+        asked.extend(kubeconfigs)
+        return {cluster: answers[cluster] for cluster in kubeconfigs}
+
+    monkeypatch.setattr(fleet_info, "ask", ask)
+    hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
+    given = {"hostvars": hostvars, "groups": GROUPS, "ansible_play_hosts_all": list(hostvars)}
+    return {**run(fleet_info, {"volumes": "usage"}, given), "asked": asked}
+
+
+def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = Answer({"Node": [NODE], "Service": [MASTER]})
+    found = info(monkeypatch, {"edge": answer}, robot2={"unreachable": True, "msg": "timed out"})
+    assert (found["asked"], found["problems"], found["changed"]) == (["edge"], [], False)
+    assert [(row["name"], row["reachable"]) for row in found["hosts"]] == [
+        ("edge1", True),
+        ("robot1", True),
+        ("robot2", False),
+    ]
+    assert [row["name"] for row in found["nodes"]] == ["robot1"]
+    assert found["graphs"] == {"robot1": {"robot": "robot1", "master_uri": "http://10.43.0.1:11311"}}
+
+
+def test_claims_have_their_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    claim = {"metadata": {"name": "logs", "namespace": "robot-robot1"}, "status": {"phase": "Bound"}}
+    used = {"stdout_lines": ["512\t/var/lib/rancher/k3s/storage/pvc-1_robot-robot1_logs"]}
+    found = info(monkeypatch, {"edge": Answer({"PersistentVolumeClaim": [claim]})}, robot1=used)
+    assert [row["used_bytes"] for row in found["claims"]] == [512]
+
+
+@pytest.mark.parametrize(
+    ("off", "answer", "asked", "why"),
+    [
+        ({"unreachable": True}, Answer(), [], "its servers are unreachable"),
+        ({}, Answer({"Node": [NODE]}, "connection refused"), ["edge"], "connection refused"),
+    ],
+)
+def test_a_cluster_that_does_not_answer_is_a_problem(
+    monkeypatch: pytest.MonkeyPatch, off: dict[str, Any], answer: Answer, asked: list[str], why: str
+) -> None:
+    found = info(monkeypatch, {"edge": answer}, edge1=off)
+    assert found["problems"] == [{"where": "cluster edge", "what": f"does not answer: {why}"}]
+    assert found["asked"] == asked
+    assert len(found["nodes"]) == len(asked)  # what it did answer is shown
+
+
+def test_an_inventory_that_is_no_fleet() -> None:
+    found = run(
+        fleet_info, {"volumes": "usage"}, {"hostvars": {}, "groups": {"robots": ["r"]}, "ansible_play_hosts_all": []}
+    )
+    assert found["failed"] is True
+    assert "make no fleet" in found["msg"]

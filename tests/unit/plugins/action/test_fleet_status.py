@@ -1,0 +1,96 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is shown of the fleet: on the screen, in the page, and to the report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.action import fleet_status
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+
+HOST = {"name": "robot1", "group": "robots", "cluster": "edge", "reachable": True}
+FLEET: dict[str, Any] = {
+    "hosts": [HOST],
+    "problems": [{"where": "cluster edge", "what": "does not answer: no answer within 60 s"}],
+    "graphs": {"robot1": {"robot": "(shared)", "master_uri": "http://10.43.0.1:11311"}},
+}
+GRAPH = {"nodes": {"/sensor": {"reachable": True}}, "topics": {"/t": {"type": "a/B", "rate": 10.0}}}
+
+
+@pytest.fixture(autouse=True)
+def reports(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(fleet_status, "callback_path", lambda: str(tmp_path / "report.json"))
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    found: list[str] = []
+    monkeypatch.setattr(fleet_status.display, "display", found.append)
+    return found
+
+
+def show(page: Path | str, result: dict[str, Any], check_mode: bool = False, **more: Any) -> dict[str, Any]:
+    args = {"fleet": FLEET, "graphs": "graph", "page": str(page)}
+    return run(fleet_status, args, {"hostvars": {"robot1": {"graph": result}}, **more}, check_mode)
+
+
+def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
+    page = tmp_path / "fleet.html"
+    first, second = (show(page, {"graph": GRAPH}) for _ in range(2))
+    assert (first["changed"], second["changed"]) == (True, False)
+    assert "/sensor" in page.read_text()
+    assert said == [first["text"], second["text"]]
+    assert "(shared)  /t     a/B" in said[0]
+    # whoever counts changes of hosts is told that there were none
+    assert first["ansible_facts"] == {"fleet_outcome": "unchanged"}
+
+
+def test_check_mode_writes_nothing(tmp_path: Path, said: list[str]) -> None:
+    page = tmp_path / "new" / "fleet.html"
+    assert show(page, {"graph": GRAPH}, check_mode=True)["changed"] is True
+    assert list(tmp_path.iterdir()) == [] and said
+
+
+def test_no_page_is_wanted(tmp_path: Path, said: list[str]) -> None:
+    assert show("", {"graph": GRAPH})["changed"] is False
+    assert list(tmp_path.iterdir()) == [] and said
+
+
+def test_a_limited_run_says_so(tmp_path: Path, said: list[str]) -> None:
+    show(tmp_path / "fleet.html", {"graph": GRAPH}, ansible_limit="robot1")
+    assert "<code>robot1</code>" in (tmp_path / "fleet.html").read_text()
+    assert said
+
+
+@pytest.mark.parametrize(
+    ("result", "problems"),
+    [
+        ({"graph": GRAPH}, []),
+        ({"failed": True, "msg": "the master does not answer"}, ["the master does not answer"]),
+        ({"unreachable": True, "msg": "timed out"}, []),
+        ({}, ["failed without a message"]),
+    ],
+)
+def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[str, Any], problems: list[str]) -> None:
+    found = show("", result)["status"]
+    assert found["problems"] == [
+        *FLEET["problems"],
+        *({"where": "ROS graph of robot1", "what": what} for what in problems),
+    ]
+    assert len(found["ros_nodes"]) == ("graph" in result)
+    assert said[0].startswith("PROBLEMS")
+
+
+def test_the_last_outcomes_are_those_of_the_reports(tmp_path: Path, said: list[str]) -> None:
+    host = {"host": "robot1", "outcome": "rolled-back", "reason": "half the rate"}
+    report = {"playbook": "update.yml", "check_mode": False, "started": "2026-01-01T00:00:00Z", "hosts": [host]}
+    (tmp_path / "report-update.json").write_text(json.dumps(report))
+    (tmp_path / "report.json").write_text("spoilt")
+    found = show("", {"graph": GRAPH})["status"]
+    assert [(row["host"], row["outcome"]) for row in found["outcomes"]] == [("robot1", "rolled-back")]
+    assert [row["where"] for row in found["problems"]] == ["cluster edge", "report.json"]
+    assert "half the rate" in said[0]

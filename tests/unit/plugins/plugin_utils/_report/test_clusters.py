@@ -1,0 +1,97 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Clusters are asked side by side, and none keeps the others' answers back."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
+
+PATIENT = 60.0
+
+
+class Cluster:
+    """An API by its kubeconfig's name: `away` from the start, `half` breaks at the pods."""
+
+    closed: list[str] = []  # noqa: RUF012 - one list for the clusters of a test
+
+    def __init__(self, kubeconfig: str, before: Any = None) -> None:
+        if kubeconfig == "none":
+            raise KubeError("No usable Kubernetes credentials in none")
+        self.name, self.before = kubeconfig, before
+        self.asked: list[tuple[str, str]] = []
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self.closed.append(self.name)
+
+    def objects(self, kind: str, namespace: str = "", labels: str = "") -> list[Any]:
+        assert namespace == "" and self.name not in self.closed
+        if self.before:
+            self.before()
+        if self.name == "away" or (self.name == "half" and kind == "Pod"):
+            raise KubeError("connection refused")
+        self.asked.append((kind, labels))
+        return [f"{kind} of {self.name}"]
+
+
+def test_everything_that_is_shown_is_asked_for_once() -> None:
+    made: list[Cluster] = []
+
+    def opened(kubeconfig: str) -> Any:
+        made.append(Cluster(kubeconfig))
+        return made[0]
+
+    answer = ask({"edge": "good"}, opened, PATIENT)["edge"]
+    assert answer.problem == ""
+    assert answer.objects == {kind: [f"{kind} of good"] for kind in KINDS}
+    assert made[0].asked == list(KINDS.items())
+    assert made[0].closed[-1] == "good"
+
+
+def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:
+    Cluster.closed.clear()
+    given = {"a": "none", "b": "away", "c": "half", "d": "good"}
+    answers = ask(given, Cluster, PATIENT)  # type: ignore[arg-type] # stands in for Kube
+    assert {name: one.problem for name, one in answers.items()} == {
+        "a": "No usable Kubernetes credentials in none",
+        "b": "connection refused",
+        "c": "connection refused",
+        "d": "",
+    }
+    assert [list(one.objects) for one in answers.values()] == [[], [], ["Node", "Deployment"], list(KINDS)]
+    assert sorted(Cluster.closed) == ["away", "good", "half"]
+
+
+def test_they_are_asked_side_by_side() -> None:
+    Cluster.closed.clear()
+    meeting = threading.Barrier(3)  # each waits for the others: one after the other this would never end
+
+    def opened(kubeconfig: str) -> Any:
+        return Cluster(kubeconfig, lambda: meeting.wait(PATIENT))
+
+    assert not any(one.problem for one in ask({name: name for name in "abc"}, opened, PATIENT).values())
+
+
+def test_one_that_never_answers_is_given_up() -> None:
+    Cluster.closed.clear()
+    end = threading.Event()
+
+    def opened(kubeconfig: str) -> Any:
+        return Cluster(kubeconfig, lambda: kubeconfig == "slow" and end.wait(PATIENT))
+
+    try:
+        answers = ask({"a": "slow", "b": "good"}, opened, 0.2)
+    finally:
+        end.set()
+    assert (answers["a"].objects, answers["a"].problem) == ({}, "no answer within 0 s")
+    assert list(answers["b"].objects) == list(KINDS)
+
+
+def test_nobody_to_ask() -> None:
+    assert ask({}) == {}

@@ -1,0 +1,50 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where reports lie and how the page gets there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import files
+
+
+@pytest.fixture(autouse=True)
+def config(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(files.C, "CONFIG_FILE", str(tmp_path / "ansible.cfg"))
+
+
+def test_paths_start_at_the_ansible_cfg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert files.placed("reports/a.html") == tmp_path / "reports" / "a.html"
+    assert files.placed("/srv/a.html") == Path("/srv/a.html")
+    assert files.placed("") is None
+    monkeypatch.setenv("HOME", "/home/me")
+    assert files.placed("~/a.html") == Path("/home/me/a.html")
+
+
+def test_without_one_at_the_current_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files.C, "CONFIG_FILE", None)
+    monkeypatch.chdir(tmp_path)
+    assert files.placed("a.html") == tmp_path / "a.html"
+
+
+def test_reports_are_those_that_begin_with_the_name(tmp_path: Path) -> None:
+    for name in ("last.json", "last-site.json", "last.txt", "other.json"):
+        (tmp_path / name).write_text(name)
+    assert files.report_texts("last.json") == {"last-site.json": "last-site.json", "last.json": "last.json"}
+
+
+@pytest.mark.parametrize("given", ["nowhere/last.json", ""])
+def test_no_reports_are_none(given: str) -> None:
+    assert files.report_texts(given) == {}
+
+
+def test_a_file_is_whole_and_has_the_mode_that_was_asked_for(tmp_path: Path) -> None:
+    page = tmp_path / "new" / "fleet.html"
+    assert files.text_of(page) == ""
+    for text in ("first", "line\r\nüñ\n"):
+        files.write(page, text, 0o640)
+        assert files.text_of(page) == text
+    assert page.stat().st_mode & 0o777 == 0o640
+    assert [file.name for file in page.parent.iterdir()] == ["fleet.html"]

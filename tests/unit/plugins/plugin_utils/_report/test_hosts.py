@@ -1,0 +1,144 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who is off, which cluster can be asked, and who reads whose ROS graph."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
+    Member,
+    clusters_of,
+    graphs_to_read,
+    kubeconfig_of,
+    members,
+    usage_of,
+)
+
+GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
+VARIABLES: dict[str, dict[str, Any]] = {
+    "edge1": {"ansible_host": "10.0.0.11"},
+    "robot1": {},
+    "robot2": {},
+    "lone": {"robot_mode": "standalone"},
+}
+OFF = {"unreachable": True, "msg": "Task failed: timed out"}
+
+
+def found(
+    *names: str, off: tuple[str, ...] = (), every: dict[str, Any] | None = None, **more: dict[str, Any]
+) -> list[Member]:
+    hostvars = {name: {**own, **(every or {}), **more.get(name, {})} for name, own in VARIABLES.items()}
+    return members(names or hostvars, GROUPS, hostvars, dict.fromkeys(off, OFF), {})
+
+
+def service(namespace: str, address: str, name: str = "ros-master") -> dict[str, Any]:
+    return {"metadata": {"name": name, "namespace": namespace}, "spec": {"clusterIP": address}}
+
+
+def test_rows_of_hosts() -> None:
+    edge, robot = (one.row() for one in found("edge1", "robot2", off=("robot2",)))
+    assert edge == {
+        "name": "edge1",
+        "group": "edge",
+        "address": "10.0.0.11",
+        "role": "server",
+        "cluster": "edge",
+        "reachable": True,
+        "reason": "",
+    }
+    assert robot == {
+        "name": "robot2",
+        "group": "robots",
+        "address": "robot2",
+        "role": "agent",
+        "cluster": "edge",
+        "reachable": False,
+        "reason": "timed out",
+    }
+
+
+@pytest.mark.parametrize(
+    ("variables", "environ", "path"),
+    [
+        ({}, {}, "/home/me/.kube/rosops-fleet/edge.yaml"),
+        ({"fleet_kubeconfig_dir": "/srv/kube"}, {}, "/srv/kube/edge.yaml"),
+        ({"fleet_kubeconfig_dir": "/srv/kube", "k3s_kubeconfig_path": "~/k.yaml"}, {}, "/home/me/k.yaml"),
+        ({"k3s_kubeconfig_path": ""}, {}, ""),
+        ({"fleet_kubeconfig_dir": "/srv/kube"}, {"K8S_AUTH_HOST": "https://edge1:6443"}, ""),
+        ({"fleet_kubeconfig_dir": "/srv/kube"}, {"K8S_AUTH_KUBECONFIG": "/k"}, ""),
+        ({"fleet_kubeconfig_dir": "/srv/kube"}, {"K8S_AUTH_HOST": ""}, "/srv/kube/edge.yaml"),
+    ],
+)
+def test_where_a_kubeconfig_lies(
+    variables: dict[str, str], environ: dict[str, str], path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", "/home/me")
+    assert kubeconfig_of(variables, "edge", environ) == path
+
+
+def test_each_cluster_is_asked_with_its_own_kubeconfig() -> None:
+    asked, silent = clusters_of(found(every={"fleet_kubeconfig_dir": "/k"}))
+    assert (asked, silent) == ({"edge": "/k/edge.yaml", "lone": "/k/lone.yaml"}, {})
+
+
+def test_a_cluster_whose_servers_are_off_is_not_waited_for() -> None:
+    asked, silent = clusters_of(found(off=("edge1",)))
+    assert (list(asked), silent) == (["lone"], {"edge": "its servers are unreachable"})
+
+
+def test_servers_outside_of_the_limit_may_be_up() -> None:
+    asked, silent = clusters_of(found("robot1", "robot2", off=("robot1",)))
+    assert (list(asked), silent) == (["edge"], {})
+
+
+def test_one_server_that_answers_is_enough() -> None:
+    servers = ("a", "b", "c")
+    hosts = [Member(name, "", "server", "edge", servers, away=None if name == "c" else "off") for name in servers]
+    assert list(clusters_of(hosts)[0]) == ["edge"]
+
+
+def test_every_robot_reads_its_own_masters_graph() -> None:
+    services = {
+        "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
+        "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
+    }
+    assert graphs_to_read(found(), services) == {
+        "robot1": {"robot": "robot1", "master_uri": "http://10.43.0.1:11311"},
+        "robot2": {"robot": "robot2", "master_uri": "http://10.43.0.2:11311"},
+        "lone": {"robot": "lone", "master_uri": "http://10.43.0.3:11311"},
+    }
+
+
+def test_a_robot_that_is_off_or_has_no_master_reads_nothing() -> None:
+    services = {"edge": [service("robot-robot1", "10.43.0.1")]}
+    assert graphs_to_read(found(off=("robot1",)), services) == {}
+
+
+def test_a_shared_masters_graph_is_read_by_the_first_robot_that_answers() -> None:
+    services = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
+    every = {"ros_master_mode": "shared"}
+    lone = {"robot": "lone", "master_uri": "http://10.43.0.8:11311"}  # shares with nobody
+    shared = {"robot": "(shared)", "master_uri": "http://10.43.0.9:11311"}
+    assert graphs_to_read(found(every=every), services) == {"robot1": shared, "lone": lone}
+    assert graphs_to_read(found(every=every, off=("robot1",)), services) == {"robot2": shared, "lone": lone}
+
+
+def test_an_external_master_needs_no_service() -> None:
+    external = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
+    assert graphs_to_read(found(robot2=external), {}) == {
+        "robot2": {"robot": "robot2", "master_uri": "http://hall:11311"}
+    }
+
+
+def test_what_volumes_hold() -> None:
+    path = "/var/lib/rancher/k3s/storage/pvc-3f_robot-robot1_logs-pvc"
+    assert usage_of(
+        [
+            {"stdout_lines": [f"4096\t{path}", "12 /somewhere/else", "du: cannot read"]},
+            {"stdout_lines": []},
+            OFF,
+            {"stdout_lines": ["7\t/var/lib/rancher/k3s/storage/pvc-aa_fleet_maps"]},
+        ]
+    ) == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
