@@ -28,7 +28,7 @@ class KubeCluster:
         wanted = [(kind, namespace) for kind in KINDS for namespace in namespaces]
         ours = f"app.kubernetes.io/managed-by={names.MANAGER}"
         with ThreadPoolExecutor(len(wanted)) as pool:
-            lists = list(pool.map(lambda one: self._kube.objects(*one, labels=ours), wanted))
+            lists = list(pool.map(lambda one: self._kube.objects(one[0], one[1], ours), wanted))
         found: dict[str, list[Object]] = {kind: [] for kind in KINDS}
         for (kind, _namespace), items in zip(wanted, lists, strict=True):
             # the items of a list do not say what they are

@@ -28,7 +28,7 @@ from typing import Callable, Iterator, Mapping, Sequence
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_uri
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
@@ -36,10 +36,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     ROLLED_BACK,
     UPDATED,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import (
-    app_objects,
-    images,
-    master_uri,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
     namespace_objects,
     needs_fleet_namespace,
     storage_objects,
@@ -55,7 +54,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     Plan,
     Request,
     Step,
-    deployments_of,
     update_plan,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
@@ -152,9 +150,13 @@ class Engine:
     def _prepare(self) -> None:
         """What the steps need, while the robot works."""
         self.host.bring(images(self.robot, "local"))
-        supplies = [*namespace_objects(self.robot), *storage_objects(self.robot)]
-        code = [item for item in app_objects(self.robot, self.settings.code) if item["kind"] != "Deployment"]
-        self._apply_all([*(item for item in supplies if item["kind"] != "Secret"), *code])
+        self._apply_all(
+            [
+                *namespace_objects(self.robot),
+                *storage_objects(self.robot),
+                *code_maps(self.robot, self.settings.code),
+            ]
+        )
 
     def _record(self) -> None:
         """Once for all steps. The update of a master that does not answer is how to mend it."""
@@ -169,7 +171,9 @@ class Engine:
     @property
     def master(self) -> str:
         """The address of the robot's ROS master, as its hosts reach it."""
-        return master_uri(self.robot) if self.robot.master.mode == "external" else self.live.service_uri(names.MASTER_NAME)
+        return (
+            master_uri(self.robot) if self.robot.master.mode == "external" else self.live.service_uri(names.MASTER_NAME)
+        )
 
     @property
     def keeper(self) -> str:

@@ -10,7 +10,7 @@ to apply, what was there before, the ROS nodes' old and new names, and what has 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
@@ -18,11 +18,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.workloads import (
-    app_objects,
-    graph_conditions,
-    master_objects,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 MASTER = names.MASTER_NAME
@@ -124,7 +122,7 @@ class _Robot:
             actions=self._actions(apps.values(), "own"),
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
-            conditions={} if back else graph_conditions(self.robot, list(apps.values())),
+            conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
             before={app: described(item) for app, item in previous.items()},
             after={app: described(first[app]) for app in members},
             histories={app: self.histories.get(app, []) for app in members},

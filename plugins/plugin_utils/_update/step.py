@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import node_images, normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
@@ -40,9 +41,7 @@ class Gate:
     rest: Sequence[Mapping[str, str]]  # actions that have to be idle; `server` stands where the step replaces it
 
 
-def step_gate(
-    step: Step, graph: Graph, maps: Iterable[Object] = (), images: Mapping[str, str] | None = None
-) -> Gate:
+def step_gate(step: Step, graph: Graph, maps: Iterable[Object] = (), images: Mapping[str, str] | None = None) -> Gate:
     """`maps` are the robot's ConfigMaps, `images` is edge host -> what `crictl images -o json` says there."""
     return Gate(
         step_contracts(step, graph, maps),

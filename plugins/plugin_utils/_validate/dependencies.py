@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+import graphlib
 from typing import Iterator, Mapping, Sequence
 
-import graphlib
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
