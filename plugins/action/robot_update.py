@@ -23,14 +23,15 @@ from ansible.errors import AnsibleConnectionFailure
 from ansible.plugins.action import ActionBase
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import KUBE_ARGS, Kube, diff_of, resolve_auth
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
@@ -50,6 +51,10 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "rate_tolerance": {"type": "float", "default": 0.1},
     "rate_seconds": {"type": "float", "default": 1},
     "failure_budget": {"type": "str", "default": "0"},
+    "image_archives": {"type": "list", "elements": "dict", "default": []},
+    "image_names": {"type": "list", "elements": "str", "default": []},
+    "image_rate_limit": {"type": "str", "default": ""},
+    "image_directory": {"type": "str", "default": DIRECTORY},
 }
 TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
 
@@ -96,7 +101,10 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
             )},
         )  # fmt: skip
         robot = Fleet.from_vars(self._vars).robots[self._host]
-        host = ModuleHost(self._reach, self._module, NodeImages.of_host(self, self._vars), check)
+        self._modules = ActionHost(self, self._vars)
+        node = NodeImages(self._modules, params["image_directory"], params["image_rate_limit"], self._say)
+        images = ImageSource(node, params["image_archives"], params["image_names"])
+        host = ModuleHost(self._reach, self._module, images, check)
         with Kube(resolve_auth(params, dict(os.environ))) as kube, _cancellable():
             engine = Engine(robot, settings, World(KubeCluster(kube, self._say), host, MonotonicClock(), self._say))
             outcome = engine.run()
@@ -124,11 +132,7 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
     def _module(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
         with _ticking(lambda seconds: self._say(f"{name} for {seconds:.0f} s now")):
             try:
-                return dict(
-                    self._execute_module(
-                        module_name=f"rosops.fleet.{name}", module_args=dict(arguments), task_vars=self._vars
-                    )
-                )
+                return self._modules.module(f"rosops.fleet.{name}", arguments)
             except AnsibleConnectionFailure as error:
                 raise AwayError(str(error)) from error
 

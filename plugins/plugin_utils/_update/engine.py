@@ -15,8 +15,8 @@
     finish    the mark comes off
     or back   the old version, under the same proof
 
-What has to be remembered is in the cluster before it is needed: the mark on the Deployment, and the contract and the way
-back in a ConfigMap beside it. So a run may end at any line, and the next one goes on from there.
+What has to be remembered is in the cluster before it is needed: the mark on the Deployment, and the contract and the
+way back in a ConfigMap beside it. So a run may end at any line, and the next one goes on from there.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class BusyError(FleetError):
 class Settings:
     """How a run goes. Times are in seconds."""
 
-    request: Request = Request()
+    request: Request = field(default_factory=Request)
     on_busy: str = "wait"  # wait, defer or force
     busy_timeout: float = 600.0
     ready_timeout: float = 120.0
@@ -171,9 +171,9 @@ class Engine:
     @property
     def master(self) -> str:
         """The address of the robot's ROS master, as its hosts reach it."""
-        return (
-            master_uri(self.robot) if self.robot.master.mode == "external" else self.live.service_uri(names.MASTER_NAME)
-        )
+        if self.robot.master.mode == "external":
+            return master_uri(self.robot)
+        return self.live.service_uri(names.MASTER_NAME)
 
     @property
     def keeper(self) -> str:

@@ -1,41 +1,48 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The robot's own host, asked through modules that run there: pods' addresses are routable only on the cluster's hosts."""
+"""The robot's own host, asked through modules that run there: pods' addresses are routable on the cluster's hosts."""
 
 from __future__ import annotations
 
-from typing import Any, Callable, Mapping, Protocol, Sequence
+from dataclasses import dataclass
+from typing import Any, Callable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object, Seen
 
 INTERVAL = 0.2
 
+
+@dataclass(frozen=True)
+class ImageSource:
+    """Where images come from: archives of the control node (`{path, images}`), and names that are always wanted."""
+
+    node: NodeImages
+    archives: Sequence[Mapping[str, Any]] = ()
+    names: Sequence[str] = ()
+
+
 RunModule = Callable[[str, Mapping[str, Any]], Mapping[str, Any]]  # name and arguments to result; AwayError
-
-
-class Images(Protocol):
-    """What is needed of `_images.node.NodeImages`."""
-
-    def bring(self, needed: Sequence[str]) -> Any: ...
 
 
 class ModuleHost:
     """`reach` only makes a connection, `run` executes a module of this collection; both raise AwayError."""
 
-    def __init__(self, reach: Callable[[], None], run: RunModule, images: Images, check: bool = False) -> None:
+    def __init__(self, reach: Callable[[], None], run: RunModule, images: ImageSource, check: bool = False) -> None:
         self._reach, self._run, self._images, self._check = reach, run, images, check
 
     def there(self) -> None:
         self._reach()
 
     def bring(self, images: Sequence[str]) -> bool:
-        brought = self._images.bring(images)
+        source = self._images
+        brought = source.node.bring(source.archives, dict.fromkeys([*source.names, *images]), self._check)
         if brought.problems:
             raise NotReadyError("; ".join(brought.problems))
-        return bool(brought.changed)
+        return brought.changed
 
     def graph(self, master: str, rate_seconds: float) -> Graph:
         asked = {"rates": True, "rate_seconds": rate_seconds, "md5sums": True, "service_connections": True}
@@ -43,6 +50,8 @@ class ModuleHost:
         return found
 
     def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+        if self._check:  # an action without its server is looked at, and not held
+            actions = [{"name": action["name"]} for action in actions]
         asked = {"actions": list(actions), "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
         found = self._run("ros_action_hold", {"master_uri": master, **_given(keeper_uri=keeper), **asked})
         return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))

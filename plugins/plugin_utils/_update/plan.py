@@ -80,8 +80,8 @@ class Plan:
 class Request:
     """What is asked for. `to` is empty for what the inventory says, else `previous` or a revision to go back to.
 
-    `only` limits it to these apps (`ros-master` is the master); `shared` says whether what belongs to the whole fleet is
-    this robot's to change.
+    `only` limits it to these apps (`ros-master` is the master); `shared` says whether what belongs to the whole fleet
+    is this robot's to change.
     """
 
     only: Sequence[str] = ()
@@ -129,7 +129,7 @@ class _Robot:
         )  # fmt: skip
 
     def _previous(self, members: Sequence[str], objects: Sequence[Object]) -> dict[str, Object]:
-        """What to go back to, by app. A step that was cut off left an unproven version: then the history's last counts."""
+        """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven."""
         found: dict[str, Object] = {}
         for item in deployments_of(objects):
             app, there = app_of(item), self.live.get(_key(item))

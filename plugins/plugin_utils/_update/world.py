@@ -1,9 +1,9 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the engine asks and does: the cluster, the robot, the clock. The real ones and the simulated ones have these methods.
+"""What the engine asks and does: the cluster, the robot, the clock. The real and the simulated ones have these methods.
 
-Every method either does what it says or raises one of our errors; `AwayError` says that the robot itself cannot be reached.
+Every method either does what it says or raises one of our errors; `AwayError` says that the robot cannot be reached.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Cluster(Protocol):
 
 @dataclass(frozen=True)
 class Seen:
-    """What a wait on the robot ended with: `pass`, `fail`, or `wait` where the time was over; and what is still open."""
+    """How a wait on the robot ended: `pass`, `fail`, or `wait` where the time was over; and what is still open."""
 
     verdict: str
     reason: str = ""
@@ -87,7 +87,7 @@ class Host(Protocol):
         """The whole graph with rates; RosError where the master does not answer."""
 
     def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
-        """Wait until the actions are idle and hold back the new goals of those with a `server`, for `seconds` at most."""
+        """Wait until the actions are idle; then hold new goals of those with a `server`, for `seconds` at most."""
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
         """Let the held goals go."""
