@@ -14,7 +14,7 @@ from typing import Any
 from ansible.plugins.action import ActionBase
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, resolve_auth
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import ROLLOUT_ARGS, run, settings_from
 
 display = Display()
@@ -30,7 +30,8 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
         params = self.validate_argument_spec(argument_spec=ROLLOUT_ARGS)[1]
         host = (task_vars or {}).get("inventory_hostname", "")
         try:
-            with Kube(resolve_auth(params, {**os.environ, **self._environment()})) as kube:
+            os.environ.update(self._environment())  # this process is of one task alone, as a module's would be
+            with Kube(params, patience=0) as kube:  # the wait has a patience of its own
                 settings = settings_from(params, lambda text: display.display(f"[{host}] {text}"))
                 result.update(changed=False, **run(params, kube, settings, self._task.check_mode))
         except FleetError as exc:

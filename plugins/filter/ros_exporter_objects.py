@@ -15,9 +15,7 @@ description:
   - The exporter asks the master and the nodes over XML-RPC. It registers nothing and subscribes to nothing. The data
     connections that it opens are the handshake of a service's client and, for an action's goals, one message of the
     action's status topic, neither known to the master.
-  - Its image is the master's. Its code, and the part of prometheus_client that it uses, are in the ConfigMap.
-requirements:
-  - prometheus_client >= 0.20, < 0.22 on the control node
+  - Its image is the master's. Its code is in the ConfigMap.
 extends_documentation_fragment: [rosops.fleet._context]
 options:
   interval:
@@ -66,7 +64,6 @@ from typing import Any, Callable, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import exporter as _exporter_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.client_archive import client_archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 
 
@@ -79,7 +76,7 @@ def ros_exporter_objects(
 ) -> list[dict[str, Any]]:
     """The pure function, with the code that it does not read itself."""
     settings = _exporter_objects.Settings(float(interval), float(timeout), bool(statistics), claims_path)
-    return _exporter_objects.exporter_objects(robot_of(ctx), exporter_files(), client_archive(), settings)
+    return _exporter_objects.exporter_objects(robot_of(ctx), exporter_files(), settings)
 
 
 class FilterModule:

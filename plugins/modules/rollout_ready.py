@@ -2,7 +2,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Wait until Kubernetes objects are rolled out: arguments in, `_rollout_wait.run`, result out."""
+"""Documentation only: the work is done by the action plugin of this name, on the control node."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ options:
     type: bool
     default: false
 extends_documentation_fragment:
-  - rosops.fleet.kube
+  - kubernetes.core.k8s_auth_options
 attributes:
   check_mode:
     description: Looks once, and does neither wait nor fail because of a verdict.
@@ -125,24 +125,3 @@ elapsed:
   type: float
   sample: 4.2
 """
-
-import os
-
-from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, resolve_auth
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import ROLLOUT_ARGS, run, settings_from
-
-
-def main() -> None:
-    module = AnsibleModule(argument_spec=ROLLOUT_ARGS, supports_check_mode=True)
-    try:
-        with Kube(resolve_auth(module.params, os.environ)) as kube:
-            result = run(module.params, kube, settings_from(module.params), module.check_mode)
-    except FleetError as exc:
-        module.fail_json(msg=str(exc), **exc.details)
-    module.exit_json(changed=False, **result)
-
-
-if __name__ == "__main__":
-    main()

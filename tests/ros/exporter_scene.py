@@ -11,7 +11,6 @@ import urllib.request
 from pathlib import Path
 from typing import Any, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.client_archive import client_archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from scene import PYTHON, Scene, free_port, until
@@ -55,7 +54,6 @@ class ExporterScene(Scene):
         code.mkdir(exist_ok=True)
         for name, text in exporter_files().items():
             (code / name).write_text(text)
-        (code / "prometheus_client.zip").write_bytes(client_archive())
         process = self._start(
             "exporter",
             *("/usr/bin/env", "MALLOC_ARENA_MAX=1", os.environ.get("EXPORTER_PYTHON", PYTHON), "-I", "-S"),

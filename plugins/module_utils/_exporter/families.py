@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A snapshot -> metric families with their samples. Pure; the text is made by prometheus_client.
+"""A snapshot -> metric families with their samples. Pure.
 
 Runs on Python 3.8 with the standard library, in pods.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Iterable, Mapping, NamedTuple, Sequence, Tuple
 
-from .snapshot import REASONS, Ros, Snapshot
+from .snapshot import REASONS, GraphMetrics, Snapshot
 
 GAUGE, COUNTER = "gauge", "counter"
 Sample = Tuple[Mapping[str, str], float]
@@ -30,7 +30,7 @@ def families(snapshot: Snapshot) -> list[Family]:
     return [*_ros(snapshot.ros), *_own(snapshot)]
 
 
-def _ros(ros: Ros) -> list[Family]:
+def _ros(ros: GraphMetrics) -> list[Family]:
     """The graph's metrics."""
     master: list[Sample] = [] if ros.master is None else [({}, float(ros.master))]
     flows = [(node, flow, count) for node, counts in ros.counts.items() for flow, count in counts.items()]

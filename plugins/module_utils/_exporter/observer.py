@@ -21,7 +21,7 @@ from .._ros.master import Master
 from .._ros.rpc import Api, Deadline, in_parallel
 from .._ros.transport import greet, read_states, subscribe_status
 from . import snapshot
-from .snapshot import Answer
+from .snapshot import NodeReply
 
 CALLER = "/ros_exporter"
 AT_ONCE = 8  # nodes asked at the same time
@@ -61,13 +61,13 @@ class Observer(Master):
             made.append(Errand(name, uris[name], services, tuple(one for one in actions if name in servers[one])))
         return made
 
-    def answers(self, errands: Iterable[Errand]) -> dict[str, Answer]:
+    def answers(self, errands: Iterable[Errand]) -> dict[str, NodeReply]:
         """What the nodes say. A node that hangs costs one time-out, and holds up one of AT_ONCE."""
         todo: queue.SimpleQueue[Errand] = queue.SimpleQueue()
         wanted = list(errands)
         for errand in wanted:
             todo.put(errand)
-        answers = {errand.name: Answer(errors=("timeout",)) for errand in wanted}
+        answers = {errand.name: NodeReply(errors=("timeout",)) for errand in wanted}
         open_still = [True]
 
         def work() -> None:
@@ -89,14 +89,14 @@ class Observer(Master):
         self.late = {name for name, answer in found.items() if answer.pid is None}
         return found
 
-    def ask_node(self, errand: Errand) -> Answer:
+    def ask_node(self, errand: Errand) -> NodeReply:
         """All questions to one node, whatever it answers."""
         if not isinstance(errand.uri, str):
-            return Answer(errors=("fault",))
+            return NodeReply(errors=("fault",))
         try:
             answer = self._calls(errand.uri)
         except Exception as error:  # whatever an untrusted peer provokes is that peer's result
-            return Answer(errand.uri, errors=(snapshot.reason(error),))
+            return NodeReply(errand.uri, errors=(snapshot.reason(error),))
         deadline = Deadline(self.timeout)
         services, actions, errors = {}, {}, list(answer.errors)
         for service, uri in errand.services:
@@ -110,7 +110,7 @@ class Observer(Master):
             errors += [why] if why else []
         return replace(answer, services=services, actions=actions, errors=tuple(errors))
 
-    def _calls(self, uri: str) -> Answer:
+    def _calls(self, uri: str) -> NodeReply:
         """The process id, which tells that it lives; without one of the others only that part is unknown."""
         with Api(uri, CALLER, Deadline(self.timeout)) as api:
             pid = api.process()
@@ -118,7 +118,7 @@ class Observer(Master):
             stats, why_stats = _tried(lambda: bus_stats.stats(api.raw("getBusStats", CALLER)))
         links = tuple(link for link in graph.connections(info) if link.peer != CALLER) if why_info is None else None
         errors = tuple(why for why in (why_info, why_stats) if why)
-        return Answer(uri, pid, stats, links, own_connections(info), errors=errors)
+        return NodeReply(uri, pid, stats, links, own_connections(info), errors=errors)
 
     def _greet(self, service: str, uri: Any, deadline: Deadline) -> bool:
         """Shake hands as a client does before a call; the service itself is not called."""

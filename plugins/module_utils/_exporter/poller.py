@@ -14,7 +14,7 @@ from typing import Callable
 
 from . import snapshot as _exporter_snapshot
 from .observer import Observer
-from .snapshot import Memory, Ros, Snapshot
+from .snapshot import GraphMetrics, History, Snapshot
 from .updates import Updates
 
 # Both in parts of the interval. A scrape that comes as a poll ends gets sometimes the new counts and sometimes the old
@@ -34,7 +34,7 @@ class Poller(threading.Thread):
     def __init__(self, observer: Observer, interval: float, updates: Updates, tell: Callable[[str], None]) -> None:
         super().__init__(daemon=True, name="poller")
         self.observer, self.interval, self.updates, self.tell = observer, interval, updates, tell
-        self.memory = Memory()
+        self.memory = History()
         self.snapshot = Snapshot(errors=dict(self.memory.errors))
         self.last = self.due = time.monotonic()
         self.shifted = False
@@ -82,7 +82,7 @@ class Poller(threading.Thread):
         if ros.master != before:
             self.tell(f"the ROS master at {self.observer.uri} {'answers' if ros.master else 'does not answer'}")
 
-    def _look(self) -> tuple[Ros, Memory]:
+    def _look(self) -> tuple[GraphMetrics, History]:
         try:
             state = self.observer.graph()
             errands = self.observer.errands(state)

@@ -26,7 +26,7 @@ OWN_SERVICES = ("/get_loggers", "/set_logger_level")
 
 
 @dataclass(frozen=True)
-class Answer:
+class NodeReply:
     """What one node said in one poll. `errors` are reasons; without a `pid` it did not answer at all."""
 
     uri: str = ""
@@ -40,7 +40,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Memory:
+class History:
     """What outlives a poll: the counts of nodes, and for how many polls they were not in the graph."""
 
     counted: Mapping[str, Counted] = field(default_factory=dict)
@@ -52,7 +52,7 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Ros:
+class GraphMetrics:
     """The graph of one poll, as metrics need it. `master` None: not asked yet."""
 
     master: bool | None = None
@@ -67,7 +67,7 @@ class Ros:
 
 @dataclass(frozen=True)
 class Snapshot:
-    ros: Ros = Ros()
+    ros: GraphMetrics = GraphMetrics()
     errors: Mapping[str, int] = field(default_factory=dict)
     polls: int = 0
     duration: float = 0.0
@@ -89,7 +89,7 @@ def reason(error: BaseException) -> str:
     return next((word for kind, word in kinds if isinstance(error, kind)), "malformed")
 
 
-def is_stale(state: MasterState, name: str, answer: Answer) -> bool:
+def is_stale(state: MasterState, name: str, answer: NodeReply) -> bool:
     """Whether a node that answers at an address of two nodes is the other one: it lacks what this one registered."""
     if answer.stats is None:
         return False
@@ -98,15 +98,15 @@ def is_stale(state: MasterState, name: str, answer: Answer) -> bool:
     return any(topic not in own for topic in registered)
 
 
-def master_away(memory: Memory, why: str) -> tuple[Ros, Memory]:
+def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
     """Nothing is known of the nodes; what was counted so far stays for when they are back."""
     errors = dict(memory.errors)
     errors[why] += 1
-    kept = Memory(memory.counted, memory.absent, memory.seen, memory.began, errors, memory.polls + 1)
-    return Ros(master=False), kept
+    kept = History(memory.counted, memory.absent, memory.seen, memory.began, errors, memory.polls + 1)
+    return GraphMetrics(master=False), kept
 
 
-def next_poll(state: MasterState, answers: Mapping[str, Answer], memory: Memory) -> tuple[Ros, Memory]:
+def next_poll(state: MasterState, answers: Mapping[str, NodeReply], memory: History) -> tuple[GraphMetrics, History]:
     """The graph of this poll, and what the next one has to know."""
     doubtful = graph.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
     up, errors = {}, dict(memory.errors)
@@ -127,7 +127,7 @@ def next_poll(state: MasterState, answers: Mapping[str, Answer], memory: Memory)
     absent = {name: memory.absent.get(name, 0) + 1 for name in counted if name not in answers}
     counted = {name: one for name, one in counted.items() if absent.get(name, 0) <= FORGET_POLLS}
     answering = {name: answers[name] for name in up if up[name]}
-    ros = Ros(
+    ros = GraphMetrics(
         True,
         up,
         counts,
@@ -142,7 +142,7 @@ def next_poll(state: MasterState, answers: Mapping[str, Answer], memory: Memory)
         },
         _goals(answering),
     )
-    return ros, Memory(counted, absent, frozenset(answers), True, errors, memory.polls + 1)
+    return ros, History(counted, absent, frozenset(answers), True, errors, memory.polls + 1)
 
 
 def watched(state: MasterState) -> dict[str, tuple[str, ...]]:
@@ -150,7 +150,7 @@ def watched(state: MasterState) -> dict[str, tuple[str, ...]]:
     return {name: nodes for name, nodes in state.services.items() if not name.endswith(OWN_SERVICES)}
 
 
-def _connections(answers: Mapping[str, Answer]) -> dict[tuple[str, str, str], int]:
+def _connections(answers: Mapping[str, NodeReply]) -> dict[tuple[str, str, str], int]:
     """Connections by topic, node and direction; 0 for a topic of the node that has none."""
     found: dict[tuple[str, str, str], int] = {}
     for name, answer in answers.items():
@@ -164,7 +164,7 @@ def _connections(answers: Mapping[str, Answer]) -> dict[tuple[str, str, str], in
     return found
 
 
-def _goals(answers: Mapping[str, Answer]) -> dict[str, dict[str, int]]:
+def _goals(answers: Mapping[str, NodeReply]) -> dict[str, dict[str, int]]:
     """Goals by action and state, every state with its zero, so that a state that ends is seen to end."""
     found: dict[str, dict[str, int]] = {}
     for answer in answers.values():

@@ -7,7 +7,7 @@ Nothing more than the way to the command's own module, because a script, unlike 
 """
 
 # importing pathlib would cost as much as all the rest of a call:
-# ruff: noqa: PTH100, PTH110, PTH118, PTH120
+# ruff: noqa: PTH100, PTH110, PTH120
 from __future__ import annotations
 
 import importlib
@@ -57,7 +57,6 @@ def main(words: list[str]) -> int:
     if words[1] == "exporter":
         # its container has no place to write to
         sys.dont_write_bytecode = True
-        sys.path.insert(0, os.path.join(directory, "prometheus_client.zip"))
         # ROS 1 knows no TLS. Without this, http.client would load OpenSSL, 4 MB that are never used.
         modules: dict[str, object] = sys.modules  # type: ignore[assignment]
         modules["ssl"] = None

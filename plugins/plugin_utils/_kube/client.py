@@ -1,169 +1,70 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Requests to the Kubernetes API: with `_watch.py`, the collection's only Kubernetes I/O.
+"""Requests to the Kubernetes API: with `watch.py`, the collection's only Kubernetes I/O.
 
-Credentials come the way kubernetes.core takes them (same options, same K8S_AUTH_* variables), through the official
-client's configuration. The requests themselves go through that client's connection pool and not through its API
-classes: those build thousands of model classes that nobody here needs, their dynamic client asks for the API's
-resources first, and their watch cannot be stopped while it waits. kubernetes.core's own client is not imported: its
-module_utils are private to it, and it has no watch.
+The requests go through the connection pool of the official client and not through its API classes: those build model
+classes that nobody here needs, their dynamic client asks for the API's resources first, and their watch cannot be
+stopped while it waits.
+
+The client's libraries take a quarter of a second to import. They are imported at module level on purpose: Ansible loads
+an action plugin in its main process and forks a worker per task, which then has them already.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
-import os
-import traceback
-from dataclasses import dataclass
-from typing import Any, Dict, Mapping
+import time
+from collections import Counter
+from types import MappingProxyType
+from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
 from urllib.parse import urlencode
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import access_from, forget_key_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import (
+    RESOURCES,
+    Resource,
+    Target,
+    base_of,
+    known,
+)
 
-try:
+with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses
     import urllib3
-    from kubernetes import config as kube_config
-    from kubernetes.client import Configuration
-    from kubernetes.client.rest import RESTClientObject
 
-    IMPORT_ERROR: str = ""
-except ImportError:
-    IMPORT_ERROR = traceback.format_exc()
-
-Object = Dict[str, Any]
-
-# Option -> names in K8S_AUTH_<NAME>, the first that is set counts. As in kubernetes.core.
-AUTH_VARIABLES: dict[str, tuple[str, ...]] = {
-    "kubeconfig": ("KUBECONFIG",),
-    "context": ("CONTEXT",),
-    "host": ("HOST",),
-    "api_key": ("API_KEY",),
-    "validate_certs": ("VALIDATE_CERTS", "VERIFY_SSL"),
-    "ca_cert": ("CA_CERT", "SSL_CA_CERT"),
-    "client_cert": ("CLIENT_CERT", "CERT_FILE"),
-    "client_key": ("CLIENT_KEY", "KEY_FILE"),
-    "proxy": ("PROXY",),
-    "no_proxy": ("NO_PROXY",),
-    "impersonate_user": ("IMPERSONATE_USER",),
-    "impersonate_groups": ("IMPERSONATE_GROUPS",),
-}
-KUBE_ARGS: dict[str, dict[str, Any]] = {
-    "kubeconfig": {"type": "raw", "no_log": True},
-    "context": {"type": "str"},
-    "host": {"type": "str"},
-    "api_key": {"type": "str", "no_log": True},
-    "validate_certs": {"type": "bool", "aliases": ["verify_ssl"]},
-    "ca_cert": {"type": "path", "aliases": ["ssl_ca_cert"]},
-    "client_cert": {"type": "path", "aliases": ["cert_file"]},
-    "client_key": {"type": "path", "aliases": ["key_file"], "no_log": False},
-    "proxy": {"type": "str"},
-    "no_proxy": {"type": "str"},
-    "impersonate_user": {"type": "str"},
-    "impersonate_groups": {"type": "list", "elements": "str"},
-}
-
-# Kind -> where its list is: API path, plural name, whether it lives in a namespace.
-RESOURCES: dict[str, tuple[str, str, bool]] = {
-    "ConfigMap": ("/api/v1", "configmaps", True),
-    "ControllerRevision": ("/apis/apps/v1", "controllerrevisions", True),
-    "DaemonSet": ("/apis/apps/v1", "daemonsets", True),
-    "Deployment": ("/apis/apps/v1", "deployments", True),
-    "Event": ("/api/v1", "events", True),
-    "Job": ("/apis/batch/v1", "jobs", True),
-    "Namespace": ("/api/v1", "namespaces", False),
-    "Node": ("/api/v1", "nodes", False),
-    "PersistentVolume": ("/api/v1", "persistentvolumes", False),
-    "PersistentVolumeClaim": ("/api/v1", "persistentvolumeclaims", True),
-    "Pod": ("/api/v1", "pods", True),
-    "ReplicaSet": ("/apis/apps/v1", "replicasets", True),
-    "Service": ("/api/v1", "services", True),
-    "StatefulSet": ("/apis/apps/v1", "statefulsets", True),
-    "StorageClass": ("/apis/storage.k8s.io/v1", "storageclasses", False),
-}
+Answer = TypeVar("Answer")
 
 CONNECT_SECONDS = 5.0
 READ_SECONDS = 30.0
+PATIENCE = 10.0  # a server that is just restarting is back by then
+FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
+LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
+# Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
+# that is how a label taken out of the inventory leaves the node.
+MANAGER = "rosops.fleet"
+
+TODO = {
+    401: "It refuses the credentials from {source}: fetch the kubeconfig again or renew the token",
+    403: "These credentials lack that permission",
+    404: "Is that address a Kubernetes API?",
+    409: "Somebody else changed it at the same time: run again",
+    422: "Kubernetes does not accept that value, or that field cannot be changed once the object is there",
+}
+JSON, APPLY, MERGE = "application/json", "application/apply-patch+yaml", "application/merge-patch+json"
 
 
 class ApiError(KubeError):
     """One request failed. `transient` says that the same request may succeed a moment later."""
 
-    def __init__(self, message: str, status: int = 0, transient: bool = False) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, status: int = 0, transient: bool = False, **details: Any) -> None:
+        super().__init__(message, **details)
         self.status = status
         self.transient = transient
-
-
-# --- credentials ----------------------------------------------------------------------------------------------------
-
-
-def resolve_auth(params: Mapping[str, Any], environ: Mapping[str, str]) -> Object:
-    """Options, and for those not given (or empty) the K8S_AUTH_* variables. Pure."""
-    auth: Object = {}
-    for option, names in AUTH_VARIABLES.items():
-        value = params.get(option)
-        if value in (None, "", {}, []):
-            value = next((environ[f"K8S_AUTH_{name}"] for name in names if environ.get(f"K8S_AUTH_{name}")), None)
-            if value is not None and option == "validate_certs":
-                value = value.lower() not in ("0", "false", "no")
-            elif value is not None and option == "impersonate_groups":
-                value = [group for group in value.split(",") if group]
-        if value is not None:
-            auth[option] = value
-    return auth
-
-
-def _load(auth: Mapping[str, Any], configuration: Any) -> str:
-    """Fill the configuration; return in words where the credentials come from."""
-    has_host = bool(auth.get("host"))
-    if has_host and (auth.get("api_key") or (auth.get("client_cert") and auth.get("client_key"))):
-        return "the given host and credentials"
-    kubeconfig, context = auth.get("kubeconfig"), auth.get("context")
-    if not kubeconfig and not context:
-        try:
-            kube_config.load_incluster_config(client_configuration=configuration)
-            return "the pod's service account"
-        except kube_config.ConfigException:
-            pass  # not in a pod: then the default kubeconfig, as kubernetes.core does
-    if isinstance(kubeconfig, Mapping):
-        kube_config.load_kube_config_from_dict(
-            dict(kubeconfig), context=context, client_configuration=configuration, persist_config=False
-        )
-        return "the given kubeconfig"
-    kube_config.load_kube_config(
-        config_file=kubeconfig, context=context, client_configuration=configuration, persist_config=False
-    )
-    return f"kubeconfig {kubeconfig or os.environ.get('KUBECONFIG', '~/.kube/config')}"
-
-
-def _configuration(auth: Mapping[str, Any]) -> tuple[Any, str]:
-    configuration = Configuration()
-    try:
-        source = _load(auth, configuration)
-    except Exception as exc:  # the client's loader lets through what YAML, files and plugins raise
-        where = auth.get("kubeconfig") if isinstance(auth.get("kubeconfig"), str) else "kubeconfig"
-        why = " ".join(str(exc).split())
-        raise KubeError(
-            f"No usable Kubernetes credentials in {where}: {why}. Set kubeconfig (or K8S_AUTH_KUBECONFIG) to the "
-            "cluster's kubeconfig, or host and api_key (K8S_AUTH_HOST, K8S_AUTH_API_KEY)."
-        ) from exc
-    if auth.get("host"):
-        configuration.host = str(auth["host"]).rstrip("/")
-    if auth.get("api_key"):
-        configuration.api_key = {"authorization": f"Bearer {auth['api_key']}"}
-    attributes = {
-        "validate_certs": "verify_ssl",
-        "ca_cert": "ssl_ca_cert",
-        "client_cert": "cert_file",
-        "client_key": "key_file",
-        "proxy": "proxy",
-        "no_proxy": "no_proxy",
-    }
-    for option, attribute in attributes.items():
-        if auth.get(option) is not None:
-            setattr(configuration, attribute, auth[option])
-    return configuration, source
 
 
 def broken_off(exc: BaseException) -> bool:
@@ -171,33 +72,18 @@ def broken_off(exc: BaseException) -> bool:
     return isinstance(exc, (urllib3.exceptions.HTTPError, OSError))
 
 
-# --- requests -------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Target:
-    """What one stream follows: a kind, in one namespace or ("") everywhere."""
-
-    kind: str
-    namespace: str = ""
-
-    def __str__(self) -> str:
-        plural = RESOURCES[self.kind][1]
-        return f"{plural} in namespace {self.namespace}" if self.namespace else plural
-
-    @property
-    def path(self) -> str:
-        base, plural, namespaced = RESOURCES[self.kind]
-        return f"{base}/namespaces/{self.namespace}/{plural}" if namespaced and self.namespace else f"{base}/{plural}"
-
-
 def _cause(exc: BaseException) -> str:
     """The innermost cause in one line, without urllib3's object names."""
     text = str(exc)
-    for known in ("Connection refused", "No route to host", "Name or service not known", "Network is unreachable"):
-        if known in text:
-            return known.lower()
-    if any(known in text for known in ("EOF occurred", "Connection reset", "RemoteDisconnected", "Connection aborted")):
+    for known_cause in (
+        "Connection refused",
+        "No route to host",
+        "Name or service not known",
+        "Network is unreachable",
+    ):
+        if known_cause in text:
+            return known_cause.lower()
+    if any(part in text for part in ("EOF occurred", "Connection reset", "RemoteDisconnected", "Connection aborted")):
         return "it closed the connection"
     if "timed out" in text.lower():
         return "no answer in time"
@@ -215,22 +101,28 @@ def _status_message(body: bytes) -> str:
 
 
 class Kube:
-    """One cluster's API. Thread-safe; `close` it, or use it as a context."""
+    """One cluster's API. Thread-safe; `close` it, or use it as a context.
 
-    def __init__(self, auth: Mapping[str, Any]) -> None:
-        if IMPORT_ERROR:
-            raise KubeError(
-                "The Python library kubernetes is missing where this runs (the control node): install it there.",
-                exception=IMPORT_ERROR,
-            )
-        self._configuration, self._source = _configuration(auth)
-        self._pool = RESTClientObject(self._configuration).pool_manager
-        self._impersonate = [("Impersonate-User", auth["impersonate_user"])] if auth.get("impersonate_user") else []
-        self._impersonate += [("Impersonate-Group", group) for group in auth.get("impersonate_groups") or []]
+    What may succeed a moment later (nothing listens, the connection broke, 429, 5xx) is tried again for `patience`
+    seconds per request. Only `request` and `page` are not: a watch does that by itself, and tells about it.
+    """
+
+    def __init__(
+        self,
+        auth: Mapping[str, Any],
+        patience: float = PATIENCE,
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """`auth`: kubernetes.core's options; what is missing comes from the K8S_AUTH_* variables."""
+        self._access = access_from(auth)
+        self._pool = self._access.pool
+        self._patience, self._now, self._sleep = patience, now, sleep
+        self._found: dict[tuple[str, str], Resource] = {}
 
     @property
     def host(self) -> str:
-        return str(self._configuration.host)
+        return str(self._access.configuration.host)
 
     def __enter__(self) -> Kube:
         return self
@@ -240,88 +132,272 @@ class Kube:
 
     def close(self) -> None:
         self._pool.clear()
-        # Inline keys of a kubeconfig lie in temporary files that the client removes at the interpreter's exit.
-        # Ansible's worker processes end without that, so the files go now.
-        clean = getattr(kube_config.kube_config, "_cleanup_temp_files", None)
-        if clean:
-            clean()
+        forget_key_files()
 
-    def _headers(self) -> Any:
-        headers = urllib3.HTTPHeaderDict({"Accept": "application/json", "User-Agent": "rosops.fleet"})
-        for setting in self._configuration.auth_settings().values():
+    # --- requests ---------------------------------------------------------------------------------------------------
+
+    def _headers(self, content: str) -> Any:
+        headers = urllib3.HTTPHeaderDict({"Accept": JSON, "User-Agent": MANAGER})
+        if content:
+            headers["Content-Type"] = content
+        for setting in self._access.configuration.auth_settings().values():
             headers[setting["key"]] = setting["value"]
-        for name, value in self._impersonate:
+        for name, value in self._access.headers:
             headers.add(name, value)
         return headers
 
     def request(self, path: str, query: Mapping[str, Any], read_seconds: float = READ_SECONDS) -> Any:
-        """Open a GET; the answer's body is still to be read. Anything but 200 is an ApiError."""
+        """Open a GET; the answer's body is still to be read. Anything but success is an ApiError. Tried once."""
+        return self._open("GET", path, query, read_seconds=read_seconds)
+
+    def _open(  # noqa: PLR0913 - the parts of a request
+        self,
+        method: str,
+        path: str,
+        query: Mapping[str, Any],
+        body: Mapping[str, Any] | None = None,
+        content: str = "",
+        read_seconds: float = READ_SECONDS,
+    ) -> Any:
         url = f"{self.host}{path}" + (f"?{urlencode(query)}" if query else "")
         timeout = urllib3.Timeout(connect=CONNECT_SECONDS, read=read_seconds)
+        data = None if body is None else json.dumps(body).encode()
         try:
             answer = self._pool.request(
-                "GET", url, headers=self._headers(), preload_content=False, retries=False, timeout=timeout
+                method,
+                url,
+                body=data,
+                headers=self._headers(content),
+                preload_content=False,
+                retries=False,
+                timeout=timeout,
             )
         except (urllib3.exceptions.HTTPError, OSError) as exc:
             raise self._unreachable(exc) from exc
-        if answer.status != 200:
-            raise self._refused(answer, path)
+        if not 200 <= answer.status < 300:
+            raise self._refused(answer, path if method == "GET" else f"{method} {path}")
         return answer
 
     def _unreachable(self, exc: BaseException) -> ApiError:
         untrusted = "CERTIFICATE_VERIFY_FAILED" in str(exc)
+        source = self._access.source
         todo = (
             "Check ca_cert, or that the kubeconfig belongs to this cluster"
             if untrusted
-            else f"Check that its server runs, that it can be reached from here, and the address (from {self._source})"
+            else f"Check that its server runs, that it can be reached from here, and the address (from {source})"
         )
         return ApiError(
             f"The Kubernetes API at {self.host} cannot be reached: {_cause(exc)}. {todo}.", transient=not untrusted
         )
 
-    def _refused(self, answer: Any, path: str) -> ApiError:
+    def _refused(self, answer: Any, what: str) -> ApiError:
         status = int(answer.status)
         try:
             message = _status_message(answer.data)
         except (urllib3.exceptions.HTTPError, OSError):
             message = ""
-        todo = {
-            401: f"It refuses the credentials from {self._source}: fetch the kubeconfig again or renew the token",
-            403: "These credentials lack that permission",
-            404: "Is that address a Kubernetes API?",
-        }.get(status, "")
-        text = f"The Kubernetes API at {self.host} answered {status} for {path}"
+        todo = TODO.get(status, "").format(source=self._access.source)
+        if status == 404 and message.startswith("namespaces "):
+            todo = "Its namespace has to be applied first"
+        text = f"The Kubernetes API at {self.host} answered {status} for {what}"
         return ApiError(
             ". ".join(part.rstrip(".") for part in (f"{text}: {message}" if message else text, todo) if part) + ".",
             status=status,
             transient=status == 429 or status >= 500,
         )
 
-    def read(self, path: str, query: Mapping[str, Any] | None = None) -> bytes:
-        """A whole answer."""
+    def _patiently(self, work: Callable[[], Answer], also: Sequence[int] = ()) -> Answer:
+        """Do it again until it succeeds, while it fails in a way that passes (or with a status of `also`)."""
+        began, pause, said = self._now(), FIRST_PAUSE, Counter[str]()
+        while True:
+            try:
+                return work()
+            except ApiError as exc:
+                said[str(exc)] += 1
+                spent = self._now() - began
+                if not (exc.transient or exc.status in also) or spent >= self._patience:
+                    tries = sum(said.values())
+                    if tries == 1:
+                        raise
+                    other = [text for text in said if text != str(exc)]
+                    text = f"{exc} It was tried {tries} times in {spent:.0f} s" + (
+                        f"; before: {other[-1]}" if other else "."
+                    )
+                    raise ApiError(text, exc.status, exc.transient) from exc
+                self._sleep(min(pause, self._patience - spent))
+                pause = min(pause * 2, LONGEST_PAUSE)
+
+    def _read(self, method: str, path: str, query: Mapping[str, Any], *body: Any) -> bytes:
+        """A whole answer. Tried once."""
         try:
-            return bytes(self.request(path, query or {}).data)
+            return bytes(self._open(method, path, query, *body).data)
         except (urllib3.exceptions.HTTPError, OSError) as exc:  # the connection broke within the body
             raise self._unreachable(exc) from exc
 
-    def page(self, target: Target, **query: str) -> tuple[list[Object], str]:
-        """The present objects, and the resource version to watch on from."""
+    def _object(self, method: str, path: str, query: Mapping[str, Any], *body: Any, also: Sequence[int] = ()) -> Object:
+        """The object that is the answer."""
+        answer = self._patiently(lambda: self._read(method, path, query, *body), also)
         try:
-            body = json.loads(self.read(target.path, query))
+            return dict(json.loads(answer))
+        except (ValueError, TypeError) as exc:
+            raise ApiError(f"{self.host} does not answer like a Kubernetes API for {path}: {exc!r}.") from exc
+
+    # --- reading ----------------------------------------------------------------------------------------------------
+
+    def page(self, target: Target, **query: str) -> tuple[list[Object], str]:
+        """The present objects, and the resource version to watch on from. Tried once."""
+        return self._page(target.path, query)
+
+    def _page(self, path: str, query: Mapping[str, str]) -> tuple[list[Object], str]:
+        try:
+            body = json.loads(self._read("GET", path, query))
             items, version = body.get("items") or [], str(body["metadata"]["resourceVersion"])
         except (ValueError, KeyError, AttributeError, TypeError) as exc:
-            raise ApiError(f"{self.host} does not answer like a Kubernetes API for {target.path}: {exc!r}.") from exc
+            raise ApiError(f"{self.host} does not answer like a Kubernetes API for {path}: {exc!r}.") from exc
         return list(items), version
 
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]:
         """All objects of a kind, in one namespace or everywhere."""
         selectors = {"labelSelector": labels, "fieldSelector": fields}
-        return self.page(Target(kind, namespace), **{key: value for key, value in selectors.items() if value})[0]
+        query = {key: value for key, value in selectors.items() if value}
+        return self._listed(Target(kind, namespace).path, query)
 
     def nodes(self) -> list[Object]:
         return self.objects("Node")
 
+    def get(self, ref: Ref) -> Object | None:
+        """One object as it is, None if it is not there."""
+        try:
+            return self._object("GET", self._path(ref), {})
+        except ApiError as exc:
+            if exc.status == 404:
+                return None
+            raise
+
     def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str:
         """The last lines of a container's log."""
         query = {"container": container, "tailLines": lines, "previous": str(previous).lower()}
-        return self.read(f"/api/v1/namespaces/{namespace}/pods/{pod}/log", query).decode("utf-8", "replace").strip()
+        path = f"{RESOURCES['Pod'].path(namespace, pod)}/log"
+        return self._patiently(lambda: self._read("GET", path, query)).decode("utf-8", "replace").strip()
+
+    # --- writing ----------------------------------------------------------------------------------------------------
+
+    def apply(
+        self, objects: Iterable[Mapping[str, Any]], dry_run: bool = False, manager: str = MANAGER
+    ) -> list[Applied]:
+        """Server-side apply of full definitions, in their order; the inventory is the truth, so conflicts are won.
+
+        With `dry_run` the API server says what it would do. It cannot do so in a namespace that is not there: what
+        belongs there would be new. An error names in its details, as `applied`, what was written before it.
+        """
+        wanted = [(ref_of(obj), obj) for obj in objects]
+        present = self._present([ref for ref, _obj in wanted])
+        query = {"fieldManager": manager, "force": "true", **({"dryRun": "All"} if dry_run else {})}
+        done: list[Applied] = []
+        for ref, obj in wanted:
+            try:
+                before = present.get(ref) if ref in present else self.get(ref)
+                # Two robots that create the same object at once: one of them is told 409, and finds it there then.
+                after = self._object("PATCH", self._path(ref), query, obj, APPLY, also=(409,))
+            except ApiError as exc:
+                if not (dry_run and exc.status == 404 and self._namespace_is_new(ref)):
+                    exc.details["applied"] = [str(one.ref) for one in done if one.changed]
+                    raise
+                before, after = None, dict(obj)
+            done.append(applied(ref, before, after))
+        return done
+
+    def delete(self, refs: Iterable[Ref], dry_run: bool = False) -> list[Applied]:
+        """Delete these, what they own in the background; what is not there is fine."""
+        done: list[Applied] = []
+        query = {"propagationPolicy": "Background", **({"dryRun": "All"} if dry_run else {})}
+        for ref in refs:
+            before = self.get(ref)
+            if before is not None:
+                try:
+                    self._object("DELETE", self._path(ref), query)
+                except ApiError as exc:
+                    if exc.status != 404:
+                        raise
+            done.append(applied(ref, before, None))
+        return done
+
+    def merge(self, ref: Ref, part: Mapping[str, Any], dry_run: bool = False) -> Applied:
+        """Merge a part into an object that is there (null removes a key, lists are replaced as a whole).
+
+        A resourceVersion in it makes the API refuse, with status 409, what was worked out from an older object.
+        """
+        before = self.get(ref)
+        query = {"fieldManager": MANAGER, **({"dryRun": "All"} if dry_run else {})}
+        return applied(ref, before, self._object("PATCH", self._path(ref), query, part, MERGE))
+
+    def create(self, obj: Mapping[str, Any]) -> Object:
+        """A new object; status 409 if there is one of its name."""
+        ref = ref_of(obj)
+        return self._object("POST", self._resource(ref).path(ref.namespace), {}, obj, JSON)
+
+    def replace(self, obj: Mapping[str, Any]) -> Object:
+        """The whole object anew; status 409 if it is not of the resourceVersion that `obj` has."""
+        return self._object("PUT", self._path(ref_of(obj)), {}, obj, JSON)
+
+    # --- where objects are ------------------------------------------------------------------------------------------
+
+    def _path(self, ref: Ref) -> str:
+        return self._resource(ref).path(ref.namespace, ref.name)
+
+    def _resource(self, ref: Ref) -> Resource:
+        """Where objects of that kind are: known, or asked of the API."""
+        if found := known(ref.kind, ref.api_version):
+            return found
+        key = (ref.api_version, ref.kind)
+        if key not in self._found:
+            base = base_of(ref.api_version)
+            try:
+                listed = self._object("GET", base, {}).get("resources") or []
+            except ApiError as exc:
+                if exc.status != 404:
+                    raise
+                listed = []
+            places = [one for one in listed if one["kind"] == ref.kind and "/" not in one["name"]]
+            if not places:
+                raise ApiError(
+                    f"The cluster at {self.host} knows no kind {ref.kind} in {ref.api_version or 'no API version'} "
+                    f"(for {ref}). Check the spelling, or install what defines it.",
+                    status=404,
+                )
+            self._found[key] = Resource(base, str(places[0]["name"]), bool(places[0]["namespaced"]))
+        return self._found[key]
+
+    def _present(self, refs: Sequence[Ref]) -> dict[Ref, Object | None]:
+        """The objects as they are, where one list is cheaper than a look at each."""
+        alike = Counter((ref.api_version, ref.kind, ref.namespace) for ref in refs)
+        found: dict[Ref, Object | None] = {}
+        for (version, kind, namespace), count in alike.items():
+            resource = known(kind, version)
+            if count < LISTED_FROM or resource is None or not (namespace and resource.namespaced):
+                continue
+            items = {item["metadata"]["name"]: item for item in self._listed(resource.path(namespace))}
+            for ref in refs:
+                if (ref.api_version, ref.kind, ref.namespace) == (version, kind, namespace):
+                    item = items.get(ref.name)
+                    found[ref] = item and {"apiVersion": version, "kind": kind, **item}  # a list's items do not say it
+        return found
+
+    def _listed(self, path: str, query: Mapping[str, str] = MappingProxyType({})) -> list[Object]:
+        return self._patiently(lambda: self._page(path, query))[0]
+
+    def _namespace_is_new(self, ref: Ref) -> bool:
+        return bool(ref.namespace) and self.get(Ref("Namespace", ref.namespace)) is None
+
+
+def ref_of(obj: Mapping[str, Any]) -> Ref:
+    """Which object a full definition is of."""
+    try:
+        metadata = obj["metadata"]
+        return Ref(
+            str(obj["kind"]), str(metadata["name"]), str(metadata.get("namespace") or ""), str(obj["apiVersion"])
+        )
+    except (KeyError, TypeError, AttributeError) as exc:
+        raise KubeError(
+            f"This is no full definition of a Kubernetes object ({exc} is missing): {str(obj)[:200]}"
+        ) from exc

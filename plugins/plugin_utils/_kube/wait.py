@@ -14,6 +14,7 @@ from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import (
     CLUSTER_WIDE,
     Ref,
@@ -21,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import (
     parse_refs,
     watched,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import KUBE_ARGS, ApiError, Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     IMAGE_ERRORS,
     Object,
@@ -37,11 +38,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     uid_of,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import ProbeNews
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change, Watch
 
 ROLLOUT_ARGS: dict[str, dict[str, Any]] = {
-    **KUBE_ARGS,
+    **AUTH_ARG_SPEC,
     "objects": {"type": "list", "elements": "dict", "required": True, "aliases": ["definitions"]},
     "timeout": {"type": "float", "default": 300},
     "unschedulable_grace": {"type": "float", "default": 10},

@@ -12,13 +12,9 @@ import threading
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Iterator
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import (
-    ApiError,
-    Kube,
-    Object,
-    Target,
-    broken_off,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, broken_off
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 
 # The server ends a watch after that time and it is resumed where it stood. So a link that died without a word is
 # noticed READ_SLACK later, and not after the operating system's quarter of an hour.

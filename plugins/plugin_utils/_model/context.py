@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Mapping, Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 
 # A handoff follows from what the app does on the graph: two publishers or services of one name live side by side for a
@@ -216,7 +217,7 @@ def graph_namespace(app: App, robot: Robot) -> str:
 
 def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
     """The full ROS node name of an app, with the revision's suffix where it has one."""
-    return names.resolve_graph_name(app.node_name + suffix, graph_namespace(app, robot), "")
+    return resolve(app.node_name + suffix, graph_namespace(app, robot), "")
 
 
 def env_text(value: Any) -> str:

@@ -56,18 +56,3 @@ def fleet_hooks_name(app: str) -> str:
 def default_mount_path(volume: str) -> str:
     """The seed's default mount path of a volume."""
     return f"/mnt/data/{volume}"
-
-
-def resolve_graph_name(name: str, namespace: str, node: str) -> str:
-    """A ROS graph name as the master shows it (wiki ROS/Names, "Resolving").
-
-    >>> resolve_graph_name("temperature", "/robot1", "/robot1/sensor")
-    '/robot1/temperature'
-    >>> resolve_graph_name("~rate", "/robot1", "/robot1/sensor")
-    '/robot1/sensor/rate'
-    """
-    if name.startswith("/"):
-        return name
-    if name.startswith("~"):
-        return f"{node}/{name[1:].lstrip('/')}"
-    return f"{namespace.rstrip('/')}/{name}"

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, config_map, owner_labels
@@ -49,11 +50,11 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
     """
     readiness, command = app.readiness, app.readiness.command
 
-    def resolve(name: str) -> str:
+    def full(name: str) -> str:
         kept = app.handoff != "overlap" or name[1:].lstrip("/") in app.private_names
         if name.startswith("~") and not kept:
             return f"~{name[1:].lstrip('/')}"
-        return names.resolve_graph_name(name, context.graph_namespace(app, robot), context.graph_node(app, robot))
+        return resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot))
 
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
@@ -64,11 +65,11 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "expect_node": readiness.nodes,
         "pattern": app.pattern,
         "handoff": app.handoff,
-        "actions": [resolve(action["name"]) for action in readiness.actions],
+        "actions": [full(action["name"]) for action in readiness.actions],
         "drain_deadline": app.drain_deadline,
         "stop_deadline": min(app.termination_grace_period, stop_deadline),
         "command": probe_command(command) if command else None,
-        "min_rates": {resolve(topic["name"]): topic["min_rate"] for topic in rated},
+        "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
         "keeper": keeper_url(robot),
     }
 

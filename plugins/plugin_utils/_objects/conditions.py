@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Readiness, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
@@ -36,15 +37,15 @@ def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:
     node, stable = metadata["annotations"][names.ANNOTATION_NODE], context.graph_node(app, robot)
     readiness = app.readiness
 
-    def resolve(name: str) -> str:
+    def full(name: str) -> str:
         # a private name that is remapped stays below the stable name, the others follow the revision's
         owner = stable if name.startswith("~") and name[1:].lstrip("/") in app.private_names else node
-        return names.resolve_graph_name(name, context.graph_namespace(app, robot), owner)
+        return resolve(name, context.graph_namespace(app, robot), owner)
 
     return {
         "nodes": [node] if readiness.nodes else [],
-        "topics": [{**item, "name": resolve(item["name"])} for item in readiness.topics],
-        "services": [{**item, "name": resolve(item["name"])} for item in readiness.services],
-        "actions": [{**item, "name": resolve(item["name"])} for item in readiness.actions],
-        "absent": [resolve(name) for name in readiness.absent],
+        "topics": [{**item, "name": full(item["name"])} for item in readiness.topics],
+        "services": [{**item, "name": full(item["name"])} for item in readiness.services],
+        "actions": [{**item, "name": full(item["name"])} for item in readiness.actions],
+        "absent": [full(name) for name in readiness.absent],
     }

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from dataclasses import dataclass
 from typing import Any, Mapping, Sequence
@@ -28,7 +27,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
     workload,
 )
 
-ARCHIVE = "prometheus_client.zip"  # _pod/run.py looks for it under this name
 NAME = "ros-exporter"
 CODE_DIR = "/opt/rosops-fleet/exporter"
 UPDATES_MAP, UPDATES_DIR = "robot-updates", "/etc/rosops-fleet/updates"
@@ -49,21 +47,20 @@ class Settings:
     claims_path: str = ""  # the storage class' directory on the robot; without one, claims are not looked at
 
 
-def exporter_objects(robot: Robot, code: Mapping[str, str], archive: bytes, settings: Settings) -> list[Object]:
-    """ConfigMap and Deployment. `code` is file name -> content, `archive` holds prometheus_client.
+def exporter_objects(robot: Robot, code: Mapping[str, str], settings: Settings) -> list[Object]:
+    """ConfigMap and Deployment. `code` is file name -> content.
 
     Those of a shared master are the same whichever robot they come from. An external master is looked at from each of
     its robots, as it has no namespace of its own.
     """
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
     config = config_map(NAME, namespace, object_labels(NAME, owner), code)
-    config["binaryData"] = {ARCHIVE: base64.b64encode(archive).decode()}
     annotations = {
         "prometheus.io/scrape": "true",
         "prometheus.io/port": str(PORT),
         "prometheus.io/path": PATH,
         # unlike an app, it is restarted for newer code: nobody waits for it
-        ANNOTATION_CODE: canonical_hash([config["data"], config["binaryData"]]),
+        ANNOTATION_CODE: canonical_hash(config["data"]),
     }
     pod = _pod_spec(robot, settings, namespace, () if owner is None else robot.volumes)
     # two would show every series twice: one goes before the next comes

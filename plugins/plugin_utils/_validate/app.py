@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from typing import Any, Callable, Iterator, Mapping
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
@@ -200,7 +201,7 @@ def _readiness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]
     own = context.graph_node(app, draft.robot)
     namespace = context.graph_namespace(app, draft.robot)
     for index, name in enumerate(ready.absent):
-        if ready.nodes and names.resolve_graph_name(name, namespace, own) == own:
+        if ready.nodes and resolve(name, namespace, own) == own:
             yield Problem(
                 join_path(path, "readiness", "absent", index), "is the app's own node", "nodes that must be gone"
             )

@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter imp
 )
 from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E402
 
-CODE, ARCHIVE = {"run.py": "# stands for the code\n"}, b"stands for the archive"
+CODE = {"run.py": "# stands for the code\n"}
 CASES: dict[str, tuple[dict[str, Any], Settings]] = {
     "robot": ({"name": "r1", "master": {"image": "example.org/ros:1"}}, Settings()),
     "shared": (
@@ -45,7 +45,7 @@ CASES: dict[str, tuple[dict[str, Any], Settings]] = {
 
 def built(name: str) -> list[dict[str, Any]]:
     given, settings = CASES[name]
-    return exporter_objects(robot(**given), CODE, ARCHIVE, settings)
+    return exporter_objects(robot(**given), CODE, settings)
 
 
 class _Dumper(yaml.SafeDumper):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 from types import SimpleNamespace
 from typing import Any, Mapping
 
@@ -11,6 +12,7 @@ import pytest
 from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings
 
 TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
@@ -19,8 +21,9 @@ TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
 class FakeKube:
     given: dict[str, Any]
 
-    def __init__(self, auth: Mapping[str, Any]) -> None:
-        type(self).given = dict(auth)
+    def __init__(self, auth: Mapping[str, Any], patience: float) -> None:
+        assert patience == 0
+        type(self).given = {key: auth[key] for key in AUTH_ARG_SPEC if auth.get(key) is not None}
 
     def __enter__(self) -> FakeKube:
         return self
@@ -32,6 +35,7 @@ class FakeKube:
 def action(monkeypatch: pytest.MonkeyPatch, work: Any, args: dict[str, Any], check_mode: bool = False) -> Any:
     monkeypatch.setattr(rollout_ready, "Kube", FakeKube)
     monkeypatch.setattr(rollout_ready, "run", work)
+    monkeypatch.setattr(os, "environ", dict(os.environ))
     task = SimpleNamespace(
         args={"objects": [TALKER], **args},
         check_mode=check_mode,
@@ -64,7 +68,8 @@ def test_success(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result["seen"] == ([TALKER], 20.0, 10.0, False)
     assert result["changed"] is False
     assert "failed" not in result
-    assert FakeKube.given == {"host": "https://edge1:6443", "api_key": "from-task"}
+    assert FakeKube.given == {"host": "https://edge1:6443"}
+    assert os.environ["K8S_AUTH_API_KEY"] == "from-task"
     assert said == ["[robot1] 1 of 1 still open"]
 
 

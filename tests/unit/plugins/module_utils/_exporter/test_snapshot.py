@@ -18,9 +18,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families im
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import (
     FORGET_POLLS,
-    Answer,
-    Memory,
-    Ros,
+    GraphMetrics,
+    History,
+    NodeReply,
     Snapshot,
     master_away,
     next_poll,
@@ -33,9 +33,9 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, r
 STATE = recorded_state()
 
 
-def answers(**changes: Any) -> dict[str, Answer]:
+def answers(**changes: Any) -> dict[str, NodeReply]:
     found = {
-        name: Answer(
+        name: NodeReply(
             replies["lookupNode"][2],
             replies["getPid"][2],
             bus_stats.stats(replies["getBusStats"]),
@@ -43,11 +43,11 @@ def answers(**changes: Any) -> dict[str, Answer]:
         )
         for name, replies in recorded("nodes").items()
     }
-    found[DEAD] = Answer("http://127.0.0.1:9/", errors=("refused",))
+    found[DEAD] = NodeReply("http://127.0.0.1:9/", errors=("refused",))
     return {**found, **changes}
 
 
-def grown(by: int) -> dict[str, Answer]:
+def grown(by: int) -> dict[str, NodeReply]:
     """All counts of all connections grown."""
     result = {}
     for name, answer in answers().items():
@@ -59,13 +59,13 @@ def grown(by: int) -> dict[str, Answer]:
     return result
 
 
-def samples(ros: Ros, name: str, **labels: str) -> list[float]:
+def samples(ros: GraphMetrics, name: str, **labels: str) -> list[float]:
     found = [family for family in families(Snapshot(ros, {}, 1)) if family.name == name]
     return [number for family in found for had, number in family.samples if labels.items() <= had.items()]
 
 
-def two_polls(by: int = 40) -> tuple[Ros, Memory]:
-    _ros, memory = next_poll(STATE, answers(), Memory())
+def two_polls(by: int = 40) -> tuple[GraphMetrics, History]:
+    _ros, memory = next_poll(STATE, answers(), History())
     return next_poll(STATE, grown(by), memory)
 
 
@@ -94,13 +94,13 @@ def test_every_node_has_two_services_that_nobody_asks_for() -> None:
 def test_services_and_goals() -> None:
     one = replace(answers()["/helper"], services={"/trigger": True})
     other = replace(answers()["/worker"], actions={"/work": (1, 3, 3)})
-    ros, memory = next_poll(STATE, answers(**{"/helper": one, "/worker": other}), Memory())
+    ros, memory = next_poll(STATE, answers(**{"/helper": one, "/worker": other}), History())
     assert samples(ros, "ros_service_up", service="/trigger", node="/helper") == [1]
     assert samples(ros, "ros_action_goals", action="/work", state="active") == [1]
     assert samples(ros, "ros_action_goals", action="/work", state="succeeded") == [2]
     assert samples(ros, "ros_action_goals", action="/work", state="pending") == [0]
     assert len(samples(ros, "ros_action_goals")) == 10
-    gone, _memory = next_poll(STATE, answers(**{"/helper": Answer("x", errors=("timeout",))}), memory)
+    gone, _memory = next_poll(STATE, answers(**{"/helper": NodeReply("x", errors=("timeout",))}), memory)
     assert samples(gone, "ros_service_up", service="/trigger") == [0]
     assert samples(gone, "ros_action_goals") == []
 
@@ -123,12 +123,12 @@ def test_a_master_that_is_away_has_no_nodes() -> None:
 
 
 def test_before_the_first_poll_nothing_is_said_of_the_master() -> None:
-    assert samples(Ros(), "ros_master_up") == []
+    assert samples(GraphMetrics(), "ros_master_up") == []
 
 
 def test_a_node_that_hangs_keeps_its_counts_for_later() -> None:
     _ros, memory = two_polls(40)
-    hung, memory = next_poll(STATE, answers(**{"/talker_a": Answer("x", errors=("timeout",))}), memory)
+    hung, memory = next_poll(STATE, answers(**{"/talker_a": NodeReply("x", errors=("timeout",))}), memory)
     assert samples(hung, "ros_node_up", node="/talker_a") == [0]
     assert samples(hung, "ros_topic_messages_total", node="/talker_a") == []
     back, _memory = next_poll(STATE, grown(70), memory)
@@ -148,8 +148,8 @@ def test_a_node_that_overflows_is_up_without_counts() -> None:
 def test_a_new_node_counts_from_its_beginning_and_an_old_one_does_not() -> None:
     first = answers()
     late = first.pop("/talker_b")
-    hung = Answer("x", errors=("timeout",))
-    _ros, memory = next_poll(STATE, {**first, "/talker_a": hung}, Memory())
+    hung = NodeReply("x", errors=("timeout",))
+    _ros, memory = next_poll(STATE, {**first, "/talker_a": hung}, History())
     ros, _memory = next_poll(STATE, answers(**{"/talker_b": late}), memory)
     assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/talker_b") == [267]
     assert samples(ros, "ros_topic_messages_total", topic="/chatter", node="/talker_a") == [0]
@@ -158,7 +158,7 @@ def test_a_new_node_counts_from_its_beginning_and_an_old_one_does_not() -> None:
 def test_a_stale_registration_at_anothers_address() -> None:
     talker = answers()["/talker_a"]
     impostor = replace(talker, stats=answers()["/helper"].stats)
-    ros, _memory = next_poll(STATE, answers(**{"/talker_a": impostor, "/helper": impostor}), Memory())
+    ros, _memory = next_poll(STATE, answers(**{"/talker_a": impostor, "/helper": impostor}), History())
     assert samples(ros, "ros_node_up", node="/talker_a") == [0]
     assert samples(ros, "ros_node_up", node="/helper") == [1]
 

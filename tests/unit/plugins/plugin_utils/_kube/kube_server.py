@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A small API server in this process: lists, watches in chunks, and every misbehaviour that a test asks for.
+"""A small API server in this process: lists, writes, watches in chunks, and every misbehaviour that a test asks for.
 
 Tests drive it by its methods and wait on what it and the client tell each other, never on the clock.
 """
@@ -9,11 +9,15 @@ from __future__ import annotations
 
 import json
 import queue
+import re
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Callable
 from urllib.parse import parse_qs, urlparse
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import RESOURCES
+
+PLURALS = {resource.plural for resource in RESOURCES.values()}
 END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
 
 
@@ -25,12 +29,17 @@ class Server(ThreadingHTTPServer):
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
         self.lists: dict[str, list[Any]] = {}
+        self.kinds: dict[str, list[Any]] = {}  # by group and version, what kinds beyond the usual ones there are
+        self.writes: list[str] = []  # method and path of every request that was no GET
+        self.owned: dict[tuple[str, str], Any] = {}  # by path and manager, what was last applied
         self.version = 100
         self.refusals: list[tuple[int, str]] = []  # answers for the next requests, first come first served
+        self.write_refusals: list[tuple[int, str]] = []  # the same for what is no GET
         self.refuse: Callable[[str], int] = lambda _path: 0
         self.requests: queue.Queue[tuple[str, dict[str, str], dict[str, str]]] = queue.Queue()
         self._events: dict[str, queue.Queue[Any]] = {}
         self._lock = threading.Lock()
+        self.writing = threading.Lock()
         threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
 
     @property
@@ -60,6 +69,57 @@ class Server(ThreadingHTTPServer):
             if "watch" in query:
                 return path, query
 
+    def find(self, path: str) -> Any:
+        """The object at that path, None if it is not there."""
+        listed, _, name = path.rpartition("/")
+        return next((item for item in self.lists.get(listed, []) if item["metadata"]["name"] == name), None)
+
+    def put(self, path: str, obj: Any) -> Any:
+        """Keep an object; what is the same as before keeps its version."""
+        listed, _, name = path.rpartition("/")
+        before = self.find(path)
+        if before is not None and _bare(before) == _bare(obj):
+            return before
+        self.version += 1
+        made = {**obj, "metadata": {**obj.get("metadata", {}), "name": name, "resourceVersion": str(self.version)}}
+        self.drop(path)
+        self.lists.setdefault(listed, []).append(made)
+        return made
+
+    def drop(self, path: str) -> None:
+        listed, _, name = path.rpartition("/")
+        self.lists[listed] = [item for item in self.lists.get(listed, []) if item["metadata"]["name"] != name]
+
+    def write(self, method: str, path: str, query: dict[str, str], body: Any, content: str) -> tuple[int, Any]:  # noqa: PLR0911 - one return per answer
+        """Status and body of a write, the way the API server answers."""
+        space = re.search(r"/namespaces/([^/]+)/", path)
+        if space and not self.find(f"/api/v1/namespaces/{space[1]}"):
+            return 404, f'namespaces "{space[1]}" not found'
+        full = f"{path}/{body['metadata']['name']}" if method == "POST" else path
+        before = self.find(full)
+        if method == "POST" and before:
+            return 409, "already exists"
+        if method != "POST" and before is None and "apply-patch" not in content:
+            return 404, "not found"
+        if method == "DELETE":
+            if "dryRun" not in query:
+                self.drop(full)
+            return 200, {"kind": "Status"}
+        version = (body.get("metadata") or {}).get("resourceVersion")
+        if before and version and version != before["metadata"]["resourceVersion"]:
+            return 409, "the object has been modified"
+        made = body
+        if "apply-patch" in content:
+            old = self.owned.get((full, query["fieldManager"]), {})
+            made = _merged(_without(before or {}, old, body), body)
+        elif method == "PATCH":
+            made = _merged(before or {}, body)
+        if "dryRun" in query:
+            return 200, made
+        if "apply-patch" in content:
+            self.owned[(full, query["fieldManager"])] = body
+        return 200, self.put(full, made)
+
     def stop(self) -> None:
         for events in self._events.values():
             events.put(END)
@@ -87,9 +147,43 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(self.server.refuse(url.path), f"no {url.path} for you")
         elif "watch" in query:
             self._watch(url.path)
-        else:
+        elif url.path in self.server.lists or url.path.rpartition("/")[2] in PLURALS:
             items = self.server.lists.get(url.path, [])
             self._send(200, {"metadata": {"resourceVersion": str(self.server.version)}, "items": items})
+        elif url.path in self.server.kinds:
+            self._send(200, {"kind": "APIResourceList", "resources": self.server.kinds[url.path]})
+        elif self.server.find(url.path):
+            self._send(200, self.server.find(url.path))
+        else:
+            self._answer(404, "not found")
+
+    def do_PATCH(self) -> None:
+        self._write()
+
+    def do_POST(self) -> None:
+        self._write()
+
+    def do_PUT(self) -> None:
+        self._write()
+
+    def do_DELETE(self) -> None:
+        self._write()
+
+    def _write(self) -> None:
+        url = urlparse(self.path)
+        query = {key: values[0] for key, values in parse_qs(url.query).items()}
+        body = json.loads(self.rfile.read(int(self.headers.get("Content-Length") or 0)) or b"{}")
+        self.server.writes.append(f"{self.command} {url.path}")
+        if self.server.write_refusals:
+            self._answer(*self.server.write_refusals.pop(0))
+            return
+        content = self.headers.get("Content-Type") or ""
+        with self.server.writing:
+            status, answer = self.server.write(self.command, url.path, query, body, content)
+        if status == 200:
+            self._send(200, answer)
+        else:
+            self._answer(status, answer)
 
     def _answer(self, status: int, message: str) -> None:
         self._send(status, {"kind": "Status", "status": "Failure", "message": message, "code": status})
@@ -122,3 +216,25 @@ class _Handler(BaseHTTPRequestHandler):
             for part in (line[:7], line[7:]):  # a line may come in pieces
                 self.wfile.write(f"{len(part):x}\r\n".encode() + part + b"\r\n")
             self.wfile.flush()
+
+
+def _bare(obj: Any) -> Any:
+    return {**obj, "metadata": {key: value for key, value in obj["metadata"].items() if key != "resourceVersion"}}
+
+
+def _merged(old: Any, new: Any) -> Any:
+    """A merge patch."""
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return new
+    found = {**old, **{key: _merged(old.get(key, {}), value) for key, value in new.items()}}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _without(obj: Any, old: Any, new: Any) -> Any:
+    """The object without what was applied before and is not any more."""
+    if not isinstance(obj, dict) or not isinstance(old, dict):
+        return obj
+    rest = new if isinstance(new, dict) else {}
+    return {
+        key: _without(value, old.get(key), rest.get(key)) for key, value in obj.items() if key not in old or key in rest
+    }

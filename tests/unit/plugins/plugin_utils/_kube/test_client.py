@@ -1,107 +1,41 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Credentials, requests and watches, against an API server in this process."""
+"""Requests and writes, against an API server in this process."""
 
 from __future__ import annotations
 
+import json
 import socket
-import threading
-from pathlib import Path
-from typing import Any, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import pytest
-import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube import watch as _watch
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, Target, resolve_auth
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change, Watch
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.conftest import Clock
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import CUT, END, GONE, Server
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
-pytest.importorskip("kubernetes")
-
-PODS = Target("Pod", "robot-robot1")
-
-
-@pytest.fixture
-def server() -> Iterator[Server]:
-    made = Server()
-    yield made
-    made.stop()
-
-
-@pytest.fixture
-def kube(server: Server) -> Iterator[Kube]:
-    with Kube({"host": server.url, "api_key": "secret-token"}) as made:
-        yield made
+NAMESPACES = "/api/v1/namespaces"
+MAPS = f"{NAMESPACES}/robot-robot1/configmaps"
+DEPLOYMENTS = "/apis/apps/v1/namespaces/robot-robot1/deployments"
 
 
 def names(objects: list[Any]) -> list[str]:
     return [one["metadata"]["name"] for one in objects]
 
 
-# --- credentials ----------------------------------------------------------------------------------------------------
-
-AUTH = [
-    ({}, {}, {}),
-    ({"host": "https://a", "context": None}, {"K8S_AUTH_HOST": "https://b"}, {"host": "https://a"}),
-    ({}, {"K8S_AUTH_HOST": "https://b", "K8S_AUTH_API_KEY": "t"}, {"host": "https://b", "api_key": "t"}),
-    ({}, {"K8S_AUTH_VERIFY_SSL": "False"}, {"validate_certs": False}),
-    ({}, {"K8S_AUTH_VALIDATE_CERTS": "yes"}, {"validate_certs": True}),
-    ({"validate_certs": False}, {"K8S_AUTH_VERIFY_SSL": "true"}, {"validate_certs": False}),
-    ({}, {"K8S_AUTH_SSL_CA_CERT": "/ca", "K8S_AUTH_CERT_FILE": "/c"}, {"ca_cert": "/ca", "client_cert": "/c"}),
-    ({}, {"K8S_AUTH_IMPERSONATE_GROUPS": "a,b"}, {"impersonate_groups": ["a", "b"]}),
-    ({}, {"K8S_AUTH_KUBECONFIG": ""}, {}),
-]
-
-
-@pytest.mark.parametrize(("params", "environ", "auth"), AUTH)
-def test_options_come_before_the_environment(
-    params: dict[str, Any], environ: dict[str, str], auth: dict[str, Any]
-) -> None:
-    assert resolve_auth(params, environ) == auth
-
-
-def kubeconfig(url: str) -> dict[str, Any]:
+def config_map(name: str, **data: str) -> dict[str, Any]:
     return {
         "apiVersion": "v1",
-        "kind": "Config",
-        "current-context": "lab",
-        "clusters": [
-            {"name": "lab", "cluster": {"server": url}},
-            {"name": "away", "cluster": {"server": "http://[::1]:1"}},
-        ],
-        "users": [{"name": "admin", "user": {"token": "from-file"}}],
-        "contexts": [
-            {"name": "lab", "context": {"cluster": "lab", "user": "admin"}},
-            {"name": "away", "context": {"cluster": "away", "user": "admin"}},
-        ],
+        "kind": "ConfigMap",
+        "metadata": {"name": name, "namespace": "robot-robot1", "labels": {"a": "b"}},
+        "data": data,
     }
 
 
-def test_a_kubeconfig_as_file_or_as_data(server: Server, tmp_path: Path) -> None:
-    path = tmp_path / "config"
-    path.write_text(yaml.safe_dump(kubeconfig(server.url)))
-    for given in (str(path), kubeconfig(server.url)):
-        with Kube({"kubeconfig": given}) as kube:
-            assert kube.objects("Pod", "robot-robot1") == []
-        assert server.seen()[2]["authorization"] == "Bearer from-file"
-
-
-def test_another_context_and_a_host_of_ones_own(server: Server) -> None:
-    with Kube({"kubeconfig": kubeconfig(server.url), "context": "away"}) as kube:
-        assert kube.host == "http://[::1]:1"
-    with Kube({"kubeconfig": kubeconfig("http://127.0.0.1:1"), "host": f"{server.url}/"}) as kube:
-        assert kube.nodes() == []
-
-
-@pytest.mark.parametrize("content", [None, "", "{", "kind: Config"])
-def test_an_unusable_kubeconfig_says_what_to_do(tmp_path: Path, content: str | None) -> None:
-    path = tmp_path / "config"
-    if content is not None:
-        path.write_text(content)
-    with pytest.raises(KubeError, match=r"No usable Kubernetes credentials in .*config.*Set kubeconfig"):
-        Kube({"kubeconfig": str(path)})
+NAMESPACE = {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": "robot-robot1"}}
 
 
 # --- requests -------------------------------------------------------------------------------------------------------
@@ -130,7 +64,7 @@ def test_lists_with_selectors_and_impersonation(server: Server) -> None:
     ],
 )
 def test_refusals(server: Server, kube: Kube, status: int, words: str, transient: bool) -> None:
-    server.refusals.append((status, "slow down"))
+    server.refusals += [(status, "slow down")] * (20 if transient else 1)
     with pytest.raises(ApiError, match=words) as error:
         kube.nodes()
     assert server.url in str(error.value)
@@ -138,11 +72,13 @@ def test_refusals(server: Server, kube: Kube, status: int, words: str, transient
     assert (error.value.status, error.value.transient) == (status, transient)
 
 
-def test_nothing_listens() -> None:
+def test_nothing_listens(clock: Clock) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # bound, never listening: this port refuses for as long as the test runs
         url = f"http://127.0.0.1:{taken.getsockname()[1]}"
-        with Kube({"host": url, "api_key": "t"}) as kube, pytest.raises(ApiError) as error:
+        with Kube({"host": url, "api_key": "t"}, now=clock.now, sleep=clock.sleep) as kube, pytest.raises(
+            ApiError
+        ) as error:
             kube.nodes()
     assert str(error.value).startswith(f"The Kubernetes API at {url} cannot be reached: connection refused. Check that")
     assert error.value.transient
@@ -156,123 +92,157 @@ def test_something_else_answers(server: Server, kube: Kube) -> None:
         kube.nodes()
 
 
-# --- watch ----------------------------------------------------------------------------------------------------------
+# --- patience -------------------------------------------------------------------------------------------------------
 
 
-def take(watch: Watch, count: int) -> list[Change]:
-    """The next changes; a test that waits for one that never comes ends here."""
-    found: list[Change] = []
-    while len(found) < count:
-        new = watch.changes(10)
-        assert new, f"only {[change.what for change in found]} came"
-        found += new
-    return found
+@pytest.mark.parametrize("status", [429, 500, 503])
+def test_what_passes_is_tried_again(server: Server, kube: Kube, status: int) -> None:
+    server.refusals += [(status, "starting")] * 3
+    assert kube.nodes() == []
+    server.write_refusals += [(status, "starting")] * 3
+    assert [one.changed for one in kube.apply([NAMESPACE])] == [True]
 
 
-def told(changes: list[Change]) -> list[tuple[str, list[str]]]:
-    return [(change.what, names(change.objects)) for change in changes]
+def test_patience_has_an_end_that_says_what_was_seen(server: Server, clock: Clock) -> None:
+    with Kube({"host": server.url, "api_key": "t"}, patience=5, now=clock.now, sleep=clock.sleep) as kube:
+        server.refusals += [(503, "etcd has no leader"), *[(503, "starting")] * 20]
+        with pytest.raises(ApiError, match=r"503 .*starting.* tried \d times in 5 s; before: .*no leader") as error:
+            kube.nodes()
+    assert clock.time == pytest.approx(5)
+    assert error.value.transient
 
 
-def test_a_list_then_what_changes(server: Server, kube: Kube) -> None:
-    server.lists[PODS.path] = [obj("Pod", "a")]
-    with Watch(kube, [PODS]) as watch:
-        assert told(take(watch, 1)) == [("listed", ["a"])]
-        assert server.next_watch()[1]["resourceVersion"] == "100"
-        server.send(PODS.path, "ADDED", obj("Pod", "b"))
-        server.send(PODS.path, "MODIFIED", obj("Pod", "b"))
-        server.send(PODS.path, "BOOKMARK", obj("Pod", ""))
-        server.send(PODS.path, "DELETED", obj("Pod", "a"))
-        assert told(take(watch, 3)) == [("set", ["b"]), ("set", ["b"]), ("gone", ["a"])]
+def test_without_patience_and_for_what_does_not_pass_once_is_enough(server: Server, kube: Kube) -> None:
+    with Kube({"host": server.url, "api_key": "t"}, patience=0) as impatient:
+        server.refusals += [(503, "starting")]
+        with pytest.raises(ApiError, match="starting"):
+            impatient.nodes()
+    server.refusals += [(403, "no")]
+    with pytest.raises(ApiError, match="permission"):
+        kube.nodes()
+    assert kube.nodes() == []
 
 
-def test_several_lists_at_once(server: Server, kube: Kube) -> None:
-    nodes = Target("Node")
-    with Watch(kube, [PODS]) as watch:
-        take(watch, 1)
-        watch.follow([nodes])
-        assert [(change.what, change.target) for change in take(watch, 1)] == [("listed", nodes)]
-        server.send(nodes.path, "ADDED", obj("Node", "robot1"))
-        server.send(PODS.path, "ADDED", obj("Pod", "a"))
-        assert {change.target for change in take(watch, 2)} == {PODS, nodes}
+# --- writes ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", [END, CUT])
-def test_a_watch_that_ends_is_resumed_where_it_stood(server: Server, kube: Kube, how: str) -> None:
-    with Watch(kube, [PODS]) as watch:
-        server.send(PODS.path, "ADDED", obj("Pod", "a"))  # version 101
-        take(watch, 2)
-        server.next_watch()
-        server.send(PODS.path, how)
-        assert server.next_watch()[1]["resourceVersion"] == "101"
-        server.send(PODS.path, "ADDED", obj("Pod", "b"))
-        assert told(take(watch, 1)) == [("set", ["b"])]
+def test_apply_creates_changes_and_then_changes_nothing(kube: Kube) -> None:
+    wanted = [NAMESPACE, config_map("one", k="v")]
+    first = kube.apply(wanted)
+    assert [(str(one.ref), one.before, one.changed) for one in first] == [
+        ("Namespace robot-robot1", None, True),
+        ("ConfigMap robot-robot1/one", None, True),
+    ]
+    assert first[1].after == {**config_map("one", k="v")}
+    assert [one.changed for one in kube.apply(wanted)] == [False, False]
+    (second,) = kube.apply([config_map("one", other="v")])
+    assert second.changed
+    assert second.before is not None and second.after is not None
+    assert (second.before["data"], second.after["data"]) == ({"k": "v"}, {"other": "v"})
 
 
-def test_410_within_the_stream_lists_again(server: Server, kube: Kube) -> None:
-    with Watch(kube, [PODS]) as watch:
-        take(watch, 1)
-        server.lists[PODS.path] = [obj("Pod", "new")]
-        server.send(PODS.path, GONE)
-        assert told(take(watch, 1)) == [("listed", ["new"])]
+def test_the_request_is_a_server_side_apply(server: Server, kube: Kube) -> None:
+    kube.apply([NAMESPACE], manager="me")
+    assert server.writes == [f"PATCH {NAMESPACES}/robot-robot1"]
+    assert server.owned == {(f"{NAMESPACES}/robot-robot1", "me"): NAMESPACE}
 
 
-def test_410_as_an_answer_lists_again(server: Server, kube: Kube) -> None:
-    with Watch(kube, [PODS]) as watch:
-        take(watch, 1)
-        server.next_watch()
-        server.refusals.append((410, "too old"))
-        server.lists[PODS.path] = [obj("Pod", "new")]
-        server.send(PODS.path, END)
-        assert told(take(watch, 1)) == [("listed", ["new"])]
+def test_what_others_change_meanwhile_is_no_change_of_ours(server: Server, kube: Kube) -> None:
+    deployment = {**config_map("app"), "apiVersion": "apps/v1", "kind": "Deployment", "spec": {"replicas": 1}}
+    kube.apply([NAMESPACE, deployment])
+    seen = server.find(f"{DEPLOYMENTS}/app")
+    server.put(
+        f"{DEPLOYMENTS}/app", {**seen, "status": {"replicas": 1}, "metadata": {**seen["metadata"], "generation": 2}}
+    )
+    (again,) = kube.apply([deployment])
+    assert not again.changed
+    assert again.after is not None and "status" not in again.after
 
 
-def test_a_server_that_is_away_for_a_while(server: Server, kube: Kube) -> None:
-    server.refusals += [(503, "starting"), (500, "etcd leader changed")]
-    with Watch(kube, [PODS]) as watch:
-        changes = take(watch, 4)
-    assert [change.what for change in changes] == ["lost", "lost", "listed", "back"]
-    assert "starting" in str(changes[0].error)
+def test_many_of_a_kind_are_looked_up_by_one_list(server: Server, kube: Kube) -> None:
+    maps = [config_map(name) for name in "abc"]
+    kube.apply([NAMESPACE, *maps])
+    while not server.requests.empty():
+        server.requests.get()
+    assert not any(one.changed for one in kube.apply([NAMESPACE, *maps]))
+    asked = [server.requests.get()[0] for _ in range(server.requests.qsize())]
+    assert asked == [MAPS, f"{NAMESPACES}/robot-robot1"]
 
 
-@pytest.mark.parametrize("status", [401, 403])
-def test_what_no_retry_mends_ends_the_stream(server: Server, kube: Kube, status: int) -> None:
-    server.refusals.append((status, "go away"))
-    with Watch(kube, [PODS]) as watch:
-        (change,) = take(watch, 1)
-    assert change.what == "refused"
-    assert change.error is not None
-    assert change.error.status == status
+def test_a_dry_run_writes_nothing_and_says_what_would_be(server: Server, kube: Kube) -> None:
+    kube.apply([NAMESPACE])
+    before = json.dumps(server.lists, sort_keys=True)
+    new, same = kube.apply([config_map("one", k="v"), NAMESPACE], dry_run=True)
+    assert (new.before, new.changed, same.changed) == (None, True, False)
+    assert json.dumps(server.lists, sort_keys=True) == before
 
 
-@pytest.mark.parametrize(("count", "end"), [(3, "back"), (20, "refused")])
-def test_credentials_that_worked_get_some_more_chances(
-    server: Server, kube: Kube, monkeypatch: pytest.MonkeyPatch, count: int, end: str
-) -> None:
-    monkeypatch.setattr(_watch, "FIRST_PAUSE", 0.001)
-    monkeypatch.setattr(_watch, "LONGEST_PAUSE", 0.001)
-    with Watch(kube, [PODS]) as watch:
-        take(watch, 1)
-        server.refusals += [(401, "still starting")] * count
-        server.send(PODS.path, END)
-        whats: list[str] = []
-        while end not in whats:
-            whats += [change.what for change in take(watch, 1)]
-    assert whats == ["lost"] * min(count, _watch.REFUSALS_BORNE) + [end]
+def test_a_dry_run_in_a_namespace_to_come(server: Server, kube: Kube) -> None:
+    applied = kube.apply([NAMESPACE, *(config_map(name, k="v") for name in "abc")], dry_run=True)
+    assert [one.changed for one in applied] == [True] * 4
+    assert applied[1].after == config_map("a", k="v")
+    assert not server.lists.get(NAMESPACES)
+    with pytest.raises(ApiError, match="namespace has to be applied first") as error:
+        kube.apply([config_map("a")])
+    assert error.value.status == 404
 
 
-def test_a_broken_answer_starts_over(server: Server, kube: Kube) -> None:
-    with Watch(kube, [PODS]) as watch:
-        take(watch, 1)
-        server.events(PODS.path).put({"unexpected": True})
-        assert told(take(watch, 1)) == [("listed", [])]
+def test_an_error_says_what_was_written_before_it(server: Server, kube: Kube) -> None:
+    lost = {**config_map("x"), "metadata": {"name": "x", "namespace": "nowhere"}}
+    with pytest.raises(ApiError) as error:
+        kube.apply([NAMESPACE, lost, config_map("never")])
+    assert error.value.details == {"applied": ["Namespace robot-robot1"]}
+    assert not server.lists.get(MAPS)
 
 
-def test_leaving_ends_the_threads(server: Server, kube: Kube) -> None:
-    before = threading.active_count()
-    with Watch(kube, [PODS, Target("Node")]) as watch:
-        take(watch, 2)
-        server.next_watch()
-        server.next_watch()
-    alive = [thread for thread in threading.enumerate() if thread.name.startswith("watch ")]
-    assert alive == []
-    assert threading.active_count() <= before + 3  # the server's own
+def test_robots_that_apply_the_same_at_once(server: Server, kube: Kube) -> None:
+    server.write_refusals += [(409, "already exists")]  # what the slower of two that create it is told
+    with ThreadPoolExecutor(8) as pool:
+        written = list(pool.map(lambda _: kube.apply([NAMESPACE, config_map("shared", k="v")]), range(16)))
+    assert len(written) == 16
+    assert server.find(f"{MAPS}/shared")["data"] == {"k": "v"}
+
+
+def test_a_value_that_kubernetes_refuses(server: Server, kube: Kube) -> None:
+    server.write_refusals += [(422, 'Deployment.apps "x" is invalid: spec.selector: field is immutable')]
+    with pytest.raises(ApiError, match=r"422 for PATCH .*robot-robot1: .*immutable.*cannot be changed"):
+        kube.apply([NAMESPACE])
+
+
+def test_a_kind_that_is_looked_up_and_one_that_is_unknown(server: Server, kube: Kube) -> None:
+    monitor = {"apiVersion": "example.com/v1", "kind": "Monitor", "metadata": {"name": "m"}}
+    server.kinds["/apis/example.com/v1"] = [
+        {"name": "monitors/status", "kind": "Monitor", "namespaced": False},
+        {"name": "monitors", "kind": "Monitor", "namespaced": False},
+    ]
+    assert [one.changed for one in kube.apply([monitor])] == [True]
+    assert server.writes == ["PATCH /apis/example.com/v1/monitors/m"]
+    for version in ("example.com/v1", "example.org/v1"):
+        with pytest.raises(ApiError, match=f"knows no kind Misspelt in {version}"):
+            kube.apply([{**monitor, "kind": "Misspelt", "apiVersion": version}])
+
+
+@pytest.mark.parametrize("bad", [{}, {"kind": "Pod"}, {"apiVersion": "v1", "kind": "Pod", "metadata": {}}])
+def test_no_definition(kube: Kube, bad: dict[str, Any]) -> None:
+    with pytest.raises(KubeError, match="no full definition"):
+        kube.apply([bad])
+
+
+def test_delete(kube: Kube) -> None:
+    kube.apply([NAMESPACE, config_map("one")])
+    ref = Ref("ConfigMap", "one", "robot-robot1", "v1")
+    assert [(one.changed, one.after) for one in kube.delete([ref], dry_run=True)] == [(True, None)]
+    assert kube.get(ref) is not None
+    assert [one.changed for one in kube.delete([ref, Ref("ConfigMap", "two", "robot-robot1")])] == [True, False]
+    assert kube.get(ref) is None
+
+
+def test_merge(server: Server, kube: Kube) -> None:
+    server.lists["/api/v1/nodes"] = [{"metadata": {"name": "robot1", "resourceVersion": "7", "labels": {"a": "b"}}}]
+    node = Ref("Node", "robot1")
+    assert kube.merge(node, {"metadata": {"labels": {"c": "d"}}}, dry_run=True).changed
+    written = kube.merge(node, {"metadata": {"labels": {"a": None, "c": "d"}, "resourceVersion": "7"}})
+    assert written.after == {"metadata": {"name": "robot1", "labels": {"c": "d"}}}
+    with pytest.raises(ApiError, match="Somebody else changed it") as error:
+        kube.merge(node, {"metadata": {"labels": {"x": "y"}, "resourceVersion": "7"}})
+    assert error.value.status == 409

@@ -9,9 +9,10 @@ from typing import Any, Callable, Iterable
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Target
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import latest, probe_line
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
     Settings,
     look_once,

@@ -4,14 +4,12 @@
 
 from __future__ import annotations
 
-import base64
 from typing import Any
 
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates as _exporter_updates
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.main import OPTIONS, options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import exporter as _exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.tests.unit.golden import regenerate_exporter as golden
@@ -20,8 +18,8 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 CODE = {"run.py": "code"}
 
 
-def objects(settings: Settings | None = None, archive: bytes = b"zip", code: Any = None, **more: Any) -> Any:
-    return exporter_objects(robot(name="r1", **more), code or CODE, archive, settings or Settings())
+def objects(settings: Settings | None = None, code: Any = None, **more: Any) -> Any:
+    return exporter_objects(robot(name="r1", **more), code or CODE, settings or Settings())
 
 
 @pytest.mark.parametrize("name", sorted(golden.CASES))
@@ -45,7 +43,7 @@ def test_a_shared_masters_are_the_same_from_every_robot() -> None:
     shared = {"mode": "shared"}
     looks = Settings(claims_path="/s")
     one = objects(looks, master=shared, volumes=[{"name": "a"}])
-    other = exporter_objects(robot(name="r2", master=shared), CODE, b"zip", looks)
+    other = exporter_objects(robot(name="r2", master=shared), CODE, looks)
     assert one == other
 
 
@@ -69,7 +67,6 @@ def test_newer_code_restarts_it() -> None:
 
     first = template(objects())
     assert template(objects()) == first
-    assert template(objects(archive=b"newer")) != first
     assert template(objects(code={"run.py": "newer"})) != first
 
 
@@ -107,9 +104,3 @@ def test_the_updates_are_where_the_process_looks() -> None:
     mounts = objects()[1]["spec"]["template"]["spec"]["containers"][0]["volumeMounts"]
     where = next(mount["mountPath"] for mount in mounts if mount["name"] == "updates")
     assert f"{where}/updates.json" == _exporter_updates.FILE
-
-
-def test_the_archive_is_in_the_map() -> None:
-    config = objects(archive=b"\0zip")[0]
-    assert base64.b64decode(config["binaryData"]["prometheus_client.zip"]) == b"\0zip"
-    assert config["metadata"]["name"] == _exporter_objects.NAME

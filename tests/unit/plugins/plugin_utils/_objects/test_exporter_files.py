@@ -1,26 +1,17 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The exporter's code and its archive: complete, of Python 3.8's language, and runnable from a read-only mount."""
+"""The exporter's code: complete, of Python 3.8's language, and runnable from a read-only mount."""
 
 from __future__ import annotations
 
 import ast
-import io
 import os
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-pytest.importorskip("prometheus_client")
-
 from ansible_collections.rosops.fleet.plugins.filter.ros_exporter_objects import FilterModule
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import client_archive as _client_archive
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.client_archive import client_archive
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
     app_files,
     exporter_files,
@@ -39,7 +30,7 @@ def test_complete_and_of_its_own() -> None:
         assert {f"{found}.py" for found in relative_imports(module, text)} <= set(FILES)
     assert not [name for name in app_files() if "exporter" in name]
     assert "_pod.ready.py" not in FILES
-    assert sum(map(len, FILES.values())) + len(client_archive()) * 4 // 3 < CONFIG_MAP_LIMIT / 2
+    assert sum(map(len, FILES.values())) < CONFIG_MAP_LIMIT / 2
 
 
 @pytest.mark.parametrize("name", sorted(FILES))
@@ -50,46 +41,7 @@ def test_python_3_8_and_its_library_are_enough(name: str) -> None:
         if isinstance(item, ast.ImportFrom) and item.level == 0:
             modules = [item.module or ""]
         for module in modules:
-            top = module.partition(".")[0]
-            assert top in sys.stdlib_module_names or top == "prometheus_client", f"{name} imports {module}"
-
-
-def archive() -> zipfile.ZipFile:
-    return zipfile.ZipFile(io.BytesIO(client_archive()))
-
-
-def test_the_archive_is_of_python_3_8_and_has_its_licence() -> None:
-    names = archive().namelist()
-    assert "prometheus_client/LICENSE" in names
-    assert "prometheus_client/__init__.py" not in names  # it would load everything else
-    for name in names:
-        if name.endswith(".py"):
-            ast.parse(archive().read(name), name, feature_version=(3, 8))
-
-
-def test_the_archive_depends_on_the_files_alone() -> None:
-    again = _client_archive.client_archive.__wrapped__()
-    assert again == client_archive()
-    assert {info.date_time for info in archive().infolist()} == {_client_archive.EPOCH}
-    assert {info.compress_type for info in archive().infolist()} == {zipfile.ZIP_STORED}
-
-
-def test_without_prometheus_client_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_client_archive, "PACKAGE", "no_such_package_here")
-    with pytest.raises(SpecError, match="pip install 'prometheus_client"):
-        _client_archive.client_archive.__wrapped__()
-
-
-@pytest.mark.parametrize("version", ["0.22.0", "1.0", "0.25.3"])
-def test_a_release_without_python_3_8_is_refused(monkeypatch: pytest.MonkeyPatch, version: str) -> None:
-    real = _client_archive.importlib.metadata.distribution("prometheus_client")
-
-    def newer(_name: str) -> Any:
-        return type("Newer", (), {"version": version, "files": real.files})()
-
-    monkeypatch.setattr(_client_archive.importlib.metadata, "distribution", newer)
-    with pytest.raises(SpecError, match=r"Python 3\.8"):
-        _client_archive.client_archive.__wrapped__()
+            assert module.partition(".")[0] in sys.stdlib_module_names, f"{name} imports {module}"
 
 
 def test_the_filter() -> None:
@@ -104,9 +56,8 @@ def mounted(tmp_path: Path) -> Path:
     real = tmp_path / "exporter" / "..2026_01_01"
     real.mkdir(parents=True)
     (tmp_path / "exporter" / "..data").symlink_to(real.name)
-    content = {name: text.encode() for name, text in FILES.items()}
-    for name, data in {**content, "prometheus_client.zip": client_archive()}.items():
-        (real / name).write_bytes(data)
+    for name, text in FILES.items():
+        (real / name).write_text(text)
         (tmp_path / "exporter" / name).symlink_to(f"..data/{name}")
     return tmp_path / "exporter"
 

@@ -1,0 +1,99 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which cluster, and with what credentials: kubernetes.core's options and K8S_AUTH_* variables, worked out by its code.
+
+`get_api_client` itself is no use here: it asks the server for its version and its resource types at once, with no
+limit of time, so that one robot that is off would hold up the run for minutes. The steps before that are taken from it.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from dataclasses import dataclass
+from typing import Any, Mapping
+
+from ansible_collections.kubernetes.core.plugins.module_utils.args_common import AUTH_ARG_SPEC
+from ansible_collections.kubernetes.core.plugins.module_utils.k8s.client import (
+    _create_auth_spec,
+    _create_configuration,
+    _create_headers,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+
+try:
+    from kubernetes import config as kube_config
+    from kubernetes.client import Configuration
+    from kubernetes.client.rest import RESTClientObject
+
+    IMPORT_ERROR: str = ""
+except ImportError:
+    IMPORT_ERROR = traceback.format_exc()
+
+__all__ = ["AUTH_ARG_SPEC", "Access", "access_from", "forget_key_files"]
+
+
+@dataclass(frozen=True)
+class Access:
+    """The client's configuration and connection pool, headers to send along as (name, value), where they come from."""
+
+    configuration: Any
+    pool: Any
+    headers: tuple[tuple[str, str], ...]
+    source: str
+
+
+def access_from(params: Mapping[str, Any]) -> Access:
+    """The access that a task's options, and for those not given the process' environment, describe.
+
+    Raises KubeError when the library is missing or no credentials can be read.
+    """
+    if IMPORT_ERROR:
+        raise KubeError(
+            "The Python library kubernetes is missing where this runs (the control node): install it there.",
+            exception=IMPORT_ERROR,
+        )
+    # An empty option is one that is not given: "{{ path | default('') }}" must not hide the environment's.
+    given = {key: params[key] for key in AUTH_ARG_SPEC if params.get(key) not in (None, "", {}, [])}
+    auth = _create_auth_spec(None, **given)
+    try:
+        configuration = _create_configuration(auth)
+    except Exception as exc:  # the client's loader lets through what YAML, files and plugins raise
+        where = auth["kubeconfig"] if isinstance(auth.get("kubeconfig"), str) else "kubeconfig"
+        why = " ".join(str(exc).split())
+        raise KubeError(
+            f"No usable Kubernetes credentials in {where}: {why}. Set kubeconfig (or K8S_AUTH_KUBECONFIG) to the "
+            "cluster's kubeconfig, or host and api_key (K8S_AUTH_HOST, K8S_AUTH_API_KEY)."
+        ) from exc
+    finally:
+        # The loader keeps what it read as the process' default; a second cluster must not inherit the first one's.
+        Configuration.set_default(None)
+    headers = [
+        (name, value)
+        for name, values in _create_headers(None, **given).items()
+        for value in (values if isinstance(values, list) else [values])
+    ]
+    return Access(configuration, RESTClientObject(configuration).pool_manager, tuple(headers), _source(auth))
+
+
+def _source(auth: Mapping[str, Any]) -> str:
+    own = auth.get("api_key") or auth.get("password") or (auth.get("cert_file") and auth.get("key_file"))
+    if auth.get("host") and own:
+        return "the given host and credentials"
+    kubeconfig = auth.get("kubeconfig")
+    if isinstance(kubeconfig, Mapping):
+        return "the given kubeconfig"
+    if not kubeconfig and not auth.get("context") and os.environ.get("KUBERNETES_SERVICE_HOST"):
+        return "the pod's service account"
+    return f"kubeconfig {kubeconfig or os.environ.get('KUBECONFIG', '~/.kube/config')}"
+
+
+def forget_key_files() -> None:
+    """Remove the files that the client made of a kubeconfig's inline keys.
+
+    It does so at the interpreter's exit, but Ansible's worker processes end without that.
+    """
+    clean = getattr(kube_config.kube_config, "_cleanup_temp_files", None)
+    if clean:
+        clean()

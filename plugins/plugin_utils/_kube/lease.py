@@ -1,0 +1,117 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A Lease: of all that would do something to one robot, one may. The way Kubernetes' own components elect a leader.
+
+Every write carries the resourceVersion that was read, so of two at once one is refused. No clock is compared with
+another one's: a Lease is over when its holder let it go, or when it has stood unchanged for its whole time by the clock
+of whoever wants it. So one whose holder was killed is free that long after it was first looked at.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Callable, Mapping, Protocol
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+
+
+class Api(Protocol):
+    """What is needed of `Kube`."""
+
+    def get(self, ref: Ref) -> Object | None: ...
+
+    def create(self, obj: Mapping[str, Any]) -> Object: ...
+
+    def replace(self, obj: Mapping[str, Any]) -> Object: ...
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Who has the Lease: `mine` if we do, else `holder`; since `since`, last heard of at `renewed` (RFC 3339)."""
+
+    mine: bool
+    holder: str
+    since: str = ""
+    renewed: str = ""
+
+
+class Lease:
+    """One Lease that `holder` wants for `seconds` at a time. Raises what the API raises, but for conflicts."""
+
+    def __init__(  # noqa: PLR0913 - the clock is the price of tests that never wait
+        self,
+        api: Api,
+        namespace: str,
+        name: str,
+        holder: str,
+        seconds: int,
+        now: Callable[[], float] = time.monotonic,
+        wall: Callable[[], float] = time.time,
+    ) -> None:
+        self.ref = Ref("Lease", name, namespace, "coordination.k8s.io/v1")
+        self._api, self._holder, self._seconds = api, holder, seconds
+        self._now, self._wall = now, wall
+        self._seen: tuple[str, float] = ("", 0.0)  # the version of somebody else's Lease, and since when we know it
+
+    def acquire(self) -> Hold:
+        """Take the Lease if it is free, ours already, or over. Call it again until it is `mine`."""
+        found = self._api.get(self.ref)
+        if found is None:
+            return self._write(self._api.create, {"metadata": {"name": self.ref.name, "namespace": self.ref.namespace}})
+        if self._free(found):
+            return self._write(self._api.replace, found)
+        return _hold(found, self._holder)
+
+    def renew(self) -> Hold:
+        """Keep it for another time; not `mine` if it was lost meanwhile."""
+        found = self._api.get(self.ref)
+        if found is None or _hold(found, self._holder).mine:
+            return self.acquire()
+        return _hold(found, self._holder)
+
+    def release(self) -> Hold:
+        """Let it go, so that nobody has to wait for its end; nothing to do if it is not ours."""
+        found = self._api.get(self.ref)
+        if found is None or not _hold(found, self._holder).mine:
+            return _hold(found or {}, self._holder)
+        return self._write(self._api.replace, found, holder="")
+
+    def _free(self, found: Object) -> bool:
+        spec, version = found.get("spec") or {}, str(found["metadata"].get("resourceVersion"))
+        if spec.get("holderIdentity") in (None, "", self._holder):
+            return True
+        if version != self._seen[0]:
+            self._seen = (version, self._now())
+        return self._now() - self._seen[1] >= float(spec.get("leaseDurationSeconds") or self._seconds)
+
+    def _write(self, way: Callable[[Object], Object], found: Object, holder: str | None = None) -> Hold:
+        """Write it with us (or nobody) as the holder. Whoever was faster has it: then that is the answer."""
+        was = found.get("spec") or {}
+        time_now = datetime.fromtimestamp(self._wall(), UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        ours = was.get("holderIdentity") == self._holder
+        spec = {
+            **was,
+            "holderIdentity": self._holder if holder is None else holder,
+            "leaseDurationSeconds": self._seconds,
+            "renewTime": time_now,
+            "acquireTime": was.get("acquireTime", time_now) if ours else time_now,
+            "leaseTransitions": int(was.get("leaseTransitions") or 0) + (bool(was) and not ours),
+        }
+        body = {"apiVersion": self.ref.api_version, "kind": "Lease", "metadata": found["metadata"], "spec": spec}
+        try:
+            return _hold(way(body), self._holder)
+        except ApiError as exc:
+            if exc.status != 409:
+                raise
+            return _hold(self._api.get(self.ref) or {}, self._holder)
+
+
+def _hold(lease: Mapping[str, Any], me: str) -> Hold:
+    spec = lease.get("spec") or {}
+    holder = str(spec.get("holderIdentity") or "")
+    return Hold(holder == me, holder, str(spec.get("acquireTime") or ""), str(spec.get("renewTime") or ""))

@@ -1,0 +1,81 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the API keeps each kind of object. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+def base_of(api_version: str) -> str:
+    """The path of a group and version.
+
+    >>> base_of("v1"), base_of("apps/v1")
+    ('/api/v1', '/apis/apps/v1')
+    """
+    return f"/apis/{api_version}" if "/" in api_version else f"/api/{api_version}"
+
+
+@dataclass(frozen=True)
+class Resource:
+    """A kind's place: the path of its group and version, its plural name, whether it lives in a namespace."""
+
+    base: str
+    plural: str
+    namespaced: bool = True
+
+    def path(self, namespace: str = "", name: str = "") -> str:
+        """The path of one object, or without a name of the list; without a namespace of the list everywhere."""
+        space = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
+        return f"{self.base}{space}/{self.plural}" + (f"/{name}" if name else "")
+
+
+# The kinds that the collection deals with. Others are looked up in the API when they are applied.
+RESOURCES: dict[str, Resource] = {
+    "ClusterRole": Resource("/apis/rbac.authorization.k8s.io/v1", "clusterroles", False),
+    "ClusterRoleBinding": Resource("/apis/rbac.authorization.k8s.io/v1", "clusterrolebindings", False),
+    "ConfigMap": Resource("/api/v1", "configmaps"),
+    "ControllerRevision": Resource("/apis/apps/v1", "controllerrevisions"),
+    "DaemonSet": Resource("/apis/apps/v1", "daemonsets"),
+    "Deployment": Resource("/apis/apps/v1", "deployments"),
+    "Event": Resource("/api/v1", "events"),
+    "Job": Resource("/apis/batch/v1", "jobs"),
+    "Lease": Resource("/apis/coordination.k8s.io/v1", "leases"),
+    "LimitRange": Resource("/api/v1", "limitranges"),
+    "Namespace": Resource("/api/v1", "namespaces", False),
+    "NetworkPolicy": Resource("/apis/networking.k8s.io/v1", "networkpolicies"),
+    "Node": Resource("/api/v1", "nodes", False),
+    "PersistentVolume": Resource("/api/v1", "persistentvolumes", False),
+    "PersistentVolumeClaim": Resource("/api/v1", "persistentvolumeclaims"),
+    "Pod": Resource("/api/v1", "pods"),
+    "ReplicaSet": Resource("/apis/apps/v1", "replicasets"),
+    "ResourceQuota": Resource("/api/v1", "resourcequotas"),
+    "Secret": Resource("/api/v1", "secrets"),
+    "Service": Resource("/api/v1", "services"),
+    "ServiceAccount": Resource("/api/v1", "serviceaccounts"),
+    "StatefulSet": Resource("/apis/apps/v1", "statefulsets"),
+    "StorageClass": Resource("/apis/storage.k8s.io/v1", "storageclasses", False),
+}
+
+
+def known(kind: str, api_version: str = "") -> Resource | None:
+    """The resource of a kind, if it is one of these and of that API version (empty: of its own)."""
+    found = RESOURCES.get(kind)
+    return found if found and api_version in ("", found.base.removeprefix("/apis/").removeprefix("/api/")) else None
+
+
+@dataclass(frozen=True)
+class Target:
+    """What one list or stream is of: a kind, in one namespace or ("") everywhere."""
+
+    kind: str
+    namespace: str = ""
+
+    def __str__(self) -> str:
+        plural = RESOURCES[self.kind].plural
+        return f"{plural} in namespace {self.namespace}" if self.namespace else plural
+
+    @property
+    def path(self) -> str:
+        return RESOURCES[self.kind].path(self.namespace)

@@ -1,0 +1,62 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What claims hold."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.claims import BLOCK, PERIOD, Claims, look, used
+
+
+def blocks(path: Path) -> int:
+    return path.lstat().st_blocks * BLOCK
+
+
+def test_what_claims_hold(tmp_path: Path) -> None:
+    mine = tmp_path / "pvc-1_robot-r1_data-pvc"
+    (mine / "deep" / "er").mkdir(parents=True)
+    one, other = mine / "a", mine / "deep" / "er" / "b"
+    one.write_bytes(b"x" * 50_000)
+    other.write_bytes(b"y" * 9_000)
+    (mine / "same").hardlink_to(one)
+    (mine / "out").symlink_to("/etc")
+    (mine / "loop").symlink_to(mine)
+    for name in ("pvc-2_robot-r2_data-pvc", "pvc-3_robot-r1", "lost+found", "x_robot-r1_y"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "pvc-4_robot-r1_file").write_text("no directory")
+    every = [one, other, mine / "deep", mine / "deep" / "er", mine / "out", mine / "loop"]
+    assert look(str(tmp_path), "robot-r1") == {"data-pvc": sum(map(blocks, every))}
+
+
+def test_names_with_underscores_are_the_claims_own(tmp_path: Path) -> None:
+    (tmp_path / "pvc-1_ns_with_more").mkdir()
+    assert list(look(str(tmp_path), "ns")) == ["with_more"]
+
+
+def test_nothing_there(tmp_path: Path) -> None:
+    assert look(str(tmp_path / "none"), "robot-r1") == {}
+
+
+@pytest.mark.skipif(os.getuid() == 0, reason="root may read everything")
+def test_what_may_not_be_read_is_left_out(tmp_path: Path) -> None:
+    (tmp_path / "closed").mkdir(mode=0)
+    assert used(str(tmp_path)) >= 0
+
+
+def test_at_most_once_a_minute(tmp_path: Path) -> None:
+    pauses: list[float] = []
+
+    class Enough(Exception):  # noqa: N818 - no error
+        pass
+
+    def pause(seconds: float) -> None:
+        pauses.append(seconds)
+        if len(pauses) == 3:
+            raise Enough
+
+    with pytest.raises(Enough):
+        Claims(str(tmp_path), "ns", pause).run()
+    assert min(pauses) >= PERIOD

@@ -1,0 +1,74 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The exporter's HTTP server."""
+
+from __future__ import annotations
+
+import gzip
+import threading
+import urllib.error
+import urllib.request
+from typing import Any, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter import openmetrics
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import COUNTER, GAUGE, Family
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.http import Server
+
+FAMILIES = [
+    Family("ros_master_up", GAUGE, "Whether it answers", [({}, 1.0)]),
+    Family("ros_topic_messages_total", COUNTER, "Messages", [({"topic": '/a"\\\n', "node": "/n"}, 5.0)]),
+    Family("ros_node_up", GAUGE, "None of them", []),
+]
+
+
+class Served:
+    def __init__(self) -> None:
+        self.scrapes, self.health = 0, True
+        self.server = Server(("127.0.0.1", 0), lambda: FAMILIES, self.scraped, lambda: self.health)
+        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
+
+    def scraped(self) -> None:
+        self.scrapes += 1
+
+    def get(self, path: str, **headers: str) -> Any:
+        url = f"http://127.0.0.1:{self.server.server_address[1]}{path}"
+        return urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=5)  # noqa: S310
+
+    def code(self, path: str) -> int:
+        try:
+            with self.get(path) as reply:
+                return int(reply.status)
+        except urllib.error.HTTPError as error:
+            return error.code
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    made = Served()
+    yield made
+    made.server.shutdown()
+    made.server.server_close()
+
+
+def test_a_scrape(served: Served) -> None:
+    with served.get("/metrics") as reply:
+        kind, text = reply.headers["Content-Type"], reply.read().decode()
+    assert kind == "application/openmetrics-text; version=1.0.0; charset=utf-8"
+    assert text == openmetrics.text(FAMILIES).decode()
+    assert served.scrapes == 1
+
+
+def test_a_zipped_scrape_is_the_same(served: Served) -> None:
+    with served.get("/metrics") as reply:
+        plain = reply.read()
+    with served.get("/metrics", **{"Accept-Encoding": "gzip"}) as reply:
+        assert reply.headers["Content-Encoding"] == "gzip"
+        assert gzip.decompress(reply.read()) == plain
+
+
+def test_probes(served: Served) -> None:
+    assert [served.code(path) for path in ("/ready", "/healthy", "/nothing")] == [200, 200, 404]
+    served.health = False
+    assert [served.code(path) for path in ("/ready", "/healthy")] == [200, 503]
+    assert served.scrapes == 0

@@ -1,0 +1,38 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Latency and drops out of /statistics."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.statistics import MAX_AGE, Totals, decode
+
+
+def statistics(age: tuple[int, int], dropped: int, topic: str = "/t") -> bytes:
+    """rosgraph_msgs/TopicStatistics, field by field."""
+    texts = b"".join(struct.pack("<I", len(text)) + text.encode() for text in (topic, "/pub", "/sub"))
+    return (
+        texts
+        + struct.pack("<4I", 1, 2, 3, 4)  # window
+        + struct.pack("<3i", 100, dropped, 9000)
+        + struct.pack("<6i", 0, 1, 0, 2, 0, 3)  # period
+        + struct.pack("<2i", *age)
+        + struct.pack("<4i", 9, 9, 9, 9)
+    )
+
+
+def test_a_statistics_message() -> None:
+    assert decode(statistics((1, 250_000_000), 4)) == (("/t", "/pub", "/sub"), 1.25, 4)
+    assert decode(statistics((-1, 900_000_000), 0))[1] == pytest.approx(-0.1)  # clocks differ
+
+
+def test_drops_add_up_and_silence_ends_a_series() -> None:
+    totals = Totals()
+    totals.add(statistics((0, 0), 4), 10)
+    totals.add(statistics((2, 0), 3), 20)
+    totals.add(statistics((3, 0), 1, "/other"), 20 + MAX_AGE)
+    totals.add(b"short", 20)
+    assert totals.rows(21) == [(("/other", "/pub", "/sub"), 3.0, 1), (("/t", "/pub", "/sub"), 2.0, 7)]
+    assert [row[0][0] for row in totals.rows(20 + MAX_AGE)] == ["/other"]

@@ -1,0 +1,89 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Credentials: options, the environment's variables, kubeconfigs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import access_from
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+
+HOST = {"host": "https://a", "api_key": "t"}
+
+GIVEN: list[tuple[dict[str, Any], dict[str, str], dict[str, Any]]] = [
+    ({**HOST, "context": None}, {"K8S_AUTH_HOST": "https://b"}, {"host": "https://a"}),
+    ({"host": "", "api_key": ""}, {"K8S_AUTH_HOST": "https://b", "K8S_AUTH_API_KEY": "t"}, {"host": "https://b"}),
+    (HOST, {"K8S_AUTH_VERIFY_SSL": "False"}, {"verify_ssl": False}),
+    ({**HOST, "validate_certs": False}, {"K8S_AUTH_VERIFY_SSL": "true"}, {"verify_ssl": False}),
+]
+
+
+@pytest.mark.parametrize(("params", "environ", "expected"), GIVEN)
+def test_options_come_before_the_environment(
+    monkeypatch: pytest.MonkeyPatch, params: dict[str, Any], environ: dict[str, str], expected: dict[str, Any]
+) -> None:
+    for name, value in environ.items():
+        monkeypatch.setenv(name, value)
+    configuration = access_from(params).configuration
+    assert {key: getattr(configuration, key) for key in expected} == expected
+
+
+def test_groups_to_act_as_come_from_the_environment_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("K8S_AUTH_IMPERSONATE_GROUPS", "a,b")
+    headers = access_from({**HOST, "impersonate_user": "u"}).headers
+    assert headers == (("Impersonate-User", "u"), ("Impersonate-Group", "a"), ("Impersonate-Group", "b"))
+
+
+def test_a_second_cluster_inherits_nothing_from_the_first() -> None:
+    given = kubeconfig("https://first")
+    given["clusters"][0]["cluster"]["insecure-skip-tls-verify"] = True
+    assert access_from({"kubeconfig": given}).configuration.verify_ssl is False
+    assert access_from(HOST).configuration.verify_ssl is True
+
+
+def kubeconfig(url: str) -> dict[str, Any]:
+    return {
+        "apiVersion": "v1",
+        "kind": "Config",
+        "current-context": "lab",
+        "clusters": [
+            {"name": "lab", "cluster": {"server": url}},
+            {"name": "away", "cluster": {"server": "http://[::1]:1"}},
+        ],
+        "users": [{"name": "admin", "user": {"token": "from-file"}}],
+        "contexts": [
+            {"name": "lab", "context": {"cluster": "lab", "user": "admin"}},
+            {"name": "away", "context": {"cluster": "away", "user": "admin"}},
+        ],
+    }
+
+
+def test_a_kubeconfig_as_file_or_as_data(server: Server, tmp_path: Path) -> None:
+    path = tmp_path / "config"
+    path.write_text(yaml.safe_dump(kubeconfig(server.url)))
+    for given in (str(path), kubeconfig(server.url)):
+        with Kube({"kubeconfig": given}) as kube:
+            assert kube.objects("Pod", "robot-robot1") == []
+        assert server.seen()[2]["authorization"] == "Bearer from-file"
+
+
+def test_another_context_and_a_host_of_ones_own(server: Server) -> None:
+    with Kube({"kubeconfig": kubeconfig(server.url), "context": "away"}) as kube:
+        assert kube.host == "http://[::1]:1"
+    with Kube({"kubeconfig": kubeconfig("http://127.0.0.1:1"), "host": f"{server.url}/"}) as kube:
+        assert kube.nodes() == []
+
+
+@pytest.mark.parametrize("content", [None, "", "{", "kind: Config"])
+def test_an_unusable_kubeconfig_says_what_to_do(tmp_path: Path, content: str | None) -> None:
+    path = tmp_path / "config"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(KubeError, match=r"No usable Kubernetes credentials in .*config.*Set kubeconfig"):
+        Kube({"kubeconfig": str(path)})

@@ -1,0 +1,119 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Lease: one holder at a time, whatever the clocks say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+
+PATH = "/apis/coordination.k8s.io/v1/namespaces/robot-robot1/leases/updates"
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.time = 1000.0
+
+    def now(self) -> float:
+        return self.time
+
+
+def lease(kube: Kube, holder: str, clock: Clock, wall: float = 1_700_000_000.0) -> Lease:
+    return Lease(kube, "robot-robot1", "updates", holder, 30, now=clock.now, wall=lambda: wall)
+
+
+@pytest.fixture(autouse=True)
+def namespace(server: Server) -> None:
+    server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
+
+
+def test_one_has_it_and_the_other_learns_who(server: Server, kube: Kube) -> None:
+    ours, theirs = lease(kube, "a", Clock()), lease(kube, "b", Clock())
+    assert ours.acquire().mine
+    refused = theirs.acquire()
+    assert (refused.mine, refused.holder, refused.since) == (False, "a", "2023-11-14T22:13:20.000000Z")
+    assert server.find(PATH)["spec"]["leaseTransitions"] == 0
+    assert ours.acquire().mine
+
+
+def test_let_go_it_is_free_at_once(server: Server, kube: Kube) -> None:
+    ours, theirs = lease(kube, "a", Clock()), lease(kube, "b", Clock())
+    ours.acquire()
+    assert not theirs.release().mine  # it was not theirs to let go
+    assert server.find(PATH)["spec"]["holderIdentity"] == "a"
+    ours.release()
+    assert theirs.acquire().mine
+    assert not ours.renew().mine
+    assert server.find(PATH)["spec"]["leaseTransitions"] == 1
+
+
+def test_a_holder_that_died_is_waited_for_by_our_own_clock(kube: Kube) -> None:
+    clock = Clock()
+    lease(kube, "a", Clock(), wall=0.0).acquire()  # its clock is half a century off
+    theirs = lease(kube, "b", clock)
+    assert not theirs.acquire().mine
+    clock.time += 29
+    assert not theirs.acquire().mine
+    clock.time += 1
+    assert theirs.acquire().mine
+
+
+def test_a_holder_that_renews_keeps_it(kube: Kube) -> None:
+    clock = Clock()
+    ours = lease(kube, "a", Clock())
+    later = lease(kube, "a", Clock(), wall=1_700_000_020.0)
+    ours.acquire()
+    theirs = lease(kube, "b", clock)
+    theirs.acquire()
+    clock.time += 20
+    assert later.renew().since == "2023-11-14T22:13:20.000000Z"
+    clock.time += 20
+    assert not theirs.acquire().mine
+    clock.time += 29
+    assert not theirs.acquire().mine
+
+
+class Racing:
+    """Somebody else is faster between the look and the write."""
+
+    def __init__(self, kube: Kube, other: Lease) -> None:
+        self._kube, self._other = kube, other
+        self.get = kube.get
+
+    def create(self, obj: dict[str, Any]) -> dict[str, Any]:
+        self._other.acquire()
+        return self._kube.create(obj)
+
+    def replace(self, obj: dict[str, Any]) -> dict[str, Any]:
+        self._other.acquire()
+        return self._kube.replace(obj)
+
+
+def test_of_two_at_once_one_has_it(kube: Kube) -> None:
+    other = lease(kube, "b", Clock())
+    ours = Lease(Racing(kube, other), "robot-robot1", "updates", "a", 30, now=Clock().now)
+    assert ours.acquire().holder == "b"  # created at once
+    other.release()
+    assert ours.acquire().holder == "b"  # taken at once
+
+
+def test_an_answer_that_got_lost_does_not_lose_the_lease(server: Server, kube: Kube) -> None:
+    class Deaf(Kube):
+        """The write is done; the answer is lost, and the second try is told that it is there already."""
+
+        def create(self, obj: dict[str, Any]) -> dict[str, Any]:
+            kube.create(obj)
+            return super().create(obj)
+
+    with Deaf({"host": server.url, "api_key": "t"}) as deaf:
+        assert lease(deaf, "a", Clock()).acquire().mine
+
+
+def test_what_is_no_conflict_is_raised(server: Server, kube: Kube) -> None:
+    server.refusals += [(403, "no leases for you")]
+    with pytest.raises(ApiError, match="no leases"):
+        lease(kube, "a", Clock()).acquire()
