@@ -25,8 +25,11 @@ from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import KUBE_ARGS, Kube, diff_of, resolve_auth
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
@@ -40,7 +43,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 display = Display()
 
 UPDATE_ARGS: dict[str, dict[str, Any]] = {
-    **KUBE_ARGS,
+    **AUTH_ARG_SPEC,
     "apps": {"type": "list", "elements": "str", "default": []},
     "to": {"type": "str", "default": ""},
     "shared": {"type": "bool", "default": True},
@@ -100,12 +103,12 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
             )},
         )  # fmt: skip
-        robot = Fleet.from_vars(self._vars).robots[self._host]
+        robot = Robot.from_variables(HostVariables(self._vars["hostvars"])[self._host], self._host)
         self._modules = ActionHost(self, self._vars)
         node = NodeImages(self._modules, params["image_directory"], params["image_rate_limit"], self._say)
         images = ImageSource(node, params["image_archives"], params["image_names"])
         host = ModuleHost(self._reach, self._module, images, check)
-        with Kube(resolve_auth(params, dict(os.environ))) as kube, _cancellable():
+        with Kube(params) as kube, _cancellable():
             engine = Engine(robot, settings, World(KubeCluster(kube, self._say), host, MonotonicClock(), self._say))
             outcome = engine.run()
         result["changed"] = any(change.changed for change in engine.changes)

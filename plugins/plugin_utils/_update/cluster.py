@@ -8,11 +8,12 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from typing import Callable, Iterable, Sequence
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Change, Live, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1"}
 
@@ -35,12 +36,11 @@ class KubeCluster:
             found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
         return Live(found["Deployment"], found["ConfigMap"], found["Service"])
 
-    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Change]:
-        return [Change(one.before, one.after, one.changed) for one in self._kube.apply(objects, dry_run=dry_run)]
+    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        return self._kube.apply(objects, dry_run)
 
     def delete(self, objects: Sequence[Object]) -> None:
-        if objects:
-            self._kube.delete(objects)
+        self._kube.delete([ref_of(item) for item in objects])
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         refs = parse_refs([dict(item) for item in objects])

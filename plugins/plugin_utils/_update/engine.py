@@ -27,6 +27,7 @@ from typing import Callable, Iterator, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_uri
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
@@ -59,7 +60,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     CancelledError,
-    Change,
     Graph,
     Live,
     Object,
@@ -117,7 +117,7 @@ class Engine:
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
         self.recorded = False
         self.results: list[StepResult] = []
-        self.changes: list[Change] = []
+        self.changes: list[Applied] = []
 
     # --- the robot --------------------------------------------------------------------------------------------------
 
@@ -378,6 +378,6 @@ class Engine:
         return f"{why}; {UNPROVEN}" if now.applied else f"{why}; nothing was touched"
 
 
-def _worth_telling(change: Change) -> bool:
+def _worth_telling(change: Applied) -> bool:
     """The record of updates changes with every step: its news is the outcome itself."""
-    return change.changed and change.after["metadata"]["name"] != EVENTS_NAME
+    return change.changed and change.ref.name != EVENTS_NAME

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
@@ -148,7 +149,7 @@ class _Robot:
             own = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
             namespace, node = context.graph_namespace(app, self.robot), context.graph_node(app, self.robot)
             given = app.update.idle if which == "idle" else own
-            found += [names.resolve_graph_name(name, namespace, node) for name in given]
+            found += [resolve(name, namespace, node) for name in given]
         return list(dict.fromkeys(found))
 
 

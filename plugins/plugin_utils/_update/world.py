@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 
 Object = Mapping[str, Any]
 Graph = Mapping[str, Any]  # as ros_graph_info returns it
@@ -41,21 +42,12 @@ class Live:
         return ""
 
 
-@dataclass(frozen=True)
-class Change:
-    """One object that was applied, or would be in check mode. Secrets show no values."""
-
-    before: Object | None
-    after: Object
-    changed: bool
-
-
 class Cluster(Protocol):
     """The Kubernetes API of the robot's cluster. KubeError where it is away for longer than a restart takes."""
 
     def read(self, namespaces: Iterable[str]) -> Live: ...
 
-    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Change]:
+    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         """In this order. After an error some of them may be applied."""
 
     def delete(self, objects: Sequence[Object]) -> None:
