@@ -109,12 +109,21 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
         images = ImageSource(node, params["image_archives"], params["image_names"])
         host = ModuleHost(self._reach, self._module, images, check)
         with Kube(params) as kube, _cancellable():
-            engine = Engine(robot, settings, World(KubeCluster(kube, self._say), host, MonotonicClock(), self._say))
+            engine = Engine(robot, settings, self._world(kube, host))
             outcome = engine.run()
         result["changed"] = any(change.changed for change in engine.changes)
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
         return outcome
+
+    def _world(self, kube: Kube, host: ModuleHost) -> World:
+        return World(
+            KubeCluster(kube, self._say),
+            host,
+            MonotonicClock(),
+            self._say,
+            lambda text: display.v(f"[{self._host}] {text}"),
+        )
 
     def _say(self, text: str) -> None:
         display.display(f"[{self._host}] {text}")

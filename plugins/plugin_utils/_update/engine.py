@@ -113,7 +113,8 @@ class Engine:
 
     def __init__(self, robot: Robot, settings: Settings, world: World) -> None:
         self.robot, self.settings = robot, settings
-        self.cluster, self.host, self.clock, self.say = world.cluster, world.host, world.clock, world.say
+        self.cluster, self.host, self.clock = world.cluster, world.host, world.clock
+        self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
         self.recorded = False
         self.results: list[StepResult] = []
@@ -149,6 +150,7 @@ class Engine:
 
     def _prepare(self) -> None:
         """What the steps need, while the robot works."""
+        self.trace("prepare")
         self.host.bring(images(self.robot, "local"))
         self._apply_all(
             [
@@ -160,6 +162,7 @@ class Engine:
 
     def _record(self) -> None:
         """Once for all steps. The update of a master that does not answer is how to mend it."""
+        self.trace("record")
         try:
             self.graph, self.recorded = self.host.graph(self.master, self.settings.rate_seconds), True
         except AwayError:
@@ -263,6 +266,7 @@ class Engine:
 
     def _finish(self, now: _Now) -> StepResult:
         """Take the mark off. Where that cannot be done the version is proven all the same."""
+        self.trace(f"{now.step.name}: finish")
         try:
             result = self._result(now, UPDATED)
             self._apply_all([*now.step.workloads, self._events(None, [result])])
@@ -309,6 +313,7 @@ class Engine:
     @contextlib.contextmanager
     def _phase(self, now: _Now, name: str) -> Iterator[None]:
         began = self.clock.now()
+        self.trace(f"{now.step.name}: {name}")
         try:
             yield
         finally:

@@ -102,9 +102,16 @@ class Clock(Protocol):
     def now(self) -> float: ...
 
 
+def unheard(_text: str) -> None:
+    """For a world in which nobody listens."""
+
+
 @dataclass(frozen=True)
 class World:
+    """`say` is for whoever runs the playbook, `trace` for whoever wants to know where exactly a run stands."""
+
     cluster: Cluster
     host: Host
     clock: Clock
-    say: Callable[[str], None]
+    say: Callable[[str], None] = unheard
+    trace: Callable[[str], None] = unheard
