@@ -13,15 +13,15 @@ version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Compares the robot's apps and its ROS master with the inventory. What is as it should be is not touched.
-  - Each changed app, each group of apps (C(update.group)) and the master is a step, in the order of C(depends_on). A step
-    records what the app is to the ROS graph, waits until a busy robot is idle, applies the new version, waits until the
-    pods have handed over, and holds the graph against the record. What does not hold is taken back.
-  - The robot's outcome is in the fact C(fleet_outcome) afterwards. The task itself does not fail because of it, and a robot
-    that cannot be reached is an outcome, too.
+  - Each changed app, each group of apps (C(update.group)) and the master is a step, in the order of C(depends_on). A
+    step records what the app is to the ROS graph, waits until a busy robot is idle, applies the new version, waits
+    until the pods have handed over, and holds the graph against the record. What does not hold is taken back.
+  - The robot's outcome is in the fact C(fleet_outcome) afterwards. The task itself does not fail because of it, and a
+    robot that cannot be reached is an outcome, too.
   - Every 10 seconds it says what is waited for.
 notes:
-  - The work is done by an action plugin on the control node, which asks the Kubernetes API itself and runs modules of this
-    collection on the robot's host. They need root there to see the sockets of pods.
+  - The work is done by an action plugin on the control node, which asks the Kubernetes API itself and runs modules of
+    this collection on the robot's host. They need root there to see the sockets of pods.
   - SIGINT and SIGTERM end the step where it stands and let held goals go. What was applied by then stays marked as
     unproven, with the way back beside it, and the next run takes the step up.
 options:
@@ -35,7 +35,8 @@ options:
     type: str
     default: ""
   shared:
-    description: Whether what belongs to the whole fleet (a shared master, apps of scope V(fleet)) is this robot's to change.
+    description:
+      - Whether what belongs to the whole fleet (a shared master, apps of scope V(fleet)) is this robot's to change.
     type: bool
     default: true
   on_busy:
