@@ -52,7 +52,7 @@ class Fleet:
 
     def start_update(self, variables: Mapping[str, Any], *arguments: str, **settings: Any) -> Running:
         """The same in the background."""
-        return self.playbooks.start("update", {**variables, **settings}, *arguments)
+        return self.playbooks.start("update", {**variables, **settings}, "-v", *arguments)
 
     def accept(self, variables: Mapping[str, Any]) -> None:
         """The fleet runs what this inventory says."""

@@ -14,6 +14,7 @@ from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 
 EVENTS_NAME = "robot-updates"
 EVENTS_KEY = "updates.json"
@@ -25,21 +26,17 @@ CUT_OFF = "the run that began this step ended without a word"
 Event = Mapping[str, Any]
 
 
-def step_id(robot: str, apps: Sequence[str], started: Any) -> str:
-    """Names one step of one robot: the same from its begin to its end, whoever works it out.
-
-    >>> step_id("robot1", ["temperature"], 1795252087.347614) == step_id("robot1", ["temperature"], "1795252087.347614")
-    True
-    """
+def step_id(robot: str, apps: Sequence[str], started: float) -> str:
+    """Names one step of one robot: the same from its begin to its end, whoever works it out."""
     text = json.dumps([robot, list(apps), f"{float(started):.6f}"])
     return hashlib.sha256(text.encode()).hexdigest()[:ID_LENGTH]
 
 
-def update_events(
-    results: Sequence[Event],
+def events_map(
+    results: Sequence[StepResult],
     robot: str,
     maps: Iterable[Mapping[str, Any]] = (),
-    running: Event | None = None,
+    running: StepResult | None = None,
 ) -> dict[str, Any]:
     """The ConfigMap to apply.
 
@@ -48,8 +45,8 @@ def update_events(
     that run is gone, and an alert on it must not stay for ever.
     """
     known = [_closed(event) for event in known_events(maps, robot)]
-    now = [event for result in results for event in _events(result, robot)]
-    now += [{**event, "outcome": RUNNING, "finished": None} for event in _events(running or {}, robot)]
+    now = [event for result in results for event in _events(result)]
+    now += [{**event, "outcome": RUNNING, "finished": None} for event in (_events(running) if running else [])]
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
@@ -76,37 +73,30 @@ def known_events(maps: Iterable[Mapping[str, Any]], robot: str) -> list[dict[str
     return []
 
 
-def _events(result: Event, robot: str) -> list[dict[str, Any]]:
-    """A step's result, as the report has it, as one event per app."""
-    if not result:
-        return []
-    started, phases = float(result["started"]), dict(result.get("phases") or {})
+def _events(result: StepResult) -> list[dict[str, Any]]:
+    """A step's result as one event per app."""
     # not the time at which this is worked out: the same step gives the same bytes in every later apply
-    finished = round(started + sum(float(seconds) for seconds in phases.values()), 3)
+    finished = round(result.started + sum(result.phases.values()), 3)
     return [
         {
-            "id": result.get("id") or step_id(robot, result["apps"], started),
+            "id": result.id,
             "app": app,
-            "step": result["name"],
-            "handoff": result["handoff"],
-            "outcome": result.get("outcome", RUNNING),
-            "reason": str(result.get("reason") or "")[:REASON_KEPT],
-            "from": _version(result, "from", app, "revision"),
-            "to": _version(result, "to", app, "revision"),
-            "from_image": _version(result, "from", app, "image"),
-            "to_image": _version(result, "to", app, "image"),
-            "started": round(started, 3),
+            "step": result.name,
+            "handoff": result.handoff,
+            "outcome": result.outcome or RUNNING,
+            "reason": result.reason[:REASON_KEPT],
+            # empty for what was not there before
+            "from": result.before.get(app, {}).get("revision", ""),
+            "to": result.after.get(app, {}).get("revision", ""),
+            "from_image": result.before.get(app, {}).get("image", ""),
+            "to_image": result.after.get(app, {}).get("image", ""),
+            "started": round(result.started, 3),
             "finished": finished,
-            "phases": phases,
-            "busy_wait": float(result.get("busy_wait") or 0),
+            "phases": dict(result.phases),
+            "busy_wait": result.phases.get("wait", 0.0),
         }
-        for app in result["apps"]
+        for app in result.apps
     ]
-
-
-def _version(result: Event, side: str, app: str, key: str) -> str:
-    """Empty for what was not there before."""
-    return str(((result.get(side) or {}).get(app) or {}).get(key) or "")
 
 
 def _closed(event: Event) -> dict[str, Any]:

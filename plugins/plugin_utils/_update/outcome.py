@@ -1,11 +1,12 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of a robot's update: its steps' results -> one outcome, the phases' times, the failure budget. Pure."""
+"""What became of a step, of a robot, and of the budget of failures. Pure."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
@@ -23,43 +24,73 @@ WORST_FIRST = (FAILED, ROLLED_BACK, OFFLINE, BUSY, UPDATED, UNCHANGED)
 COSTS_BUDGET = (FAILED, ROLLED_BACK)
 
 
-def robot_outcome(results: Sequence[Mapping[str, Any]], steps: int) -> dict[str, Any]:
-    """`{outcome, reason, steps}` of a robot whose plan had so many steps.
+@dataclass(frozen=True)
+class StepResult:
+    """A step that has ended, or (without an outcome) the one at hand. `phases` are seconds by name."""
 
-    A result is `{name, apps, handoff, outcome, reason, from, to, phases, busy_wait}`; the first step that does not end
-    well ends the robot's update.
-    """
-    words = [result["outcome"] for result in results]
+    id: str
+    name: str
+    apps: Sequence[str]
+    handoff: str
+    before: Mapping[str, Mapping[str, str]]  # app -> image and revision
+    after: Mapping[str, Mapping[str, str]]
+    started: float  # since 1970
+    phases: Mapping[str, float]
+    outcome: str = ""
+    reason: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the report and the record of updates have it."""
+        return {
+            "id": self.id,
+            "name": self.name,
+            "apps": list(self.apps),
+            "handoff": self.handoff,
+            "from": dict(self.before),
+            "to": dict(self.after),
+            "started": self.started,
+            "phases": dict(self.phases),
+            "busy_wait": self.phases.get("wait", 0.0),
+            "outcome": self.outcome,
+            "reason": self.reason,
+        }
+
+    def told(self) -> str:
+        """`temperature lab/apps:1.0 -> lab/apps:1.1 in 6.1 s`."""
+        parts = []
+        for app in self.apps:
+            old, new = self.before.get(app, {}).get("image", "new"), self.after.get(app, {}).get("image", "")
+            revision = self.after.get(app, {}).get("revision", "")
+            parts.append(f"{app} {old} -> {new}" if old != new else f"{app} {new} ({revision})")
+        text = f"{', '.join(parts)} in {sum(self.phases.values()):.1f} s"
+        return f"{text}; {self.reason}" if self.reason else text
+
+
+@dataclass(frozen=True)
+class RobotOutcome:
+    """The word for the robot, why, and its steps."""
+
+    outcome: str
+    reason: str = ""
+    steps: Sequence[StepResult] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fact `fleet_outcome`, which the report reads."""
+        return {"outcome": self.outcome, "reason": self.reason, "steps": [step.as_dict() for step in self.steps]}
+
+
+def robot_outcome(results: Sequence[StepResult], steps: int) -> RobotOutcome:
+    """Of a robot whose plan had so many steps; the first one that does not end well is the last one begun."""
+    words = [result.outcome for result in results]
     outcome = next((word for word in WORST_FIRST if word in words), UNCHANGED)
-    reasons = [f"{result['name']}: {result['reason']}" for result in results if result["outcome"] == outcome]
+    good = outcome in (UPDATED, UNCHANGED)
+    reasons = [
+        result.told() if good else f"{result.name}: {result.reason}" for result in results if result.outcome == outcome
+    ]
     left = steps - len(results)
     if left > 0:
         reasons.append(f"{left} further step{'s' if left > 1 else ''} not begun")
-    if outcome in (UPDATED, UNCHANGED):
-        reasons = [_told(result) for result in results if result["outcome"] == outcome]
-    return {"outcome": outcome, "reason": "; ".join(reasons), "steps": list(results)}
-
-
-def _told(result: Mapping[str, Any]) -> str:
-    """`temperature lab/apps:1.0 -> lab/apps:1.1 in 6.1 s`."""
-    parts = []
-    for app in result["apps"]:
-        before, after = (result[side].get(app) or {} for side in ("from", "to"))
-        old, new = before.get("image", "new"), after.get("image", "")
-        parts.append(f"{app} {old} -> {new}" if old != new else f"{app} {new} ({after.get('revision', '')})")
-    return f"{', '.join(parts)} in {sum(result['phases'].values()):.1f} s"
-
-
-def phases(marks: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Seconds of each phase out of `[{phase, at}, ...]`, each mark made when the phase before it ended.
-
-    A phase lasts from its mark to the next one; the last mark only ends the one before.
-    """
-    found: dict[str, float] = {}
-    for mark, following in zip(marks, marks[1:]):
-        seconds = float(following["at"]) - float(mark["at"])
-        found[mark["phase"]] = round(found.get(mark["phase"], 0.0) + max(seconds, 0.0), 3)
-    return found
+    return RobotOutcome(outcome, "; ".join(reasons), tuple(results))
 
 
 def budget_left(budget: Any, robots: int, outcomes: Iterable[str]) -> int:

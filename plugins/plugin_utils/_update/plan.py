@@ -3,14 +3,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the inventory wants and what the cluster has -> the steps of one robot's update, in order. Pure.
 
-A step changes one app, or the apps of one group together, or the ROS master. It carries all that its tasks need: what
+A step changes one app, or the apps of one group together, or the ROS master. It carries all that its phases need: what
 to apply, what was there before, the ROS nodes' old and new names, and what has to be idle first.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
@@ -18,107 +18,208 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import res
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 MASTER = names.MASTER_NAME
 HISTORY_KEY = "history.json"
 CONTRACT_KEY = "contract.json"
+PREVIOUS = "previous"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
 
-Object = Mapping[str, Any]
 Key = tuple[str, str]
+Histories = Mapping[str, Sequence[Object]]  # app -> its earlier versions, the last one first
 
 
-def update_plan(
-    robot: Robot,
-    deployments: Sequence[Object],
-    updates: Sequence[Object] = (),
-    only: Sequence[str] = (),
-    shared: bool = True,
-) -> dict[str, Any]:
-    """`{steps, unchanged, orphans}` of a robot.
+@dataclass(frozen=True)
+class Step:
+    """One change of one robot."""
 
-    `deployments` are those of the robot's namespace (and of `fleet`) as the API shows them, `updates` the ConfigMaps
-    `<app>-update` of unfinished or earlier steps. `only` limits the plan to these apps (`ros-master` is the master);
-    `shared` says whether this robot's run is the one that changes what belongs to the whole fleet.
+    name: str
+    kind: str  # "app" or "master"
+    apps: Sequence[str]
+    handoff: str
+    objects: Sequence[Object]
+    previous: Mapping[str, Object]  # app -> the Deployment to go back to
+    created: Sequence[Object]  # Deployments that were not there: the way back deletes them
+    resume: bool  # an earlier run applied just this, and ended before it was proven
+    new_nodes: Mapping[str, str]  # app -> its ROS node after the step
+    old_nodes: Mapping[str, str]
+    actions: Sequence[str]  # that the apps serve
+    idle: Sequence[str]  # that have to rest besides
+    on_busy: str | None
+    conditions: Object  # options of ros_ready: what the apps' readiness asks of the graph
+    before: Mapping[str, Mapping[str, str]]  # app -> image and revision
+    after: Mapping[str, Mapping[str, str]]
+    histories: Histories
+
+    @property
+    def renames(self) -> dict[str, str]:
+        """Old node name -> the name of the revision to come."""
+        return {self.old_nodes[app]: new for app, new in self.new_nodes.items() if self.old_nodes.get(app) and new}
+
+    @property
+    def workloads(self) -> list[Object]:
+        """The Deployments among its objects."""
+        return deployments_of(self.objects)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The steps of a robot; `orphans` are Deployments of ours that the inventory does not know."""
+
+    steps: Sequence[Step] = ()
+    unchanged: Sequence[str] = ()
+    orphans: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked for. `to` is empty for what the inventory says, else `previous` or a revision to go back to.
+
+    `only` limits it to these apps (`ros-master` is the master); `shared` says whether what belongs to the whole fleet
+    is this robot's to change.
     """
-    live = {_key(item): item for item in deployments}
+
+    only: Sequence[str] = ()
+    to: str = ""
+    shared: bool = True
+
+
+@dataclass(frozen=True)
+class _Robot:
+    """The robot as it is wanted and as it is."""
+
+    robot: Robot
+    desired: Mapping[str, Sequence[Object]]
+    live: Mapping[Key, Object]
+    histories: Histories = field(default_factory=dict)
+
+    def step(self, members: Sequence[str], back: bool = False) -> Step:
+        objects = [item for app in members for item in self.desired[app]]
+        apps = {app.name: app for app in self.robot.apps if app.name in members}
+        first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
+        unfinished = any(_updating(self.live.get(_key(item))) for item in deployments_of(objects))
+        previous = self._previous(members, objects)
+        running = {app: _node(self.live[_key(first[app])]) for app in apps if _key(first[app]) in self.live}
+        return Step(
+            name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
+            kind="master" if list(members) == [MASTER] else "app",
+            apps=list(members),
+            handoff=max([app.handoff for app in apps.values()] or ["replace"], key=HANDOFFS.index),
+            objects=objects,
+            previous=previous,
+            created=[
+                identity(item) for item in deployments_of(objects)
+                if app_of(item) in members and app_of(item) not in previous
+            ],
+            resume=unfinished and not any(_differs(item, self.live) for item in deployments_of(objects)),
+            new_nodes={app: _node(first[app]) for app in apps},
+            old_nodes={app: _node(previous[app]) for app in apps if app in previous} if unfinished else running,
+            actions=self._actions(apps.values(), "own"),
+            idle=self._actions(apps.values(), "idle"),
+            on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
+            conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
+            before={app: described(item) for app, item in previous.items()},
+            after={app: described(first[app]) for app in members},
+            histories={app: self.histories.get(app, []) for app in members},
+        )  # fmt: skip
+
+    def _previous(self, members: Sequence[str], objects: Sequence[Object]) -> dict[str, Object]:
+        """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven."""
+        found: dict[str, Object] = {}
+        for item in deployments_of(objects):
+            app, there = app_of(item), self.live.get(_key(item))
+            if there is None or app not in members:
+                continue
+            if not _updating(there):
+                found.setdefault(app, kept(there))
+            elif self.histories.get(app):
+                found[app] = self.histories[app][0]["deployment"]
+        return found
+
+    def _actions(self, apps: Iterable[App], which: str) -> list[str]:
+        """Full names of the actions that the apps serve (`own`), or that have to rest while they change (`idle`)."""
+        found: list[str] = []
+        for app in apps:
+            own = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
+            namespace, node = context.graph_namespace(app, self.robot), context.graph_node(app, self.robot)
+            given = app.update.idle if which == "idle" else own
+            found += [resolve(name, namespace, node) for name in given]
+        return list(dict.fromkeys(found))
+
+
+def update_plan(robot: Robot, live: Live, request: Request = Request()) -> Plan:  # noqa: B008 - it is frozen
+    """What has to be done about a robot."""
     desired = _desired(robot)
-    unknown = sorted(set(only) - set(desired))
+    unknown = sorted(set(request.only) - set(desired))
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
-    changed: list[str] = []
-    unchanged: list[str] = []
-    for app, objects in desired.items():
-        if (not only or app in only) and (shared or not _is_shared(objects)):
-            (changed if any(_differs(item, live) for item in _deployments(objects)) else unchanged).append(app)
-    histories = read_histories(updates)
-    return {
-        "steps": [_step(robot, members, desired, live, histories) for members in ordered(robot.apps, changed)],
-        "unchanged": unchanged,
-        "orphans": sorted(key[1] for key in live if key not in _all_keys(desired)),
-    }
+    there = _Robot(robot, desired, {_key(item): item for item in live.deployments}, read_histories(live.maps))
+    asked = [
+        app for app, objects in desired.items()
+        if (not request.only or app in request.only) and (request.shared or not _is_shared(objects))
+    ]  # fmt: skip
+    return _back(there, asked, request) if request.to else _forward(there, asked)
 
 
-def rollback_plan(  # noqa: PLR0913 - the same five inputs as update_plan, and where to
-    robot: Robot,
-    deployments: Sequence[Object],
-    updates: Sequence[Object],
-    only: Sequence[str] = (),
-    shared: bool = True,
-    to: str = "previous",
-) -> dict[str, Any]:
-    """The same for a way back: every app (or those of `only`) to its previous, or to the named revision.
+def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
+    changed = [app for app in asked if any(_open(item, there.live) for item in deployments_of(there.desired[app]))]
+    known = {_key(item) for objects in there.desired.values() for item in deployments_of(objects)}
+    return Plan(
+        [there.step(members) for members in ordered(there.robot.apps, changed)],
+        [app for app in asked if app not in changed],
+        sorted(key[1] for key in there.live if key not in known),
+    )
+
+
+def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
+    """Every app to its previous, or to the named revision.
 
     Apps without a history are `unchanged`, unless they were named, or a revision was: then it is an error that lists
     what there is.
     """
-    live = {_key(item): item for item in deployments}
-    histories = read_histories(updates)
-    desired = _desired(robot)
-    unknown = sorted(set(only) - set(desired))
-    if unknown:
-        raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
-    target: dict[str, list[Any]] = {}
-    for app in only or desired:
-        if app == MASTER and app not in only:
+    target: dict[str, Sequence[Object]] = {}
+    for app in asked:
+        if app == MASTER and app not in request.only:
             continue  # its own history goes back only when it is named: apps outlive their master's version
-        if not shared and _is_shared(desired[app]):
-            continue
-        found = _earlier(histories.get(app, []), live, desired[app], to)
+        found = _earlier(there, app, request.to)
         if found is not None:
             target[app] = [found]
-        elif app in only or to != "previous":
-            raise SpecError(_no_history(app, robot.name, histories.get(app, []), to))
-    changed = [app for app in target if any(_differs(item, live) for item in target[app])]
-    steps = [_step(robot, members, target, live, histories, back=True) for members in ordered(robot.apps, changed)]
-    return {"steps": steps, "unchanged": [app for app in desired if app not in changed], "orphans": []}
+        elif app in request.only or request.to != PREVIOUS:
+            raise SpecError(_no_history(app, there, request.to))
+    changed = [app for app in target if any(_open(item, there.live) for item in target[app])]
+    back = _Robot(there.robot, {**there.desired, **target}, there.live, there.histories)
+    steps = [back.step(members, back=True) for members in ordered(there.robot.apps, changed)]
+    return Plan(steps, [app for app in there.desired if app not in changed])
 
 
-def _earlier(history: Sequence[Object], live: Mapping[Key, Object], objects: Sequence[Object], to: str) -> Any:
+def _earlier(there: _Robot, app: str, to: str) -> Object | None:
     """The Deployment of the history that is meant; the one that runs is no way back."""
-    key = next(_key(item) for item in _deployments(objects))
-    running = _hash(live[key]) if key in live else ""
-    for entry in history:
-        if _hash(entry["deployment"]) != running and to in ("previous", entry["revision"]):
-            return entry["deployment"]
+    key = next(_key(item) for item in deployments_of(there.desired[app]))
+    running = _hash(there.live[key]) if key in there.live else ""
+    for entry in there.histories.get(app, []):
+        if _hash(entry["deployment"]) != running and to in (PREVIOUS, entry["revision"]):
+            found: Object = entry["deployment"]
+            return found
     return None
 
 
-def _no_history(app: str, robot: str, history: Sequence[Object], to: str) -> str:
-    known = ", ".join(f"{entry['revision']} ({entry.get('image', '?')})" for entry in history) or "none"
-    wanted = "previous revision" if to == "previous" else f"revision {to}"
-    return f"{robot}: app {app} has no {wanted} to go back to; kept: {known}"
+def _no_history(app: str, there: _Robot, to: str) -> str:
+    kept_ones = [f"{entry['revision']} ({entry.get('image', '?')})" for entry in there.histories.get(app, [])]
+    wanted = "previous revision" if to == PREVIOUS else f"revision {to}"
+    return f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {', '.join(kept_ones) or 'none'}"
 
 
-def read_histories(updates: Iterable[Object]) -> dict[str, list[dict[str, Any]]]:
+def read_histories(maps: Iterable[Object]) -> dict[str, list[dict[str, Any]]]:
     """App -> what its ConfigMap `<app>-update` keeps, the last one first."""
     return {
         str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(HISTORY_KEY) or "[]")
-        for item in updates
+        for item in maps
         if names.LABEL_APP in (item["metadata"].get("labels") or {})
     }
 
@@ -126,118 +227,28 @@ def read_histories(updates: Iterable[Object]) -> dict[str, list[dict[str, Any]]]
 def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
     """The changed apps as steps: the master first, apps of one group together, providers before their users.
 
-    Within what the dependencies leave open the inventory's order counts. Validation has refused cycles.
+    Within what the dependencies leave open the inventory's order counts. Validation has refused cycles between apps.
     """
     unit = {app.name: app.update.group or f"app {app.name}" for app in apps}
-    needs = {name: set[str]() for name in unit.values()}
+    needs: dict[str, set[str]] = {name: set() for name in unit.values()}
     for app in apps:
-        mine = unit[app.name]
-        needs[mine] |= {unit[other] for other in app.depends_on if other in unit} - {mine}
+        needs[unit[app.name]] |= {unit[other] for other in app.depends_on if other in unit} - {unit[app.name]}
     steps = [[MASTER]] if MASTER in changed else []
-    done: set[str] = set()
-    while len(done) < len(needs):
-        ready = next((name for name in needs if name not in done and needs[name] <= done), None)
-        if ready is None:
-            raise SpecError(f"the apps depend on each other in a circle: {', '.join(sorted(set(needs) - done))}")
-        done.add(ready)
-        members = _by_dependency([app for app in apps if unit[app.name] == ready and app.name in changed])
-        steps += [members] if members else []
+    for name in in_order(needs):
+        members = {app.name: set(app.depends_on) for app in apps if unit[app.name] == name and app.name in changed}
+        steps += [in_order({app: needed & set(members) for app, needed in members.items()})] if members else []
     return steps
 
 
-def _by_dependency(apps: Sequence[App]) -> list[str]:
-    """The members of one group, providers first."""
-    left = [app.name for app in apps]
-    needs = {app.name: set(app.depends_on) & set(left) for app in apps}
-    found: list[str] = []
-    while left:
-        ready = next((name for name in left if needs[name] <= set(found)), left[0])
-        found.append(ready)
-        left.remove(ready)
-    return found
-
-
-def _desired(robot: Robot) -> dict[str, list[dict[str, Any]]]:
+def _desired(robot: Robot) -> dict[str, list[Object]]:
     """App -> its objects, the master as the app `ros-master`."""
-    found: dict[str, list[dict[str, Any]]] = {}
+    found: dict[str, list[Object]] = {}
     master = master_objects(robot)
     if master:
-        found[MASTER] = master
-    for item in app_objects(robot):
-        if item["kind"] == "Deployment":
-            found.setdefault(item["metadata"]["name"], []).append(item)
+        found[MASTER] = list(master)
+    for item in deployments_of(app_objects(robot)):
+        found.setdefault(item["metadata"]["name"], []).append(item)
     return found
-
-
-def _step(  # noqa: PLR0913 - what is wanted, what is there, what was there: they have no common home
-    robot: Robot,
-    members: Sequence[str],
-    desired: Mapping[str, Sequence[Object]],
-    live: Mapping[Key, Object],
-    histories: Mapping[str, list[dict[str, Any]]],
-    back: bool = False,
-) -> dict[str, Any]:
-    objects = [item for app in members for item in desired[app]]
-    apps = {app.name: app for app in robot.apps if app.name in members}
-    handoffs = [app.handoff for app in apps.values()] or ["replace"]
-    unfinished = any(_updating(live.get(_key(item))) for item in _deployments(objects))
-    previous = _previous(members, objects, live, histories)
-    new_nodes = {app: _node(item) for app in apps for item in _deployments(desired[app])}
-    running = {
-        app: _node(live[_key(item)]) for app in apps for item in _deployments(desired[app]) if _key(item) in live
-    }
-    old_nodes = {app: _node(previous[app]) for app in apps if app in previous} if unfinished else running
-    return {
-        "name": members[0] if len(members) == 1 else next(iter(apps.values())).update.group,
-        "kind": "master" if members == [MASTER] else "app",
-        "apps": list(members),
-        "handoff": max(handoffs, key=HANDOFFS.index),
-        "objects": objects,
-        "previous": previous,
-        "created": _created(members, objects, previous),
-        "resume": unfinished and all(not _differs(item, live, resume=True) for item in _deployments(objects)),
-        "new_nodes": new_nodes,
-        "old_nodes": old_nodes,
-        "renames": {old_nodes[app]: new for app, new in new_nodes.items() if old_nodes.get(app) and new},
-        "actions": _actions(robot, list(apps.values()), "own"),
-        "idle": _actions(robot, list(apps.values()), "idle"),
-        "on_busy": next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
-        "conditions": {} if back else graph_conditions(replace(robot, apps=tuple(apps.values()))),
-        "from": {app: described(item) for app, item in previous.items()},
-        "to": {app: described(item) for app in members for item in _deployments(desired[app])[:1]},
-        "histories": {app: histories.get(app, []) for app in members},
-    }
-
-
-def _previous(
-    members: Sequence[str],
-    objects: Sequence[Object],
-    live: Mapping[Key, Object],
-    histories: Mapping[str, list[dict[str, Any]]],
-) -> dict[str, Any]:
-    """What to go back to, by app. A step that was cut off left an unproven version: then the history's last counts."""
-    found: dict[str, Any] = {}
-    for item in _deployments(objects):
-        app, there = item["metadata"]["labels"][names.LABEL_APP], live.get(_key(item))
-        if there is None or app not in members:
-            continue
-        if _updating(there):
-            if histories.get(app):
-                found[app] = histories[app][0]["deployment"]
-        else:
-            found.setdefault(app, kept(there))
-    return found
-
-
-def _created(members: Sequence[str], objects: Sequence[Object], previous: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The Deployments that the step makes anew: the way back deletes them."""
-    return [
-        {"apiVersion": item["apiVersion"], "kind": item["kind"],
-         "metadata": {key: item["metadata"][key] for key in ("name", "namespace")}}
-        for item in _deployments(objects)
-        for app in [item["metadata"]["labels"][names.LABEL_APP]]
-        if app in members and app not in previous
-    ]  # fmt: skip
 
 
 def kept(deployment: Object) -> dict[str, Any]:
@@ -253,8 +264,7 @@ def kept(deployment: Object) -> dict[str, Any]:
 
 def described(deployment: Object) -> dict[str, str]:
     """What an operator wants to read of a version."""
-    template = deployment["spec"]["template"]
-    images = [container.get("image", "") for container in template["spec"]["containers"]]
+    images = [container.get("image", "") for container in deployment["spec"]["template"]["spec"]["containers"]]
     return {"image": images[0] if images else "", "revision": revision_of(deployment)}
 
 
@@ -265,29 +275,24 @@ def revision_of(deployment: Object) -> str:
     return str(label or (metadata.get("annotations") or {}).get(names.ANNOTATION_HASH, "")[:8])
 
 
-def _actions(robot: Robot, apps: Sequence[App], which: str) -> list[str]:
-    """Full names of the actions that the apps serve (`own`), or that have to rest while they change (`idle`)."""
-    found: list[str] = []
-    for app in apps:
-        if which == "idle":
-            given = list(app.update.idle)
-        else:
-            given = [item["name"] for item in app.readiness.actions] if app.handoff == "drain" else []
-        namespace, node = context.graph_namespace(app, robot), context.graph_node(app, robot)
-        found += [resolve(name, namespace, node) for name in given]
-    return list(dict.fromkeys(found))
-
-
-def _deployments(objects: Iterable[Object]) -> list[Any]:
+def deployments_of(objects: Iterable[Object]) -> list[Object]:
+    """The Deployments among the objects."""
     return [item for item in objects if item["kind"] == "Deployment"]
+
+
+def app_of(deployment: Object) -> str:
+    """The app that a Deployment of ours belongs to."""
+    return str((deployment["metadata"].get("labels") or {}).get(names.LABEL_APP, ""))
+
+
+def identity(item: Object) -> dict[str, Any]:
+    """As much of an object as deleting it takes."""
+    metadata = {key: item["metadata"][key] for key in ("name", "namespace")}
+    return {"apiVersion": item["apiVersion"], "kind": item["kind"], "metadata": metadata}
 
 
 def _key(item: Object) -> Key:
     return str(item["metadata"]["namespace"]), str(item["metadata"]["name"])
-
-
-def _all_keys(desired: Mapping[str, Sequence[Object]]) -> set[Key]:
-    return {_key(item) for objects in desired.values() for item in _deployments(objects)}
 
 
 def _is_shared(objects: Sequence[Object]) -> bool:
@@ -306,10 +311,15 @@ def _updating(item: Object | None) -> bool:
     return names.ANNOTATION_UPDATING in _annotations(item)
 
 
-def _differs(item: Object, live: Mapping[Key, Object], resume: bool = False) -> bool:
-    """Whether it has to be changed, or (but for `resume`) a step on it was cut off."""
+def _differs(item: Object, live: Mapping[Key, Object]) -> bool:
+    """Whether something else was applied."""
     there = live.get(_key(item))
-    return there is None or _hash(there) != _hash(item) or (not resume and _updating(there))
+    return there is None or _hash(there) != _hash(item)
+
+
+def _open(item: Object, live: Mapping[Key, Object]) -> bool:
+    """Whether it has to be changed, or a step on it was cut off."""
+    return _differs(item, live) or _updating(live.get(_key(item)))
 
 
 def _node(deployment: Object) -> str:

@@ -1,14 +1,15 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The decisions within one step of an update (see _update_plan): what must hold, what to apply. Pure."""
+"""The decisions within one step of an update: what must hold, what forbids it, what to apply. Pure."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import Any, Iterable, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as _contract
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -16,39 +17,63 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     CONTRACT_KEY,
     HISTORY_KEY,
+    Step,
+    app_of,
     described,
     revision_of,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
 
 HISTORY_KEPT = 5
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
+NO_GRAPH: Graph = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
 
-Object = Mapping[str, Any]
+Contract = Mapping[str, Any]  # what an app is to the graph, as _ros/contract.py records it
 
 
-def step_contracts(step: Object, graph: Object, updates: Iterable[Object] = ()) -> dict[str, dict[str, Any]]:
+@dataclass(frozen=True)
+class Gate:
+    """What is known before a step."""
+
+    contracts: Mapping[str, Contract]  # app -> its part of the graph, under the names of the new revision
+    problems: Sequence[str]  # that forbid the step
+    warnings: Sequence[str]
+    rest: Sequence[Mapping[str, str]]  # actions that have to be idle; `server` stands where the step replaces it
+
+
+def step_gate(step: Step, graph: Graph, maps: Iterable[Object] = (), images: Mapping[str, str] | None = None) -> Gate:
+    """`maps` are the robot's ConfigMaps, `images` is edge host -> what `crictl images -o json` says there."""
+    return Gate(
+        step_contracts(step, graph, maps),
+        [*_problems(step, graph), *_images_missing(step, images or {})],
+        _warnings(step, graph),
+        _actions_to_rest(step, graph),
+    )
+
+
+def step_contracts(step: Step, graph: Graph, maps: Iterable[Object] = ()) -> dict[str, Contract]:
     """App -> its part of the graph, under the names that the new revision will have.
 
     A step that is taken up again finds the old nodes gone or going, so what was recorded when it began counts. The
     master's part is everything that is registered with it.
     """
-    if step["resume"]:
-        kept = {str(item["metadata"]["name"]): item.get("data") or {} for item in updates}
-        return {app: json.loads(kept.get(names.update_name(app), {}).get(CONTRACT_KEY) or "{}") for app in step["apps"]}
-    if step["kind"] == "master":
-        return {app: _contract.record(graph, sorted(graph["nodes"]), {}) for app in step["apps"]}
+    if step.resume:
+        there = {str(item["metadata"]["name"]): item.get("data") or {} for item in maps}
+        return {app: json.loads(there.get(names.update_name(app), {}).get(CONTRACT_KEY) or "{}") for app in step.apps}
+    if step.kind == "master":
+        return {app: ros_contract.record(graph, sorted(graph["nodes"]), {}) for app in step.apps}
     return {
-        app: _contract.record(graph, [old for old in [step["old_nodes"].get(app)] if old], step["renames"])
-        for app in step["apps"]
+        app: ros_contract.record(graph, [old for old in [step.old_nodes.get(app)] if old], step.renames)
+        for app in step.apps
     }
 
 
-def step_problems(step: Object, graph: Object) -> list[str]:
+def _problems(step: Step, graph: Graph) -> list[str]:
     """What forbids the step, seen on the graph before anything is touched."""
     problems = []
-    for app, node in step["new_nodes"].items():
+    for app, node in step.new_nodes.items():
         there = graph["nodes"].get(node) or {}
-        if there.get("reachable") and node != step["old_nodes"].get(app) and not step["resume"]:
+        if there.get("reachable") and node != step.old_nodes.get(app) and not step.resume:
             problems.append(
                 f"another node is up under the name {node} that the new revision of {app} will have ({there['uri']}); "
                 "stop it, or change node_name"
@@ -56,9 +81,9 @@ def step_problems(step: Object, graph: Object) -> list[str]:
     return problems
 
 
-def step_warnings(step: Object, graph: Object) -> list[str]:
+def _warnings(step: Step, graph: Graph) -> list[str]:
     """What the step cannot keep from being noticed: connections that their clients keep open and cannot renew."""
-    nodes = set(step["old_nodes"].values())
+    nodes = set(step.old_nodes.values())
     return [
         f"service {name} of {', '.join(service['providers'])} has {service['connections']} open connections: a "
         "persistent ServiceProxy does not reconnect by itself, its client fails until it is made anew"
@@ -67,54 +92,74 @@ def step_warnings(step: Object, graph: Object) -> list[str]:
     ]
 
 
-def actions_to_rest(step: Object, graph: Object) -> list[dict[str, str]]:
-    """Options of ros_action_hold: what has to be idle before the step. An action that nobody serves cannot be busy.
+def _actions_to_rest(step: Step, graph: Graph) -> list[dict[str, str]]:
+    """What has to be idle before the step. An action that nobody serves cannot be busy.
 
     `server` stands where the step replaces it: goals that come meanwhile are for the next one.
     """
-    old, found = set(step["old_nodes"].values()), []
-    for name in dict.fromkeys([*step["actions"], *step["idle"]]):
+    old, found = set(step.old_nodes.values()), []
+    for name in dict.fromkeys([*step.actions, *step.idle]):
         action = graph["actions"].get(name) or {}
-        replaced = [server for server in action.get("servers") or [] if server in old and name in step["actions"]]
+        replaced = [server for server in action.get("servers") or [] if server in old and name in step.actions]
         if action.get("up"):
             found.append({"name": name, **({"server": replaced[0]} if replaced else {})})
     return found
 
 
-def step_conditions(
-    step: Object, contracts: Mapping[str, Object], tolerance: float, back: bool = False
-) -> dict[str, Any]:
-    """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds.
+def _images_missing(step: Step, listings: Mapping[str, str]) -> list[str]:
+    """Images of remote pods that an edge host lacks. A remote pod may be placed on any of them."""
+    present = {host: node_images(listing) for host, listing in listings.items()}
+    problems = []
+    for item in step.workloads:
+        pod = item["spec"]["template"]["spec"]
+        if names.LABEL_PLACEMENT in (pod.get("nodeSelector") or {}):
+            for container in [*(pod.get("initContainers") or []), *pod["containers"]]:
+                lacking = [host for host, images in present.items() if normal_ref(container["image"]) not in images]
+                if lacking:
+                    problems.append(f"the image {container['image']} is not on {', '.join(lacking)}")
+    return list(dict.fromkeys(problems))
 
-    With `back` the contracts hold under the old names again, whatever the new revision promised. Rates are left out
-    there: there is no third version to go to from an old one that is slower than it was.
+
+# --- what has to hold afterwards ------------------------------------------------------------------------------------
+
+
+def proof(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> dict[str, Any]:
+    """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds."""
+    gone = sorted(set(step.old_nodes.values()) - set(step.new_nodes.values()) - {""})
+    parts = [step.conditions, *(ros_contract.conditions(contract, tolerance) for contract in _recorded(contracts))]
+    return _united(parts, absent=gone if step.handoff == "overlap" else ())
+
+
+def proof_of_old(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> dict[str, Any]:
+    """The same after a way back: the contracts hold under the old names, whatever the new revision promised.
+
+    Rates are left out: there is no third version to go to from an old one that is slower than it was.
     """
-    old = {new: before for before, new in step["renames"].items()}
-    recorded = [contract for contract in contracts.values() if contract]
-    if back:
-        found = _united([_contract.conditions(_all_renamed(contract, old), tolerance) for contract in recorded])
-        found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
-        return found
-    gone = sorted(set(step["old_nodes"].values()) - set(step["new_nodes"].values()) - {""})
-    parts = [step["conditions"], *(_contract.conditions(contract, tolerance) for contract in recorded)]
-    return _united(parts, absent=gone if step["handoff"] == "overlap" else ())
-
-
-def renamed_graph(graph: Object, steps: Iterable[Object]) -> dict[str, Any]:
-    """What was recorded before the first step, under the names that the finished steps have given."""
-    renames = {old: new for step in steps for old, new in step["renames"].items()}
-    found: dict[str, Any] = _all_renamed(dict(graph), renames) if renames else dict(graph)
+    old = {new: before for before, new in step.renames.items()}
+    found = _united([ros_contract.conditions(_renamed(one, old), tolerance) for one in _recorded(contracts)])
+    found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
     return found
 
 
-def _all_renamed(value: Any, renames: Mapping[str, str]) -> Any:
-    """Every graph name in a contract after the nodes' renaming."""
+def renamed_graph(graph: Graph, steps: Iterable[Step]) -> Graph:
+    """What was recorded before the first step, under the names that the finished steps have given."""
+    renames = {old: new for step in steps for old, new in step.renames.items()}
+    found: Graph = _renamed(dict(graph), renames) if renames else graph
+    return found
+
+
+def _recorded(contracts: Mapping[str, Contract]) -> list[Contract]:
+    return [contract for contract in contracts.values() if contract]
+
+
+def _renamed(value: Any, renames: Mapping[str, str]) -> Any:
+    """Every graph name in it after the nodes' renaming."""
     if isinstance(value, str):
-        return _contract.renamed(value, renames)
+        return ros_contract.renamed(value, renames)
     if isinstance(value, list):
-        return [_all_renamed(item, renames) for item in value]
-    if isinstance(value, dict):
-        return {_all_renamed(key, renames): _all_renamed(item, renames) for key, item in value.items()}
+        return [_renamed(item, renames) for item in value]
+    if isinstance(value, Mapping):
+        return {_renamed(key, renames): _renamed(item, renames) for key, item in value.items()}
     return value
 
 
@@ -127,32 +172,28 @@ def _united(parts: Sequence[Mapping[str, Any]], absent: Sequence[str] = ()) -> d
     return found
 
 
-def update_objects(  # noqa: PLR0913 - the settings of one run, each with its own meaning
-    step: Object,
-    contracts: Mapping[str, Object],
-    tolerance: float,
-    now: float,
-    seconds: float,
-    run: str,
-) -> list[dict[str, Any]]:
-    """What to apply: the contracts and the way back first, then the new versions.
-
-    `now` is the time in seconds since 1970; the pods hold to the contract for `seconds` from then. `run` marks the
-    Deployments until the version is proven.
-    """
-    objects = [
-        _update_map(app, step, contracts.get(app) or {}, {"tolerance": tolerance, "until": int(now + seconds)}, now)
-        for app in step["apps"]
-    ]
-    return [*objects, *marked(step["objects"], run)]
+# --- what to apply --------------------------------------------------------------------------------------------------
 
 
-def _update_map(
-    app: str, step: Object, contract: Mapping[str, Any], bounds: Mapping[str, Any], now: float
-) -> dict[str, Any]:
-    deployment = next(item for item in step["objects"] if _is_app(item, app))
+@dataclass(frozen=True)
+class Bounds:
+    """How far the pods hold to the contract: to what share of the rates, and until when (seconds since 1970)."""
+
+    tolerance: float
+    until: float
+
+
+def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
+    """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
+    maps = [_update_map(app, step, contracts.get(app) or {}, bounds, now) for app in step.apps]
+    return [*maps, *marked(step.objects, str(int(now)))]
+
+
+def _update_map(app: str, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
+    deployment = next(item for item in step.workloads if app_of(item) == app)
     metadata = deployment["metadata"]
-    content = {**contract, **bounds, "revision": revision_of(deployment)} if contract else {}
+    limits = {"tolerance": bounds.tolerance, "until": int(bounds.until), "revision": revision_of(deployment)}
+    content = {**contract, **limits} if contract else {}
     labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
     return {
         "apiVersion": "v1",
@@ -165,13 +206,13 @@ def _update_map(
     }
 
 
-def _history(app: str, step: Object, now: float) -> list[dict[str, Any]]:
+def _history(app: str, step: Step, now: float) -> list[Mapping[str, Any]]:
     """Earlier versions, the last proven one first, each once."""
-    before = step["previous"].get(app)
+    before = step.previous.get(app)
     if before is None:
-        return list(step["histories"].get(app, []))
+        return list(step.histories.get(app, []))
     first = {"revision": revision_of(before), **described(before), "replaced": int(now), "deployment": before}
-    rest = [entry for entry in step["histories"].get(app, []) if entry["revision"] != first["revision"]]
+    rest = [entry for entry in step.histories.get(app, []) if entry["revision"] != first["revision"]]
     return [first, *rest][:HISTORY_KEPT]
 
 
@@ -185,36 +226,3 @@ def marked(objects: Iterable[Object], run: str) -> list[dict[str, Any]]:
         else:
             found.append(dict(item))
     return found
-
-
-def images_missing(step: Object, listings: Mapping[str, str]) -> list[str]:
-    """Images of remote pods that an edge host lacks; `listings` is edge host -> what `crictl images -o json` says.
-
-    A remote pod may be placed on any of them. What is on the robot the role images has seen to.
-    """
-    present = {host: node_images(listing) for host, listing in listings.items()}
-    problems = []
-    for item in step["objects"]:
-        pod = item["spec"]["template"]["spec"] if item["kind"] == "Deployment" else {}
-        if names.LABEL_PLACEMENT in (pod.get("nodeSelector") or {}):
-            for container in [*(pod.get("initContainers") or []), *pod["containers"]]:
-                lacking = [host for host, images in present.items() if normal_ref(container["image"]) not in images]
-                if lacking:
-                    problems.append(f"the image {container['image']} is not on {', '.join(lacking)}")
-    return list(dict.fromkeys(problems))
-
-
-def step_gate(
-    step: Object, graph: Object, updates: Iterable[Object] = (), images: Mapping[str, str] | None = None
-) -> dict[str, Any]:
-    """What is known before a step: `{contracts, problems, warnings, actions}`."""
-    return {
-        "contracts": step_contracts(step, graph, updates),
-        "problems": [*step_problems(step, graph), *images_missing(step, images or {})],
-        "warnings": step_warnings(step, graph),
-        "actions": actions_to_rest(step, graph),
-    }
-
-
-def _is_app(item: Object, app: str) -> bool:
-    return bool(item["kind"] == "Deployment" and item["metadata"]["labels"].get(names.LABEL_APP) == app)

@@ -76,9 +76,10 @@ def test_nothing_listens(clock: Clock) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # bound, never listening: this port refuses for as long as the test runs
         url = f"http://127.0.0.1:{taken.getsockname()[1]}"
-        with Kube({"host": url, "api_key": "t"}, now=clock.now, sleep=clock.sleep) as kube, pytest.raises(
-            ApiError
-        ) as error:
+        with (
+            Kube({"host": url, "api_key": "t"}, now=clock.now, sleep=clock.sleep) as kube,
+            pytest.raises(ApiError) as error,
+        ):
             kube.nodes()
     assert str(error.value).startswith(f"The Kubernetes API at {url} cannot be reached: connection refused. Check that")
     assert error.value.transient

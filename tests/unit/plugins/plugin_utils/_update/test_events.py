@@ -6,30 +6,32 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates, families
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import CUT_OFF, step_id, update_events
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import CUT_OFF, events_map, step_id
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 
 STARTED = 1795252087.347614
 PHASES = {"gate": 1.0, "apply": 7.5, "rollout": 5.5, "verify": 4.0}
 
 
-def step(*apps: str, outcome: str = "updated", started: float = STARTED, **more: Any) -> dict[str, Any]:
-    return {
-        "name": apps[0],
-        "apps": list(apps),
-        "handoff": "overlap",
-        "from": {app: {"image": "a:1", "revision": "1"} for app in apps},
-        "to": {app: {"image": "a:2", "revision": "2"} for app in apps},
-        "started": started,
-        "phases": PHASES,
-        "busy_wait": 0,
-        **({"outcome": outcome} if outcome else {}),
-        **more,
-    }
+def step(*apps: str, outcome: str = "updated", started: float = STARTED, **more: Any) -> StepResult:
+    found = StepResult(
+        id=step_id("robot1", apps, started),
+        name=apps[0],
+        apps=apps,
+        handoff="overlap",
+        before={app: {"image": "a:1", "revision": "1"} for app in apps},
+        after={app: {"image": "a:2", "revision": "2"} for app in apps},
+        started=started,
+        phases=PHASES,
+        outcome=outcome,
+    )
+    return replace(found, **more)
 
 
 def told(configmap: dict[str, Any]) -> list[dict[str, Any]]:
@@ -38,7 +40,7 @@ def told(configmap: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def test_a_step_that_ended() -> None:
-    found = update_events([step("temperature")], "robot1")
+    found = events_map([step("temperature")], "robot1")
     assert (found["kind"], found["metadata"]["name"], found["metadata"]["namespace"]) == (
         "ConfigMap",
         "robot-updates",
@@ -69,32 +71,33 @@ def test_a_step_that_ended() -> None:
 
 
 def test_the_step_at_hand_runs_and_has_no_end() -> None:
-    (event,) = told(update_events([], "robot1", running=step("temperature", outcome="")))
+    (event,) = told(events_map([], "robot1", running=step("temperature", outcome="")))
     assert (event["outcome"], event["finished"]) == ("running", None)
 
 
 def test_one_id_from_begin_to_end_and_another_for_the_next_time() -> None:
-    begun = told(update_events([], "robot1", running=step("temperature", outcome="", phases={"gate": 1.0})))[0]["id"]
-    ended = told(update_events([step("temperature")], "robot1"))[0]["id"]
-    later = told(update_events([step("temperature", started=STARTED + 100)], "robot1"))[0]["id"]
+    begun = told(events_map([], "robot1", running=step("temperature", outcome="", phases={"gate": 1.0})))[0]["id"]
+    ended = told(events_map([step("temperature")], "robot1"))[0]["id"]
+    later = told(events_map([step("temperature", started=STARTED + 100)], "robot1"))[0]["id"]
     assert begun == ended != later
     assert re.fullmatch("[0-9a-f]{12}", begun)
     assert step_id("robot2", ["temperature"], STARTED) != begun != step_id("robot1", ["stats"], STARTED)
 
 
-def test_the_id_that_the_report_carries_is_kept() -> None:
-    assert told(update_events([step("temperature", id="0123456789ab")], "robot1"))[0]["id"] == "0123456789ab"
+def test_the_id_that_the_report_carries_is_the_events() -> None:
+    ended = step("temperature", id="0123456789ab")
+    assert told(events_map([ended], "robot1"))[0]["id"] == ended.as_dict()["id"] == "0123456789ab"
 
 
 def test_apps_of_one_step_share_its_id() -> None:
-    first, second = told(update_events([step("b", "a", name="pair")], "robot1"))
+    first, second = told(events_map([step("b", "a", name="pair")], "robot1"))
     assert (first["app"], second["app"], first["step"]) == ("a", "b", "pair")
     assert first["id"] == second["id"]
 
 
 def test_the_latest_step_of_each_app_is_kept() -> None:
-    before = update_events([step("a"), step("b", outcome="rolled-back", reason="half the rate")], "robot1")
-    after = update_events([step("a", started=STARTED + 500)], "robot1", [before])
+    before = events_map([step("a"), step("b", outcome="rolled-back", reason="half the rate")], "robot1")
+    after = events_map([step("a", started=STARTED + 500)], "robot1", [before])
     assert [(event["app"], event["outcome"], event["started"]) for event in told(after)] == [
         ("a", "updated", 1795252587.348),
         ("b", "rolled-back", 1795252087.348),
@@ -102,20 +105,20 @@ def test_the_latest_step_of_each_app_is_kept() -> None:
 
 
 def test_a_clock_that_was_set_back_does_not_hide_the_new_step() -> None:
-    before = update_events([step("a")], "robot1")
-    after = update_events([step("a", outcome="failed", started=STARTED - 500)], "robot1", [before])
+    before = events_map([step("a")], "robot1")
+    after = events_map([step("a", outcome="failed", started=STARTED - 500)], "robot1", [before])
     assert [event["outcome"] for event in told(after)] == ["failed"]
 
 
 def test_what_a_killed_run_left_open_has_failed() -> None:
-    before = update_events([], "robot1", running=step("a", outcome=""))
-    (event,) = told(update_events([], "robot1", [before]))
+    before = events_map([], "robot1", running=step("a", outcome=""))
+    (event,) = told(events_map([], "robot1", [before]))
     assert (event["outcome"], event["reason"], event["finished"]) == ("failed", CUT_OFF, 1795252105.348)
 
 
 def test_the_same_steps_give_the_same_bytes() -> None:
-    first = update_events([step("a"), step("b", outcome="deferred-busy", reason="a goal is active")], "robot1")
-    assert update_events([], "robot1", [first]) == first
+    first = events_map([step("a"), step("b", outcome="deferred-busy", reason="a goal is active")], "robot1")
+    assert events_map([], "robot1", [first]) == first
 
 
 @pytest.mark.parametrize(
@@ -126,26 +129,26 @@ def test_a_spoilt_configmap_is_begun_anew(spoilt: str | None) -> None:
         "metadata": {"name": "robot-updates", "namespace": "robot-robot1"},
         "data": None if spoilt is None else {"updates.json": spoilt},
     }
-    assert [event["app"] for event in told(update_events([step("b")], "robot1", [item]))] == ["b"]
+    assert [event["app"] for event in told(events_map([step("b")], "robot1", [item]))] == ["b"]
 
 
 def test_another_robots_configmap_is_not_taken_for_its_own() -> None:
-    other = update_events([step("a")], "robot2")
-    assert told(update_events([], "robot1", [other])) == []
+    other = events_map([step("a")], "robot2")
+    assert told(events_map([], "robot1", [other])) == []
 
 
 def test_a_new_app_has_nothing_before() -> None:
-    assert told(update_events([step("a", **{"from": {}})], "robot1"))[0]["from"] == ""
+    assert told(events_map([step("a", before={})], "robot1"))[0]["from"] == ""
 
 
 def test_a_long_reason_is_cut() -> None:
-    assert len(told(update_events([step("a", reason="x" * 5000)], "robot1"))[0]["reason"]) == 1000
+    assert len(told(events_map([step("a", reason="x" * 5000)], "robot1"))[0]["reason"]) == 1000
 
 
 def test_the_exporter_reads_what_is_written_here(tmp_path: Path) -> None:
     file = tmp_path / "updates.json"
-    running = step("c", outcome="", started=STARTED + 20, **{"from": {}})
-    made = update_events([step("b", "a", name="pair")], "robot1", running=running)
+    running = step("c", outcome="", started=STARTED + 20, before={})
+    made = events_map([step("b", "a", name="pair")], "robot1", running=running)
     file.write_text(made["data"]["updates.json"], encoding="utf-8")
     updates = Updates(str(file))
     lines = [json.loads(line) for line in updates.read(STARTED + 30)]

@@ -4,23 +4,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import budget_left, phases, robot_outcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult, budget_left, robot_outcome
 
 
-def result(name: str, outcome: str, reason: str = "") -> dict[str, Any]:
-    return {
-        "name": name,
-        "apps": [name],
-        "outcome": outcome,
-        "reason": reason,
-        "from": {name: {"image": "a:1", "revision": "1"}},
-        "to": {name: {"image": "a:2", "revision": "2"}},
-        "phases": {"record": 1.5, "rollout": 2.5},
-    }
+def result(name: str, outcome: str, reason: str = "", image: str = "a:2") -> StepResult:
+    return StepResult(
+        id="0123456789ab",
+        name=name,
+        apps=[name],
+        handoff="overlap",
+        before={name: {"image": "a:1", "revision": "1"}},
+        after={name: {"image": image, "revision": "2"}},
+        started=1000.0,
+        phases={"wait": 1.5, "rollout": 2.5},
+        outcome=outcome,
+        reason=reason,
+    )
 
 
 @pytest.mark.parametrize(
@@ -36,26 +40,42 @@ def result(name: str, outcome: str, reason: str = "") -> dict[str, Any]:
 )
 def test_the_worst_step_is_the_robots_outcome(words: list[str], expected: str) -> None:
     results = [result(f"app{number}", word, "why") for number, word in enumerate(words)]
-    assert robot_outcome(results, len(words))["outcome"] == expected
+    assert robot_outcome(results, len(words)).outcome == expected
 
 
 def test_the_reason_names_the_step_and_what_was_not_begun() -> None:
     found = robot_outcome([result("a", "updated"), result("b", "rolled-back", "half the rate")], 4)
-    assert found["reason"] == "b: half the rate; 2 further steps not begun"
-    assert [step["name"] for step in found["steps"]] == ["a", "b"]
+    assert found.reason == "b: half the rate; 2 further steps not begun"
+    assert [step.name for step in found.steps] == ["a", "b"]
+    assert robot_outcome([result("b", "failed", "why")], 2).reason == "b: why; 1 further step not begun"
 
 
 def test_what_was_updated_is_told_with_its_time() -> None:
-    assert robot_outcome([result("a", "updated")], 1)["reason"] == "a a:1 -> a:2 in 4.0 s"
+    assert robot_outcome([result("a", "updated")], 1).reason == "a a:1 -> a:2 in 4.0 s"
+    again = robot_outcome([result("a", "updated", "its mark is still on", image="a:1")], 1)
+    assert again.reason == "a a:1 (2) in 4.0 s; its mark is still on"
+    new = replace(result("a", "updated"), before={})
+    assert new.told() == "a new -> a:2 in 4.0 s"
 
 
-def test_a_phase_lasts_until_the_next_mark() -> None:
-    marks = [{"phase": "record", "at": 10}, {"phase": "apply", "at": 11.5}, {"phase": "end", "at": 14}]
-    assert phases(marks) == {"record": 1.5, "apply": 2.5}
-
-
-def test_a_clock_that_was_set_back_gives_no_negative_time() -> None:
-    assert phases([{"phase": "record", "at": 10}, {"phase": "end", "at": 4}]) == {"record": 0.0}
+def test_the_fact_that_the_report_reads() -> None:
+    found = robot_outcome([result("a", "rolled-back", "half the rate")], 1).as_dict()
+    assert (found["outcome"], found["reason"]) == ("rolled-back", "a: half the rate")
+    assert found["steps"] == [
+        {
+            "id": "0123456789ab",
+            "name": "a",
+            "apps": ["a"],
+            "handoff": "overlap",
+            "from": {"a": {"image": "a:1", "revision": "1"}},
+            "to": {"a": {"image": "a:2", "revision": "2"}},
+            "started": 1000.0,
+            "phases": {"wait": 1.5, "rollout": 2.5},
+            "busy_wait": 1.5,
+            "outcome": "rolled-back",
+            "reason": "half the rate",
+        }
+    ]
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,16 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import update_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step, update_plan
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     HISTORY_KEPT,
+    NO_GRAPH,
+    Bounds,
+    proof,
+    proof_of_old,
     renamed_graph,
-    step_conditions,
     step_gate,
-    update_objects,
+    step_objects,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
@@ -29,12 +32,12 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 URI = "http://10.42.0.7:4000/"
 
 
-def step_of(before: dict[str, Any], after: dict[str, Any], updates: list[dict[str, Any]] | None = None) -> Any:
-    (step,) = update_plan(after, applied(before), updates or [])["steps"]
+def step_of(before: Robot, after: Robot, *maps: dict[str, Any]) -> Step:
+    (step,) = update_plan(after, applied(before, *maps)).steps
     return step
 
 
-def sensor_step(**more: Any) -> Any:
+def sensor_step(**more: Any) -> Step:
     return step_of(robot(app("sensor", **more)), robot(app("sensor", "x.org/a:2", **more)))
 
 
@@ -42,9 +45,9 @@ def node(**more: Any) -> dict[str, Any]:
     return {"uri": URI, "pid": 1, "reachable": True, "error": "", **more}
 
 
-def graph_of(step: Any, **more: Any) -> dict[str, Any]:
+def graph_of(step: Step, **more: Any) -> dict[str, Any]:
     """A sensor at 500 Hz with one subscriber of its own and a service."""
-    (old,) = step["old_nodes"].values()
+    (old,) = step.old_nodes.values()
     graph = {
         "nodes": {old: node(), "/listener": node()},
         "topics": {
@@ -68,9 +71,9 @@ def graph_of(step: Any, **more: Any) -> dict[str, Any]:
 def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> None:
     step = sensor_step()
     gate = step_gate(step, graph_of(step))
-    (new,) = step["new_nodes"].values()
-    assert gate["problems"] == gate["warnings"] == gate["actions"] == []
-    conditions = step_conditions(step, gate["contracts"], 0.1)
+    (new,) = step.new_nodes.values()
+    assert (gate.problems, gate.warnings, gate.rest) == ([], [], [])
+    conditions = proof(step, gate.contracts, 0.1)
     assert new in conditions["nodes"]
     assert conditions["edges"] == [
         {"publisher": new, "topic": "/temperature", "subscriber": "/listener", "peer": "subscriber"}
@@ -78,14 +81,14 @@ def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> 
     rated = [topic for topic in conditions["topics"] if topic.get("min_rate")]
     assert [(topic["publisher"], topic["min_rate"]) for topic in rated] == [(new, 450.0)]
     assert {"name": "/calibrate"} in conditions["services"]
-    assert conditions["absent"] == list(step["old_nodes"].values())
+    assert conditions["absent"] == list(step.old_nodes.values())
 
 
 def test_the_way_back_asks_for_the_same_under_the_old_names() -> None:
     step = sensor_step()
     gate = step_gate(step, graph_of(step))
-    (old,) = step["old_nodes"].values()
-    conditions = step_conditions(step, gate["contracts"], 0.1, back=True)
+    (old,) = step.old_nodes.values()
+    conditions = proof_of_old(step, gate.contracts, 0.1)
     assert conditions["nodes"] == [old]
     assert [edge["publisher"] for edge in conditions["edges"]] == [old]
     assert [(topic["publisher"], topic.get("min_rate")) for topic in conditions["topics"]] == [(old, None)]
@@ -94,21 +97,21 @@ def test_the_way_back_asks_for_the_same_under_the_old_names() -> None:
 
 def test_a_node_that_has_the_new_name_already_forbids_the_step() -> None:
     step = sensor_step()
-    (new,) = step["new_nodes"].values()
+    (new,) = step.new_nodes.values()
     graph = graph_of(step)
     graph["nodes"][new] = node(uri="http://10.42.0.9:1/")
-    (problem,) = step_gate(step, graph)["problems"]
+    (problem,) = step_gate(step, graph).problems
     assert new in problem
     assert "http://10.42.0.9:1/" in problem
     graph["nodes"][new]["reachable"] = False  # a stale registration holds no name
-    assert step_gate(step, graph)["problems"] == []
+    assert step_gate(step, graph).problems == []
 
 
 def test_an_open_service_connection_is_a_warning() -> None:
     step = sensor_step()
     graph = graph_of(step)
     graph["services"]["/calibrate"]["connections"] = 2
-    (warning,) = step_gate(step, graph)["warnings"]
+    (warning,) = step_gate(step, graph).warnings
     assert "/calibrate" in warning
     assert "2 open connections" in warning
 
@@ -126,7 +129,7 @@ def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
     served = {"up": True, "servers": ["/planner"], "goals": {}}
     actions = {"/plan": served, "/move_base": {**served, "servers": ["/base"]}, "/gone": {**served, "up": False}}
     graph = graph_of(step, actions=actions)
-    assert step_gate(step, graph)["actions"] == [
+    assert step_gate(step, graph).rest == [
         {"name": "/plan", "server": "/planner"},
         {"name": "/move_base"},
     ]
@@ -138,14 +141,14 @@ def test_an_image_that_an_edge_host_lacks_forbids_the_step() -> None:
         "edge1": json.dumps({"images": [{"id": "sha256:1", "repoTags": ["x.org/a:2"]}]}),
         "edge2": json.dumps({"images": []}),
     }
-    assert step_gate(step, graph_of(step), [], listings)["problems"] == ["the image x.org/a:2 is not on edge2"]
+    assert step_gate(step, graph_of(step), [], listings).problems == ["the image x.org/a:2 is not on edge2"]
     local = sensor_step(placement="local")
-    assert step_gate(local, graph_of(local), [], listings)["problems"] == []
+    assert step_gate(local, graph_of(local), [], listings).problems == []
 
 
-def applied_by(step: Any, graph: dict[str, Any]) -> list[dict[str, Any]]:
-    contracts = step_gate(step, graph)["contracts"]
-    return update_objects(step, contracts, 0.1, 1000.0, 180.0, "77")
+def applied_by(step: Step, graph: dict[str, Any]) -> list[dict[str, Any]]:
+    contracts = step_gate(step, graph).contracts
+    return step_objects(step, contracts, Bounds(0.1, 1180.0), 1000.0)
 
 
 def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
@@ -153,27 +156,27 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     objects = applied_by(step, graph_of(step))
     assert [item["metadata"]["name"] for item in objects] == ["sensor-update", "sensor"]
     contract = json.loads(objects[0]["data"]["contract.json"])
-    assert contract["revision"] == step["to"]["sensor"]["revision"]
+    assert contract["revision"] == step.after["sensor"]["revision"]
     assert contract["until"] == 1180
     assert contract["tolerance"] == 0.1
     assert contract["topics"]["/temperature"]["rate"] == 500.0
     (kept,) = json.loads(objects[0]["data"]["history.json"])
-    assert kept["deployment"] == step["previous"]["sensor"]
+    assert kept["deployment"] == step.previous["sensor"]
     assert kept["image"] == "example.org/app:1.0"
-    assert objects[-1]["metadata"]["annotations"][names.ANNOTATION_UPDATING] == "77"
+    assert objects[-1]["metadata"]["annotations"][names.ANNOTATION_UPDATING] == "1000"
 
 
 def test_the_mark_is_not_part_of_the_plan() -> None:
     step = sensor_step()
     applied_by(step, graph_of(step))
-    (deployment,) = [item for item in step["objects"] if item["kind"] == "Deployment"]
+    (deployment,) = [item for item in step.objects if item["kind"] == "Deployment"]
     assert names.ANNOTATION_UPDATING not in deployment["metadata"]["annotations"]
 
 
 def test_the_history_keeps_the_last_versions_each_once() -> None:
     history = [entry(robot(app("sensor", f"x.org/a:{number}")), "sensor") for number in range(10, 20)]
     again = entry(robot(app("sensor")), "sensor")
-    step = step_of(robot(app("sensor")), robot(app("sensor", "x.org/a:2")), [update_map("sensor", [again, *history])])
+    step = step_of(robot(app("sensor")), robot(app("sensor", "x.org/a:2")), update_map("sensor", [again, *history]))
     kept = json.loads(applied_by(step, graph_of(step))[0]["data"]["history.json"])
     assert len(kept) == HISTORY_KEPT
     assert [item["revision"] for item in kept].count(again["revision"]) == 1
@@ -185,26 +188,24 @@ def test_a_step_taken_up_again_holds_to_the_contract_of_its_beginning() -> None:
     begun = step_of(proven, wanted)
     first = applied_by(begun, graph_of(begun))
     updates = [{"metadata": first[0]["metadata"], "data": first[0]["data"]}]
-    live = marked(applied(wanted), "sensor")
-    (step,) = update_plan(wanted, live, updates)["steps"]
-    empty: dict[str, Any] = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
-    gate = step_gate(step, empty, updates)
-    assert gate["contracts"]["sensor"]["topics"]["/temperature"]["rate"] == 500.0
-    assert step_conditions(step, gate["contracts"], 0.1)["edges"] != []
+    (step,) = update_plan(wanted, marked(applied(wanted, *updates), "sensor")).steps
+    gate = step_gate(step, NO_GRAPH, updates)
+    assert gate.contracts["sensor"]["topics"]["/temperature"]["rate"] == 500.0
+    assert proof(step, gate.contracts, 0.1)["edges"] != []
 
 
 def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> None:
     def fleet(image: str) -> Robot:
         return robot(app("sensor", image), app("stats", image))
 
-    first, second = update_plan(fleet("x.org/a:2"), applied(fleet("x.org/a:1")))["steps"]
-    (publisher,), (subscriber,) = first["old_nodes"].values(), second["old_nodes"].values()
+    first, second = update_plan(fleet("x.org/a:2"), applied(fleet("x.org/a:1"))).steps
+    (publisher,), (subscriber,) = first.old_nodes.values(), second.old_nodes.values()
     graph = graph_of(first)
     graph["nodes"][subscriber] = node()
     graph["topics"]["/temperature"]["subscribers"] = [subscriber]
     graph["topics"]["/temperature"]["connections"] = [{"publisher": publisher, "subscriber": subscriber}]
-    contract = step_gate(second, renamed_graph(graph, [first]))["contracts"]["stats"]
-    assert contract["edges"] == [[*first["new_nodes"].values(), "/temperature", *second["new_nodes"].values()]]
+    contract = step_gate(second, renamed_graph(graph, [first])).contracts["stats"]
+    assert contract["edges"] == [[*first.new_nodes.values(), "/temperature", *second.new_nodes.values()]]
     assert renamed_graph(graph, []) == graph
 
 
@@ -215,8 +216,8 @@ def test_the_masters_contract_is_everything_that_is_registered() -> None:
     step = step_of(fleet("x.org/ros:1"), fleet("x.org/ros:2"))
     other = sensor_step()
     gate = step_gate(step, graph_of(other))
-    conditions = step_conditions(step, gate["contracts"], 0.1)
-    assert step["kind"] == "master"
-    assert sorted(conditions["nodes"]) == sorted(["/listener", *other["old_nodes"].values()])
+    conditions = proof(step, gate.contracts, 0.1)
+    assert step.kind == "master"
+    assert sorted(conditions["nodes"]) == sorted(["/listener", *other.old_nodes.values()])
     assert len(conditions["edges"]) == 1
     assert conditions["absent"] == []

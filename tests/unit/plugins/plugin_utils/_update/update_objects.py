@@ -13,15 +13,16 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import kept
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 
 
 def app(name: str, image: str = "example.org/app:1.0", **more: Any) -> dict[str, Any]:
     return {"name": name, "image": image, "command": ["run"], "pattern": "pubsub", **more}
 
 
-def applied(context: Robot) -> list[dict[str, Any]]:
-    """The Deployments of a robot as the API shows them after they were applied."""
-    found = []
+def applied(context: Robot, *maps: dict[str, Any]) -> Live:
+    """The Deployments of a robot as the API shows them after they were applied, and its ConfigMaps."""
+    found: list[dict[str, Any]] = []
     for item in [*master_objects(context), *app_objects(context)]:
         if item["kind"] == "Deployment":
             there = copy.deepcopy(item)
@@ -33,7 +34,7 @@ def applied(context: Robot) -> list[dict[str, Any]]:
             there["spec"]["template"]["spec"]["dnsPolicy"] = "ClusterFirst"  # a default of the API server
             there["status"] = {"replicas": 1}
             found.append(there)
-    return found
+    return Live(found, maps)
 
 
 def owned(item: dict[str, Any]) -> dict[str, Any]:
@@ -59,13 +60,14 @@ def update_map(name: str, history: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def entry(context: Robot, name: str) -> dict[str, Any]:
-    item = next(item for item in applied(context) if item["metadata"]["name"] == name)
+    item = next(item for item in applied(context).deployments if item["metadata"]["name"] == name)
     revision = item["spec"]["template"]["metadata"]["labels"][names.LABEL_REVISION]
     return {"revision": revision, "image": "?", "deployment": kept(item)}
 
 
-def marked(items: list[dict[str, Any]], *apps: str) -> list[dict[str, Any]]:
-    for item in items:
+def marked(live: Live, *apps: str) -> Live:
+    """With the mark of a version that is not proven yet on these apps."""
+    for item in live.deployments:
         if item["metadata"]["name"] in apps:
             item["metadata"]["annotations"][names.ANNOTATION_UPDATING] = "123"
-    return items
+    return live

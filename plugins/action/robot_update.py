@@ -1,0 +1,187 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The update of one robot: the engine in the process of the action, with the real world handed in.
+
+The strategy imports this file once, in the process that forks the workers. So what is imported here is loaded once per
+run, and not once per robot.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Any, Iterator, Mapping
+
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible.errors import AnsibleConnectionFailure
+from ansible.plugins.action import ActionBase
+from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, CancelledError, World
+
+display = Display()
+
+UPDATE_ARGS: dict[str, dict[str, Any]] = {
+    **AUTH_ARG_SPEC,
+    "apps": {"type": "list", "elements": "str", "default": []},
+    "to": {"type": "str", "default": ""},
+    "shared": {"type": "bool", "default": True},
+    "on_busy": {"type": "str", "choices": ["wait", "defer", "force"], "default": "wait"},
+    "busy_timeout": {"type": "float", "default": 600},
+    "ready_timeout": {"type": "float", "default": 120},
+    "verify_seconds": {"type": "float", "default": 1},
+    "rate_tolerance": {"type": "float", "default": 0.1},
+    "rate_seconds": {"type": "float", "default": 1},
+    "failure_budget": {"type": "str", "default": "0"},
+    "image_archives": {"type": "list", "elements": "dict", "default": []},
+    "image_names": {"type": "list", "elements": "str", "default": []},
+    "image_rate_limit": {"type": "str", "default": ""},
+    "image_directory": {"type": "str", "default": DIRECTORY},
+}
+TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
+
+
+class MonotonicClock:
+    """This machine's clocks."""
+
+    def wall(self) -> float:
+        return time.time()
+
+    def now(self) -> float:
+        return time.monotonic()
+
+
+class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    TRANSFERS_FILES = True
+    _supports_check_mode = True
+
+    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        self._vars = task_vars or {}
+        self._host = str(self._vars["inventory_hostname"])
+        params = self.validate_argument_spec(argument_spec=UPDATE_ARGS)[1]
+        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(self._vars["ansible_play_batch"][0]))
+        try:
+            refusal = ledger.refusal(params["failure_budget"], len(self._vars["ansible_play_hosts_all"]))
+            outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
+        except FleetError as error:
+            outcome = RobotOutcome(FAILED, f"nothing was touched: {error}")
+        ledger.note(self._host, outcome.outcome)
+        # the fact that the report and the last play read: a robot's outcome is no error of the task
+        result["ansible_facts"] = {"fleet_outcome": outcome.as_dict()}
+        return result
+
+    def _update(self, params: Mapping[str, Any], result: dict[str, Any]) -> RobotOutcome:
+        check = bool(self._task.check_mode)
+        settings = Settings(
+            Request(tuple(params["apps"]), params["to"], params["shared"]),
+            check=check,
+            code=app_files(),
+            edge_images={} if check else self._edge_images(),  # in check mode they have not been brought
+            **{name: params[name] for name in (
+                "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
+            )},
+        )  # fmt: skip
+        robot = Robot.from_variables(HostVariables(self._vars["hostvars"])[self._host], self._host)
+        self._modules = ActionHost(self, self._vars)
+        node = NodeImages(self._modules, params["image_directory"], params["image_rate_limit"], self._say)
+        images = ImageSource(node, params["image_archives"], params["image_names"])
+        host = ModuleHost(self._reach, self._module, images, check)
+        with Kube(params) as kube, _cancellable():
+            engine = Engine(robot, settings, self._world(kube, host))
+            outcome = engine.run()
+        result["changed"] = any(change.changed for change in engine.changes)
+        if self._task.diff:
+            result["diff"] = diff_of(engine.changes)
+        return outcome
+
+    def _world(self, kube: Kube, host: ModuleHost) -> World:
+        return World(
+            KubeCluster(kube, self._say),
+            host,
+            MonotonicClock(),
+            self._say,
+            lambda text: display.v(f"[{self._host}] {text}"),
+        )
+
+    def _say(self, text: str) -> None:
+        display.display(f"[{self._host}] {text}")
+
+    def _edge_images(self) -> dict[str, str]:
+        """What the play before this one saw on the edge hosts; those that it did not see may be away."""
+        hostvars = self._vars["hostvars"]
+        edge = self._vars["groups"].get("edge", [])
+        seen = {name: hostvars[name].get("update_edge_listing") or {} for name in edge}
+        return {name: str(listing["stdout"]) for name, listing in seen.items() if "stdout" in listing}
+
+    def _reach(self) -> None:
+        try:
+            self._low_level_execute_command("true", sudoable=False)
+        except AnsibleConnectionFailure as error:
+            raise AwayError(str(error)) from error
+
+    def _module(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+        with _ticking(lambda seconds: self._say(f"{name} for {seconds:.0f} s now")):
+            try:
+                return self._modules.module(f"rosops.fleet.{name}", arguments)
+            except AnsibleConnectionFailure as error:
+                raise AwayError(str(error)) from error
+
+
+@contextlib.contextmanager
+def _ticking(tell: Any) -> Iterator[None]:
+    """Say every ten seconds that something still goes on."""
+    over, began = threading.Event(), time.monotonic()
+
+    def tick() -> None:
+        while not over.wait(TICK):
+            tell(time.monotonic() - began)
+
+    thread = threading.Thread(target=tick, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+@contextlib.contextmanager
+def _cancellable() -> Iterator[None]:
+    """SIGINT and SIGTERM end the step where it stands, held goals are let go, and only then the worker ends."""
+    caught: list[int] = []
+
+    def cancel(number: int, _frame: FrameType | None) -> None:
+        if not caught:  # whoever is impatient sends it again
+            caught.append(number)
+            raise CancelledError("the run was cancelled")
+
+    before = {number: signal.signal(number, cancel) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if caught:
+            os.kill(os.getpid(), caught[0])

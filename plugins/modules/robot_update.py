@@ -1,0 +1,128 @@
+#!/usr/bin/python
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Documentation of the action plugin robot_update; nothing of it runs on a host."""
+
+from __future__ import annotations
+
+DOCUMENTATION = r"""
+module: robot_update
+short_description: Change what runs on a robot, one gated step at a time
+version_added: 0.1.0
+author: rosops.fleet contributors (@rosops)
+description:
+  - Compares the robot's apps and its ROS master with the inventory. What is as it should be is not touched.
+  - Each changed app, each group of apps (C(update.group)) and the master is a step, in the order of C(depends_on). A
+    step records what the app is to the ROS graph, waits until a busy robot is idle, applies the new version, waits
+    until the pods have handed over, and holds the graph against the record. What does not hold is taken back.
+  - The robot's outcome is in the fact C(fleet_outcome) afterwards. The task itself does not fail because of it, and a
+    robot that cannot be reached is an outcome, too.
+  - Every 10 seconds it says what is waited for.
+notes:
+  - The work is done by an action plugin on the control node, which asks the Kubernetes API itself and runs modules of
+    this collection on the robot's host. They need root there to see the sockets of pods.
+  - SIGINT and SIGTERM end the step where it stands and let held goals go. What was applied by then stays marked as
+    unproven, with the way back beside it, and the next run takes the step up.
+options:
+  apps:
+    description: Change only these apps; V(ros-master) is the master. Empty means all that differ from the inventory.
+    type: list
+    elements: str
+    default: []
+  to:
+    description: Empty for what the inventory says, V(previous) or a revision to go back to.
+    type: str
+    default: ""
+  shared:
+    description:
+      - Whether what belongs to the whole fleet (a shared master, apps of scope V(fleet)) is this robot's to change.
+    type: bool
+    default: true
+  on_busy:
+    description:
+      - What to do with a robot whose actions are busy. V(wait) for O(busy_timeout), V(defer) at once, V(force) it.
+      - An app's own C(update.on_busy) counts for its step.
+    type: str
+    choices: [wait, defer, force]
+    default: wait
+  busy_timeout:
+    description: Seconds to wait for a busy robot; then it is deferred to the next run.
+    type: float
+    default: 600
+  ready_timeout:
+    description: Seconds until a new version has to be ready; then it is taken back.
+    type: float
+    default: 120
+  verify_seconds:
+    description: Seconds for which the graph has to stay as it was recorded, once the old version is gone.
+    type: float
+    default: 1
+  rate_tolerance:
+    description: How much a topic's rate may fall below the recorded one, as a share of it.
+    type: float
+    default: 0.1
+  rate_seconds:
+    description: Seconds to measure rates for when the graph is recorded.
+    type: float
+    default: 1
+  failure_budget:
+    description:
+      - How many robots (a number, or a percentage of the play's) may fail or be rolled back before no further wave
+        (batch of C(serial)) begins.
+    type: str
+    default: "0"
+  image_archives:
+    description: Archives of images on the control node, as the role C(images) takes them.
+    type: list
+    elements: dict
+    default: []
+  image_names:
+    description: Further images to have on the node.
+    type: list
+    elements: str
+    default: []
+  image_rate_limit:
+    description: Upper limit of a transfer, as rsync's C(--bwlimit).
+    type: str
+    default: ""
+  image_directory:
+    description: Where archives lie on the host until they are imported.
+    type: str
+    default: /var/lib/rancher/rosops-fleet-images
+extends_documentation_fragment:
+  - kubernetes.core.k8s_auth_options
+attributes:
+  check_mode:
+    description: Says what would change, and whether the robot could go now. Nothing is written, and nobody waits.
+    support: full
+  diff_mode:
+    description: Shows the objects before and after.
+    support: full
+"""
+
+EXAMPLES = r"""
+- name: Robots are updated, a tenth at a time
+  hosts: robots
+  serial: 10%
+  tasks:
+    - name: Take the robot's steps
+      rosops.fleet.robot_update:
+        kubeconfig: ~/.kube/config
+        on_busy: defer
+      become: true
+"""
+
+RETURN = r"""
+ansible_facts:
+  description: The outcome, as a fact.
+  returned: always
+  type: dict
+  contains:
+    fleet_outcome:
+      description:
+        - C(outcome) is V(updated), V(unchanged), V(deferred-offline), V(deferred-busy), V(rolled-back) or V(failed),
+          C(reason) says why, and C(steps) are the steps that were begun, each with its C(phases) in seconds.
+      type: dict
+      returned: always
+"""

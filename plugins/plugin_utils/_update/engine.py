@@ -1,0 +1,388 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What happens to one robot, from "what differs" to its outcome. The world is handed in.
+
+    plan      what differs from the inventory; nothing does: `unchanged`
+    prepare   images on the node, namespace, claims, code for the pods, while the robot works
+    record    the graph with its rates, once for all steps
+    and for every step
+    gate      what has to hold, and whether anything forbids the step
+    hold      idle, new goals held back, idle still
+    apply     record, way back and new version, marked as not proven
+    hand over by the pods themselves; awaited
+    verify    the graph is what was recorded
+    finish    the mark comes off
+    or back   the old version, under the same proof
+
+What has to be remembered is in the cluster before it is needed: the mark on the Deployment, and the contract and the
+way back in a ConfigMap beside it. So a run may end at any line, and the next one goes on from there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, field, replace
+from typing import Callable, Iterator, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_uri
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
+    BUSY,
+    FAILED,
+    OFFLINE,
+    ROLLED_BACK,
+    UPDATED,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
+    namespace_objects,
+    needs_fleet_namespace,
+    storage_objects,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME, events_map, step_id
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import (
+    RobotOutcome,
+    StepResult,
+    robot_outcome,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
+    Plan,
+    Request,
+    Step,
+    update_plan,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
+    AwayError,
+    CancelledError,
+    Graph,
+    Live,
+    Object,
+    Seen,
+    World,
+)
+
+SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
+HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the step never comes to its end
+CONTRACT_EXTRA = 60.0  # the pods hold to the contract for so long beyond the time that a version has to get ready
+MASTER_SECONDS = 30.0
+VERIFY_EXTRA = 20.0
+UNPROVEN = "it runs unproven beside the way back; the next run takes this step up again"
+
+
+class BusyError(FleetError):
+    """The robot works, and the run does not wait any longer."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run goes. Times are in seconds."""
+
+    request: Request = field(default_factory=Request)
+    on_busy: str = "wait"  # wait, defer or force
+    busy_timeout: float = 600.0
+    ready_timeout: float = 120.0
+    verify_seconds: float = 1.0
+    rate_tolerance: float = 0.1
+    rate_seconds: float = 1.0
+    check: bool = False
+    code: Mapping[str, str] = field(default_factory=dict)  # what runs in the pods, file name -> content
+    edge_images: Mapping[str, str] = field(default_factory=dict)  # edge host -> what crictl lists there
+
+
+@dataclass
+class _Now:
+    """The step at hand, for as long as it lasts."""
+
+    step: Step
+    started: float
+    phases: dict[str, float] = field(default_factory=dict)
+    graph: Graph = field(default_factory=lambda: decide.NO_GRAPH)  # in the names that the steps before it have given
+    gate: decide.Gate | None = None
+    held: bool = False
+    applied: bool = False
+
+
+class Engine:
+    """One robot, one run."""
+
+    def __init__(self, robot: Robot, settings: Settings, world: World) -> None:
+        self.robot, self.settings = robot, settings
+        self.cluster, self.host, self.clock = world.cluster, world.host, world.clock
+        self.say, self.trace = world.say, world.trace
+        self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
+        self.recorded = False
+        self.results: list[StepResult] = []
+        self.changes: list[Applied] = []
+
+    # --- the robot --------------------------------------------------------------------------------------------------
+
+    def run(self) -> RobotOutcome:
+        """From what differs to the outcome. Whatever goes wrong with this robot is its outcome, and no error."""
+        try:
+            self.host.there()
+            self._plan()
+            if self.plan.steps:
+                self._prepare()
+                self._record()
+        except AwayError as error:
+            return RobotOutcome(OFFLINE, f"nothing was touched: {error}")
+        except FleetError as error:
+            return RobotOutcome(FAILED, f"nothing was touched: {error}")
+        for step in self.plan.steps:
+            self.results.append(self._step(step))
+            if self.results[-1].outcome != UPDATED:
+                break
+        self._tell()
+        return robot_outcome(self.results, len(self.plan.steps))
+
+    def _plan(self) -> None:
+        shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(self.robot) else []
+        self.live = self.cluster.read([self.robot.namespace, *shared])
+        self.plan = update_plan(self.robot, self.live, self.settings.request)
+        if self.plan.orphans:
+            self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
+
+    def _prepare(self) -> None:
+        """What the steps need, while the robot works."""
+        self.trace("prepare")
+        self.host.bring(images(self.robot, "local"))
+        self._apply_all(
+            [
+                *namespace_objects(self.robot),
+                *storage_objects(self.robot),
+                *code_maps(self.robot, self.settings.code),
+            ]
+        )
+
+    def _record(self) -> None:
+        """Once for all steps. The update of a master that does not answer is how to mend it."""
+        self.trace("record")
+        try:
+            self.graph, self.recorded = self.host.graph(self.master, self.settings.rate_seconds), True
+        except AwayError:
+            raise
+        except FleetError:
+            if self.settings.on_busy != "force" and self.plan.steps[0].kind != "master":
+                raise
+
+    @property
+    def master(self) -> str:
+        """The address of the robot's ROS master, as its hosts reach it."""
+        if self.robot.master.mode == "external":
+            return master_uri(self.robot)
+        return self.live.service_uri(names.MASTER_NAME)
+
+    @property
+    def keeper(self) -> str:
+        return self.live.service_uri(names.KEEPER_NAME)
+
+    # --- a step -----------------------------------------------------------------------------------------------------
+
+    def _step(self, step: Step) -> StepResult:
+        now = _Now(step, self.clock.wall())
+        try:
+            with self._phase(now, "gate"):
+                gate = self._gate(now)
+            with self._phase(now, "wait"):
+                self._hold(now, gate)
+            with self._phase(now, "apply"):
+                self._apply(now, gate)
+            if self.settings.check:
+                return self._result(now, UPDATED)
+            with self._phase(now, "rollout"):
+                self.cluster.wait(step.workloads, self.settings.ready_timeout, fail_on_restart=True)
+            with self._phase(now, "verify"):
+                self._verify(now, gate)
+            return self._finish(now)
+        except BusyError as error:
+            return self._result(now, BUSY, str(error))
+        except AwayError as error:
+            return self._result(now, OFFLINE, self._left(now, f"the robot went away: {error}"))
+        except CancelledError as error:
+            self._release(now)
+            return self._result(now, FAILED, self._left(now, str(error)))
+        except FleetError as error:
+            return self._failed(now, error)
+
+    def _gate(self, now: _Now) -> decide.Gate:
+        """Refuse what cannot go well, before anything is touched."""
+        now.graph = decide.renamed_graph(self.graph, self.plan.steps[: len(self.results)])
+        gate = now.gate = decide.step_gate(now.step, now.graph, self.live.maps, self.settings.edge_images)
+        for warning in gate.warnings:
+            self.say(f"WARNING: {now.step.name}: {warning}")
+        if gate.problems:
+            raise NotReadyError("; ".join(gate.problems))
+        return gate
+
+    def _hold(self, now: _Now, gate: decide.Gate) -> None:
+        """Wait until the robot is idle, and hold new goals back, so that none comes before the old server's end."""
+        policy = now.step.on_busy or self.settings.on_busy
+        if not gate.rest or policy == "force":
+            return
+        waits = policy == "wait" and not self.settings.check
+        if waits:  # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
+            self._apply_all([self._events(now)])
+        seen = self._until(
+            lambda seconds: self.host.hold(self.master, self.keeper, gate.rest, HOLD_SECONDS, seconds),
+            self.settings.busy_timeout if waits else 0.0,
+            f"{now.step.name} waits until the robot is idle",
+        )
+        now.held = bool(seen.held)
+        if self.settings.check:
+            self.say(f"{now.step.name}: {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
+        # in check mode nobody has waited: what would be waited for is no reason to leave out the rest of the plan
+        if seen.verdict == WAIT and not (self.settings.check and policy == "wait"):
+            raise BusyError(seen.reason)
+        if seen.verdict == FAIL:
+            raise NotReadyError(f"the actions cannot be looked at: {seen.reason}")
+
+    def _apply(self, now: _Now, gate: decide.Gate) -> None:
+        if self.settings.check:
+            self._apply_all(now.step.objects)
+            return
+        wall, bounds = self.clock.wall(), self.settings
+        until = decide.Bounds(bounds.rate_tolerance, wall + bounds.ready_timeout + CONTRACT_EXTRA)
+        objects = decide.step_objects(now.step, gate.contracts, until, wall)
+        now.applied = True  # from the first of these objects on
+        self._apply_all([self._events(now), *objects])
+
+    def _verify(self, now: _Now, gate: decide.Gate) -> None:
+        """The graph is what was recorded, for as long as asked, and nothing was started again meanwhile."""
+        if now.step.kind == "master":
+            # its pod is ready a moment before its Service leads there
+            self._ready({}, MASTER_SECONDS, "the new master answers")
+            if self.recorded:
+                self.host.register(self.master, now.graph)
+        seconds = self.settings.verify_seconds
+        proof = decide.proof(now.step, gate.contracts, self.settings.rate_tolerance)
+        self._ready(proof, seconds + VERIFY_EXTRA, f"{now.step.name} is what was recorded", stable=seconds)
+        self.cluster.wait(now.step.workloads, 5.0, fail_on_restart=True)
+
+    def _finish(self, now: _Now) -> StepResult:
+        """Take the mark off. Where that cannot be done the version is proven all the same."""
+        self.trace(f"{now.step.name}: finish")
+        try:
+            result = self._result(now, UPDATED)
+            self._apply_all([*now.step.workloads, self._events(None, [result])])
+            return result
+        except FleetError as error:
+            return self._result(now, UPDATED, f"its mark could not be taken off ({error}); the next run does that")
+
+    def _failed(self, now: _Now, error: FleetError) -> StepResult:
+        """Take back what was applied; what was not applied leaves nothing but held goals."""
+        if not now.applied:
+            self._release(now)
+            return self._result(now, FAILED, f"nothing was touched: {error}")
+        try:
+            self.host.there()  # a robot that is away proves nothing, and cannot be helped from here
+            with self._phase(now, "rollback"):
+                self._back(now)
+        except AwayError as away:
+            return self._result(now, OFFLINE, self._left(now, f"the robot went away: {away}; before that: {error}"))
+        except FleetError as worse:
+            return self._result(now, FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
+        return self._result(now, ROLLED_BACK, str(error))
+
+    def _back(self, now: _Now) -> None:
+        """The old version again, and its part of the graph."""
+        step, old = now.step, sorted({*now.step.old_nodes.values()} - {""})
+        self.say(f"{step.name}: taken back")
+        if self.recorded and old:
+            # first, so that a service never points to nothing: the old server lives, and the new one's end cannot take
+            # away what is not its own any more
+            self.host.register(self.master, now.graph, old)
+        self._apply_all(list(step.previous.values()))
+        self.cluster.delete(step.created)
+        self.cluster.wait(list(step.previous.values()), self.settings.ready_timeout)
+        dead = sorted({*step.new_nodes.values()} - {"", *old})
+        if dead:
+            self.host.reap(self.master, dead)
+        if now.gate:
+            proof = decide.proof_of_old(step, now.gate.contracts, self.settings.rate_tolerance)
+            self._ready(proof, self.settings.ready_timeout, f"{step.name} is as it was")
+        self._release(now)
+
+    # --- what the phases share --------------------------------------------------------------------------------------
+
+    @contextlib.contextmanager
+    def _phase(self, now: _Now, name: str) -> Iterator[None]:
+        began = self.clock.now()
+        self.trace(f"{now.step.name}: {name}")
+        try:
+            yield
+        finally:
+            seconds = now.phases.get(name, 0.0) + self.clock.now() - began
+            now.phases[name] = round(seconds, 3)
+
+    def _until(self, wait: Callable[[float], Seen], timeout: float, what: str, least: float = SLICE) -> Seen:
+        """Wait in slices, and say between two of them what is still open."""
+        began = self.clock.now()
+        while True:
+            spent = self.clock.now() - began
+            seen = wait(max(min(timeout - spent, max(least, SLICE)), 0.0))
+            spent = self.clock.now() - began
+            if seen.verdict != WAIT or spent >= timeout:
+                return seen
+            self.say(f"{what}, for {spent:.0f} s now: {seen.reason}")
+
+    def _ready(self, conditions: Object, timeout: float, what: str, stable: float = 0.0) -> None:
+        seen = self._until(
+            lambda seconds: self.host.ready(self.master, conditions, max(seconds, stable), stable),
+            timeout,
+            f"waits until {what}",
+            least=stable * 2,
+        )
+        if seen.verdict != PASS:
+            raise NotReadyError(seen.reason)
+
+    def _release(self, now: _Now) -> None:
+        """Let the goals go that are still held. If nobody can, the keeper does it by itself."""
+        if now.held and now.gate:
+            now.held = False
+            with contextlib.suppress(FleetError):
+                self.host.release(self.master, self.keeper, now.gate.rest)
+
+    def _apply_all(self, objects: Sequence[Object]) -> None:
+        if objects:
+            told = [change for change in self.cluster.apply(objects, self.settings.check) if _worth_telling(change)]
+            self.changes += told
+
+    def _events(self, now: _Now | None, ended: Sequence[StepResult] = ()) -> Object:
+        running = self._result(now, "") if now else None
+        return events_map([*self.results, *ended], self.robot.name, self.live.maps, running)
+
+    def _tell(self) -> None:
+        """The record of the robot's updates: also that a run before this one ended without a word."""
+        there = [item.get("data") for item in self.live.maps if item["metadata"]["name"] == EVENTS_NAME]
+        record = self._events(None)
+        if self.settings.check or not (self.results or there) or record["data"] in there:
+            return
+        if self.results and self.results[-1].outcome == UPDATED and not self.results[-1].reason:
+            return  # told when its mark was taken off
+        try:
+            self._apply_all([record])
+        except FleetError as error:
+            self.say(f"the robot's metrics will not show this: {error}")
+
+    def _result(self, now: _Now, outcome: str, reason: str = "") -> StepResult:
+        step = now.step
+        found = StepResult(
+            step_id(self.robot.name, step.apps, now.started),
+            step.name, step.apps, step.handoff, step.before, step.after, now.started, dict(now.phases),
+        )  # fmt: skip
+        return replace(found, outcome=outcome, reason=reason)
+
+    @staticmethod
+    def _left(now: _Now, why: str) -> str:
+        return f"{why}; {UNPROVEN}" if now.applied else f"{why}; nothing was touched"
+
+
+def _worth_telling(change: Applied) -> bool:
+    """The record of updates changes with every step: its news is the outcome itself."""
+    return change.changed and change.ref.name != EVENTS_NAME

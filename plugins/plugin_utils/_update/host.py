@@ -1,0 +1,90 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The robot's own host, asked through modules that run there: pods' addresses are routable on the cluster's hosts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Callable, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object, Seen
+
+INTERVAL = 0.2
+
+
+@dataclass(frozen=True)
+class ImageSource:
+    """Where images come from: archives of the control node (`{path, images}`), and names that are always wanted."""
+
+    node: NodeImages
+    archives: Sequence[Mapping[str, Any]] = ()
+    names: Sequence[str] = ()
+
+
+RunModule = Callable[[str, Mapping[str, Any]], Mapping[str, Any]]  # name and arguments to result; AwayError
+
+
+class ModuleHost:
+    """`reach` only makes a connection, `run` executes a module of this collection; both raise AwayError."""
+
+    def __init__(self, reach: Callable[[], None], run: RunModule, images: ImageSource, check: bool = False) -> None:
+        self._reach, self._run, self._images, self._check = reach, run, images, check
+
+    def there(self) -> None:
+        self._reach()
+
+    def bring(self, images: Sequence[str]) -> bool:
+        source = self._images
+        brought = source.node.bring(source.archives, dict.fromkeys([*source.names, *images]), self._check)
+        if brought.problems:
+            raise NotReadyError("; ".join(brought.problems))
+        return brought.changed
+
+    def graph(self, master: str, rate_seconds: float) -> Graph:
+        asked = {"rates": True, "rate_seconds": rate_seconds, "md5sums": True, "service_connections": True}
+        found: Graph = self._well("ros_graph_info", {"master_uri": master, **asked})["graph"]
+        return found
+
+    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+        if self._check:  # an action without its server is looked at, and not held
+            actions = [{"name": action["name"]} for action in actions]
+        asked = {"actions": list(actions), "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
+        found = self._run("ros_action_hold", {"master_uri": master, **_given(keeper_uri=keeper), **asked})
+        return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
+
+    def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
+        if keeper:
+            asked = {"state": "released", "actions": list(actions)}
+            self._well("ros_action_hold", {"master_uri": master, "keeper_uri": keeper, **asked})
+
+    def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
+        asked = {"timeout": timeout, "stable": stable, "interval": INTERVAL}
+        found = self._run("ros_ready", {"master_uri": master, **conditions, **asked})
+        return Seen(_verdict(found), str(found.get("msg") or ""))
+
+    def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
+        asked = {"master_uri": master, "graph": graph, "nodes": list(nodes), "state": "present"}
+        self._well("ros_registrations", asked)
+
+    def reap(self, master: str, nodes: Sequence[str]) -> None:
+        self._well("ros_registrations", {"master_uri": master, "nodes": list(nodes), "state": "absent"})
+
+    def _well(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+        result = self._run(name, arguments)
+        if result.get("failed"):
+            raise RosError(str(result.get("msg") or f"{name} failed without a word"))
+        return result
+
+
+def _verdict(result: Mapping[str, Any]) -> str:
+    """A module that broke off without a verdict can tell nothing, whatever it was asked."""
+    found = result.get("verdict")
+    return str(found) if found in (PASS, WAIT, FAIL) else FAIL
+
+
+def _given(**values: str) -> dict[str, str]:
+    return {name: value for name, value in values.items() if value}

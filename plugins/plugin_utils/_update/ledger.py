@@ -1,0 +1,46 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the robots of one run have come to so far, for the budget of failures.
+
+A file in Ansible's own temporary directory of the run: all workers see it, and it goes with the run. Reading the same
+from the variables of all other hosts would cost every robot as much as there are robots.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+from pathlib import Path
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import COSTS_BUDGET, budget_left
+
+NAME = "rosops-fleet-ledger.jsonl"
+
+
+class Ledger:
+    """`wave` names the robots that are updated together: what becomes of them does not count against each other."""
+
+    def __init__(self, directory: Path, wave: str) -> None:
+        self._path, self._wave = directory / NAME, wave
+
+    def refusal(self, budget: Any, robots: int) -> str:
+        """Why this robot's wave may not begin, or nothing. SpecError for a budget that is none."""
+        earlier = [line for line in self._lines() if line["wave"] != self._wave]
+        if budget_left(budget, robots, [line["outcome"] for line in earlier]) >= 0:
+            return ""
+        failed = ", ".join(line["robot"] for line in earlier if line["outcome"] in COSTS_BUDGET)
+        return f"not begun: {failed} failed, which is more than update_failure_budget allows"
+
+    def note(self, robot: str, outcome: str) -> None:
+        """Write down what became of a robot."""
+        line = json.dumps({"wave": self._wave, "robot": robot, "outcome": outcome})
+        with self._path.open("a", encoding="utf-8") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)  # a line is written whole, whoever else writes
+            file.write(f"{line}\n")
+
+    def _lines(self) -> list[dict[str, str]]:
+        if not self._path.exists():
+            return []
+        return [json.loads(line) for line in self._path.read_text(encoding="utf-8").splitlines()]

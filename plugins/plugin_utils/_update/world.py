@@ -1,0 +1,117 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the engine asks and does: the cluster, the robot, the clock. The real and the simulated ones have these methods.
+
+Every method either does what it says or raises one of our errors; `AwayError` says that the robot cannot be reached.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
+
+Object = Mapping[str, Any]
+Graph = Mapping[str, Any]  # as ros_graph_info returns it
+
+
+class AwayError(FleetError):
+    """The robot cannot be reached. It works on by itself; the next run goes on from there."""
+
+
+class CancelledError(FleetError):
+    """The run was told to stop (SIGINT, SIGTERM)."""
+
+
+@dataclass(frozen=True)
+class Live:
+    """What the API shows of a robot: its Deployments, the ConfigMaps and the Services that are ours."""
+
+    deployments: Sequence[Object] = ()
+    maps: Sequence[Object] = ()
+    services: Sequence[Object] = ()
+
+    def service_uri(self, name: str) -> str:
+        """`http://address:port` of a Service, or nothing where it is not there."""
+        for service in self.services:
+            if service["metadata"]["name"] == name:
+                return f"http://{service['spec']['clusterIP']}:{service['spec']['ports'][0]['port']}"
+        return ""
+
+
+class Cluster(Protocol):
+    """The Kubernetes API of the robot's cluster. KubeError where it is away for longer than a restart takes."""
+
+    def read(self, namespaces: Iterable[str]) -> Live: ...
+
+    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        """In this order. After an error some of them may be applied."""
+
+    def delete(self, objects: Sequence[Object]) -> None:
+        """What is not there is no error."""
+
+    def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
+        """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How a wait on the robot ended: `pass`, `fail`, or `wait` where the time was over; and what is still open."""
+
+    verdict: str
+    reason: str = ""
+    held: Sequence[str] = ()  # actions whose new goals are held back now
+
+
+class Host(Protocol):
+    """The robot's own host, where its ROS graph is asked. AwayError where it cannot be reached."""
+
+    def there(self) -> None:
+        """Only whether it can be reached."""
+
+    def bring(self, images: Sequence[str]) -> bool:
+        """Have these images on the node; whether anything had to be brought."""
+
+    def graph(self, master: str, rate_seconds: float) -> Graph:
+        """The whole graph with rates; RosError where the master does not answer."""
+
+    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+        """Wait until the actions are idle; then hold new goals of those with a `server`, for `seconds` at most."""
+
+    def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
+        """Let the held goals go."""
+
+    def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
+        """Wait until the conditions (options of ros_ready) hold, for `stable` seconds without a break."""
+
+    def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
+        """Register these nodes (all without names) with the master as the graph shows them."""
+
+    def reap(self, master: str, nodes: Sequence[str]) -> None:
+        """Take away what dead nodes of these names left."""
+
+
+class Clock(Protocol):
+    """Seconds since 1970, and a clock that nobody sets."""
+
+    def wall(self) -> float: ...
+
+    def now(self) -> float: ...
+
+
+def unheard(_text: str) -> None:
+    """For a world in which nobody listens."""
+
+
+@dataclass(frozen=True)
+class World:
+    """`say` is for whoever runs the playbook, `trace` for whoever wants to know where exactly a run stands."""
+
+    cluster: Cluster
+    host: Host
+    clock: Clock
+    say: Callable[[str], None] = unheard
+    trace: Callable[[str], None] = unheard

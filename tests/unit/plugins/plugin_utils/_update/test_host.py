@@ -1,0 +1,129 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the engine asks of a robot as modules that run on its host, and their results as answers."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Seen
+
+MASTER, KEEPER = "http://10.43.0.1:11311", "http://10.43.0.2:11411"
+LISTING = '{"images": [{"id": "sha256:1", "repoTags": ["docker.io/library/a:1"]}]}'
+REST = [{"name": "/plan", "server": "/planner"}, {"name": "/dock"}]
+
+
+class Modules:
+    """Notes what is run, and answers what it was told to."""
+
+    def __init__(self, **answer: Any) -> None:
+        self.answer, self.ran = answer, list[tuple[str, dict[str, Any]]]()
+
+    def run(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+        self.ran.append((name, dict(arguments)))
+        return self.answer
+
+
+class Node:
+    """A node that has the image `a:1`, and gets no other one."""
+
+    def module(self, _name: str, _args: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {"rc": 0, "stdout": f"x86_64\n{LISTING}"}
+
+    def copy(self, src: str, dest: str, rate_limit: str) -> Mapping[str, Any]:
+        raise AssertionError((src, dest, rate_limit))
+
+
+def host(modules: Modules, check: bool = False, names: list[str] | None = None) -> ModuleHost:
+    return ModuleHost(lambda: None, modules.run, ImageSource(NodeImages(Node()), [], names or []), check)
+
+
+def test_a_robot_that_is_away_is_said_to_be() -> None:
+    def away() -> None:
+        raise AwayError("no route")
+
+    with pytest.raises(AwayError, match="no route"):
+        ModuleHost(away, Modules().run, ImageSource(NodeImages(Node()))).there()
+
+
+def test_the_graph_is_asked_for_with_all_that_a_contract_holds() -> None:
+    modules = Modules(graph={"nodes": {}})
+    assert host(modules).graph(MASTER, 2.0) == {"nodes": {}}
+    asked = {"rates": True, "rate_seconds": 2.0, "md5sums": True, "service_connections": True}
+    assert modules.ran == [("ros_graph_info", {"master_uri": MASTER, **asked})]
+
+
+@pytest.mark.parametrize(("answer", "message"), [({"msg": "no master"}, "no master"), ({}, "without a word")])
+def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str) -> None:
+    asked = host(Modules(failed=True, **answer))
+    for ask in (
+        lambda: asked.graph(MASTER, 1.0),
+        lambda: asked.release(MASTER, KEEPER, REST),
+        lambda: asked.register(MASTER, {}),
+        lambda: asked.reap(MASTER, ["/a"]),
+    ):
+        with pytest.raises(RosError, match=message):
+            ask()
+
+
+def test_goals_are_held_and_let_go() -> None:
+    modules = Modules(verdict="wait", reason="/plan is busy", held=["/plan"], failed=True)
+    seen = host(modules).hold(MASTER, KEEPER, REST, 60.0, 8.0)
+    assert seen == Seen("wait", "/plan is busy", ("/plan",))
+    asked = {"actions": REST, "seconds": 60.0, "timeout": 8.0, "interval": 0.2}
+    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
+    modules = Modules()
+    host(modules).release(MASTER, KEEPER, REST)
+    asked = {"state": "released", "actions": REST}
+    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
+
+
+def test_without_a_keeper_nothing_is_held_or_let_go() -> None:
+    modules = Modules(verdict="pass")
+    host(modules).hold(MASTER, "", REST, 60.0, 8.0)
+    host(modules).release(MASTER, "", REST)
+    ((_name, arguments),) = modules.ran
+    assert "keeper_uri" not in arguments
+
+
+def test_in_check_mode_actions_are_looked_at_and_not_held() -> None:
+    modules = Modules(verdict="pass")
+    host(modules, check=True).hold(MASTER, KEEPER, REST, 60.0, 0.0)
+    assert modules.ran[0][1]["actions"] == [{"name": "/plan"}, {"name": "/dock"}]
+
+
+def test_conditions_are_waited_for() -> None:
+    modules = Modules(verdict="pass", msg="all there")
+    seen = host(modules).ready(MASTER, {"nodes": ["/a"]}, 9.0, 2.0)
+    assert seen == Seen("pass", "all there")
+    asked = {"master_uri": MASTER, "nodes": ["/a"], "timeout": 9.0, "stable": 2.0, "interval": 0.2}
+    assert modules.ran == [("ros_ready", asked)]
+
+
+def test_a_module_that_breaks_off_has_not_passed() -> None:
+    broken = host(Modules(failed=True, msg="no Python"))
+    assert broken.ready(MASTER, {}, 1.0) == Seen("fail", "no Python")
+    assert broken.hold(MASTER, KEEPER, REST, 60.0, 1.0) == Seen("fail", "no Python")
+
+
+def test_registrations_are_given_and_taken() -> None:
+    modules = Modules()
+    host(modules).register(MASTER, {"nodes": {}}, ["/a"])
+    host(modules).register(MASTER, {"nodes": {}})
+    host(modules).reap(MASTER, ["/b"])
+    given = {"master_uri": MASTER, "graph": {"nodes": {}}, "state": "present"}
+    assert modules.ran == [
+        ("ros_registrations", {**given, "nodes": ["/a"]}),
+        ("ros_registrations", {**given, "nodes": []}),
+        ("ros_registrations", {"master_uri": MASTER, "nodes": ["/b"], "state": "absent"}),
+    ]
+
+
+def test_images_are_brought_with_those_that_are_always_wanted() -> None:
+    assert host(Modules(), names=["a:1"]).bring(["a:1"]) is False
+    with pytest.raises(NotReadyError, match="b:1"):
+        host(Modules(), check=False, names=["b:1"]).bring(["a:1"])
