@@ -149,6 +149,7 @@ OPTIONS: dict[str, Option] = {
     "update_verify_seconds": {"type": "float"},
     "update_rate_tolerance": {"type": "float"},
     "update_rate_seconds": {"type": "float"},
+    "update_failure_budget": {"type": "str"},
 }
 
 
