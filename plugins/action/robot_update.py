@@ -87,6 +87,9 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
             outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
         except FleetError as error:
             outcome = RobotOutcome(FAILED, f"nothing was touched: {error}")
+        except Exception:  # a defect of ours counts as a failure of the robot, and is seen as what it is
+            ledger.note(self._host, FAILED)
+            raise
         ledger.note(self._host, outcome.outcome)
         # the fact that the report and the last play read: a robot's outcome is no error of the task
         result["ansible_facts"] = {"fleet_outcome": outcome.as_dict()}

@@ -141,9 +141,12 @@ class Engine:
         self._tell()
         return robot_outcome(self.results, len(self.plan.steps))
 
-    def _plan(self) -> None:
+    def _read(self) -> Live:
         shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(self.robot) else []
-        self.live = self.cluster.read([self.robot.namespace, *shared])
+        return self.cluster.read([self.robot.namespace, *shared])
+
+    def _plan(self) -> None:
+        self.live = self._read()
         self.plan = update_plan(self.robot, self.live, self.settings.request)
         if self.plan.orphans:
             self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
@@ -255,6 +258,8 @@ class Engine:
     def _verify(self, now: _Now, gate: decide.Gate) -> None:
         """The graph is what was recorded, for as long as asked, and nothing was started again meanwhile."""
         if now.step.kind == "master":
+            if not self.master:  # it is the robot's first one
+                self.live = replace(self.live, services=self._read().services)
             # its pod is ready a moment before its Service leads there
             self._ready({}, MASTER_SECONDS, "the new master answers")
             if self.recorded:
