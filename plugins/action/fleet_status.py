@@ -41,7 +41,7 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
         problems = [*fleet["problems"], *graph_problems(results)]
         status = status_rows({**fleet, "problems": problems}, graphs, report_texts(callback_path()))
         text = status_text(status)
-        display.display(text)
+        display.display(f"\n{text}")
         result.update(
             changed=self._write(status, params["page"], str(variables.get("ansible_limit") or "")),
             status=status,

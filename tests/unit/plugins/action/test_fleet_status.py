@@ -43,7 +43,7 @@ def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
     first, second = (show(page, {"graph": GRAPH}) for _ in range(2))
     assert (first["changed"], second["changed"]) == (True, False)
     assert "/sensor" in page.read_text()
-    assert said == [first["text"], second["text"]]
+    assert said == [f"\n{one['text']}" for one in (first, second)]
     assert "(shared)  /t     a/B" in said[0]
     # whoever counts changes of hosts is told that there were none
     assert first["ansible_facts"] == {"fleet_outcome": "unchanged"}
@@ -82,7 +82,7 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
         *({"where": "ROS graph of robot1", "what": what} for what in problems),
     ]
     assert len(found["ros_nodes"]) == ("graph" in result)
-    assert said[0].startswith("PROBLEMS")
+    assert said[0].startswith("\nPROBLEMS")
 
 
 def test_the_last_outcomes_are_those_of_the_reports(tmp_path: Path, said: list[str]) -> None:
