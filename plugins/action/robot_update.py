@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import threading
 import time
 from pathlib import Path
@@ -120,8 +121,10 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
         return outcome
 
     def _world(self, kube: Kube, host: ModuleHost) -> World:
+        # the run, as another one's operator can find it
+        holder = f"{socket.gethostname()}, process {os.getppid()}"
         return World(
-            KubeCluster(kube, self._say),
+            KubeCluster(kube, self._say, holder),
             host,
             MonotonicClock(),
             self._say,

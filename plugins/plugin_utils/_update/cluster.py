@@ -5,24 +5,33 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
-from typing import Callable, Iterable, Sequence
+from typing import Callable, Iterable, Iterator, Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, Object
 
+LEASE = "robot-update"
+LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
+RENEW_SECONDS = 5.0
+LOOK_SECONDS = 0.5
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1"}
 
 
 class KubeCluster:
-    """`say` gets what is still open, every ten seconds of a wait."""
+    """`say` gets what is still open, every ten seconds of a wait; `holder` names the run to others."""
 
-    def __init__(self, kube: Kube, say: Callable[[str], None]) -> None:
-        self._kube, self._say = kube, say
+    def __init__(self, kube: Kube, say: Callable[[str], None], holder: str) -> None:
+        self._kube, self._say, self._holder = kube, say, holder
 
     def read(self, namespaces: Iterable[str]) -> Live:
         """Only what is ours."""
@@ -36,6 +45,33 @@ class KubeCluster:
             found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
         return Live(found["Deployment"], found["ConfigMap"], found["Service"])
 
+    @contextlib.contextmanager
+    def claim(self, namespace: str) -> Iterator[None]:
+        lease = Lease(self._kube, namespace, LEASE, self._holder, LEASE_SECONDS)
+        self._take(lease)
+        over = threading.Event()
+        keeper = threading.Thread(target=_renew, args=(lease, over), daemon=True)
+        keeper.start()
+        try:
+            yield
+        finally:
+            over.set()
+            keeper.join()
+            with contextlib.suppress(KubeError):  # then it ends by itself
+                lease.release()
+
+    def _take(self, lease: Lease) -> None:
+        """A holder that lives renews its Lease; one that was killed does not, and its time runs out."""
+        hold = lease.acquire()
+        if not hold.mine:
+            self._say(f"waits whether the run of {hold.holder}, which began {hold.since}, still lives")
+        first = hold.renewed
+        while not hold.mine:
+            if hold.renewed != first:
+                raise HeldError(f"{hold.holder} changes this robot since {hold.since}; let that run end")
+            time.sleep(LOOK_SECONDS)
+            hold = lease.acquire()
+
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         return self._kube.apply(objects, dry_run)
 
@@ -46,3 +82,9 @@ class KubeCluster:
         refs = parse_refs([dict(item) for item in objects])
         if refs:
             wait_for_rollout(self._kube, refs, Settings(timeout, fail_on_restart=fail_on_restart, say=self._say))
+
+
+def _renew(lease: Lease, over: threading.Event) -> None:
+    while not over.wait(RENEW_SECONDS):
+        with contextlib.suppress(KubeError):  # the next time may do
+            lease.renew()

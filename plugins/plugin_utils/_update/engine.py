@@ -61,6 +61,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     AwayError,
     CancelledError,
     Graph,
+    HeldError,
     Live,
     Object,
     Seen,
@@ -127,19 +128,29 @@ class Engine:
         try:
             self.host.there()
             self._plan()
-            if self.plan.steps:
-                self._prepare()
-                self._record()
-        except AwayError as error:
-            return RobotOutcome(OFFLINE, f"nothing was touched: {error}")
+            if self.settings.check or not self.plan.steps:
+                self._change()
+            else:
+                self._apply_all(namespace_objects(self.robot))
+                with self.cluster.claim(self.robot.namespace):
+                    self._plan()  # the run that had it may have ended just now
+                    self._change()
         except FleetError as error:
-            return RobotOutcome(FAILED, f"nothing was touched: {error}")
+            if not self.results:
+                word = {HeldError: BUSY, AwayError: OFFLINE}.get(type(error), FAILED)
+                return RobotOutcome(word, f"nothing was touched: {error}")
+        return robot_outcome(self.results, len(self.plan.steps))
+
+    def _change(self) -> None:
+        """Take the steps. What goes wrong before the first of them is an error, afterwards it is the step's result."""
+        if self.plan.steps:
+            self._prepare()
+            self._record()
         for step in self.plan.steps:
             self.results.append(self._step(step))
             if self.results[-1].outcome != UPDATED:
                 break
         self._tell()
-        return robot_outcome(self.results, len(self.plan.steps))
 
     def _read(self) -> Live:
         shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(self.robot) else []
@@ -157,7 +168,7 @@ class Engine:
         self.host.bring(images(self.robot, "local"))
         self._apply_all(
             [
-                *namespace_objects(self.robot),
+                *(namespace_objects(self.robot) if self.settings.check else []),  # they are there by now
                 *storage_objects(self.robot),
                 *code_maps(self.robot, self.settings.code),
             ]

@@ -8,6 +8,7 @@ Every method either does what it says or raises one of our errors; `AwayError` s
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
 
@@ -20,6 +21,10 @@ Graph = Mapping[str, Any]  # as ros_graph_info returns it
 
 class AwayError(FleetError):
     """The robot cannot be reached. It works on by itself; the next run goes on from there."""
+
+
+class HeldError(FleetError):
+    """Another run changes this robot."""
 
 
 class CancelledError(FleetError):
@@ -46,6 +51,9 @@ class Cluster(Protocol):
     """The Kubernetes API of the robot's cluster. KubeError where it is away for longer than a restart takes."""
 
     def read(self, namespaces: Iterable[str]) -> Live: ...
+
+    def claim(self, namespace: str) -> AbstractContextManager[None]:
+        """Be the only run that changes the robot of this namespace; HeldError names who is. It ends with its run."""
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         """In this order. After an error some of them may be applied."""
