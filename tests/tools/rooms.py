@@ -44,7 +44,8 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
 POD_ROOMS = ("_common", "_ros", "_pod")  # all that goes into app pods, where nothing of Ansible's is
-BESIDE = {"_exporter": ("prometheus_client",)}  # what a room's pod brings along
+# Part of a room -> the only file of it that the rest of the room may import.
+FENCED = {"_pod/forwarding": "calls"}
 
 _FILE = re.compile(r"[a-z][a-z0-9_]*\.py")
 
@@ -61,14 +62,14 @@ def wrongs(plugins: Path) -> list[str]:
         found += [
             f"{file}: imports {name}; {why}"
             for name in imported(file, text)
-            if (why := _forbidden(kind, rest[0], name.split(".")))
+            if (why := _forbidden(kind, rest[0], name.split(".")) or _fenced(file, name.split(".")))
         ]
     return found
 
 
 def _place(file: PurePosixPath, kind: str, rest: list[str]) -> Iterator[str]:
     rooms = HOST_ROOMS if kind == HOSTS else CONTROL_ROOMS
-    if len(rest) != 2 or rest[0] not in rooms:
+    if len(rest) != 2 + ("/".join(rest[:2]) in FENCED) or rest[0] not in rooms:
         yield f"{file}: lies in no room of {kind}; they are {' '.join(rooms)}"
     if not _FILE.fullmatch(rest[-1]):
         yield f"{file}: a file is named by a plain noun; the underscore stands on the directory"
@@ -89,6 +90,16 @@ def _forbidden(kind: str, room: str, name: list[str]) -> str:
     return ""
 
 
+def _fenced(file: PurePosixPath, name: list[str]) -> str:
+    """Why a file may not import a name that lies behind a fence; nothing where it may."""
+    for fence, entry in FENCED.items():
+        inside = ["plugins", HOSTS, *fence.split("/")]
+        here = list(file.parts[: len(inside)]) == inside
+        if name[: len(inside)] == inside and not here and name[len(inside)] != entry:
+            return f"{fence} is entered by {entry} alone"
+    return ""
+
+
 def _host_code(file: PurePosixPath, text: str) -> Iterator[str]:
     """Of files that run on hosts and in pods: what the language and the library there do not have."""
     try:
@@ -103,7 +114,7 @@ def _host_code(file: PurePosixPath, text: str) -> Iterator[str]:
             yield f"{file}: imports {module}; by that name it is not found in a pod: import it relatively"
         elif top == "ansible" and room in POD_ROOMS:
             yield f"{file}: imports {module}; there is no Ansible in a pod"
-        elif top not in ("ansible", "ansible_collections", *sys.stdlib_module_names, *BESIDE.get(room, ())):
+        elif top not in ("ansible", "ansible_collections", *sys.stdlib_module_names):
             yield f"{file}: imports {module}; hosts have the standard library alone"
         elif top == "ansible" and not module.startswith("ansible.module_utils"):
             yield f"{file}: imports {module}; only ansible.module_utils goes to hosts"

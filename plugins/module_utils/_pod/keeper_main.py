@@ -9,11 +9,10 @@ import os
 import signal
 import sys
 import time
-from typing import Any, Callable, Mapping
 
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
-from .goal_api import GoalKeeper
+from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
 from .keeper_record import Record
 
@@ -30,7 +29,7 @@ def tell(line: str) -> None:
 
 def options(words: list[str]) -> dict[str, str]:
     """`--name value` pairs."""
-    found = {"--record": "/tmp/ros-keeper", "--port": str(PORT)}  # noqa: S108 - for a run by hand
+    found = {"--record": "/tmp/ros-keeper", "--port": str(PORT), "--goal-forwarding": "on"}  # noqa: S108 - by hand
     for name, value in zip(words[::2], words[1::2]):
         if name not in found:
             raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
@@ -46,16 +45,16 @@ def main(words: list[str]) -> int:
     record = Record(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
-    host = os.environ.get("ROS_IP", "")
-
-    def slave(methods: Mapping[str, Callable[..., Any]]) -> Slave:
-        return Slave(NAME, host, int(chosen["--port"]), uri, methods)
-
-    goals = GoalKeeper(ros, slave, lambda content: record.save("goals", content), tell)
-    goals.slave.start()
-    goals.resume(record.load("goals") or [])
+    slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
+    if chosen["--goal-forwarding"] == "on":
+        goals = GoalForwarding(ros, slave, lambda content: record.save("goals", content), tell)
+        offer(goals, slave)
+        goals.resume(record.load("goals") or [])
+    else:
+        offer(SwitchedOff(), slave)
+    slave.start()
     keeper = Keeper(ros, record, tell)
-    tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {goals.slave.uri}")
+    tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
     while signal.sigtimedwait(ENDING, pause) is None:
         try:

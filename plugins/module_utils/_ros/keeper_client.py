@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the keeper of a ROS master is asked; its answers: _goal_keeper.
+"""What the keeper of a ROS master is asked; its answers: `_pod/forwarding/calls.py`.
 
 Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from .._common.errors import RosError
+from .graph import unwrap
 from .rpc import Api, Deadline, reason
 
 TIMEOUT = 4.0  # it connects to all of an action's clients before it says that it holds their goals
@@ -42,5 +44,8 @@ class KeeperCalls:
                 reply = api.raw(method, *params)
         except Exception as error:
             return reason(error, self.uri, TIMEOUT)
-        good = isinstance(reply, list) and len(reply) == 3 and reply[0] == 1
-        return "" if good else f"the keeper refused: {reply!r:.200}"
+        try:
+            unwrap(reply)
+        except RosError as error:
+            return f"the keeper refused: {error}"
+        return ""

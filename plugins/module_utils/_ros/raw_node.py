@@ -109,11 +109,9 @@ class Publication:
 
 
 class Slave:
-    """The node's servers. `methods` are further XML-RPC methods."""
+    """The node's servers."""
 
-    def __init__(
-        self, name: str, host: str, port: int, master_uri: str, methods: Mapping[str, Callable[..., Any]]
-    ) -> None:
+    def __init__(self, name: str, host: str, port: int, master_uri: str) -> None:
         self.name, self.host, self.master_uri = name, host, master_uri
         self.publications: dict[str, Publication] = {}
         self.server = _Server((host, port), _Handler, logRequests=False, allow_none=True)
@@ -134,7 +132,11 @@ class Slave:
             # Kubernetes starts and stops it: a second one of its name, as at a change of pods, must not end it
             "shutdown": lambda _caller, _why="": [1, "", 0],
         }
-        for method, function in {**own, **methods}.items():
+        self.register(own)
+
+    def register(self, methods: Mapping[str, Callable[..., Any]]) -> None:
+        """Answer these XML-RPC methods, too; before start()."""
+        for method, function in methods.items():
             self.server.register_function(function, method)
 
     def start(self) -> None:

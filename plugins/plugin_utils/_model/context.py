@@ -116,6 +116,7 @@ class Master:
     uri: str = ""
     placement: str = "local"
     overrides: Mapping[str, Any] = field(default_factory=dict)
+    goal_forwarding: bool = True
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ class Robot:
             return variables[key] if key in variables else None  # noqa: SIM401
 
         volumes = [_volume(item) for item in (variable("persistent_storage") or {}).get("volumes") or ()]
-        keys = ("mode", "image", "uri", "placement", "overrides")
+        keys = ("mode", "image", "uri", "placement", "overrides", "goal_forwarding")
         secrets = variable("robot_namespace_pull_secrets") or ()
         return cls(
             **_given(

@@ -41,13 +41,14 @@ def _read(modules: tuple[str, ...]) -> dict[str, str]:
 
 def relative_imports(module: str, text: str) -> list[str]:
     """Modules (`<package>.<module>`) that a module imports anywhere in it, in functions, too."""
-    package = module.partition(".")[0]
+    package = module.split(".")[:-1]
     found: list[str] = []
     for item in ast.walk(ast.parse(text)):
-        if isinstance(item, ast.ImportFrom) and item.level in (1, 2):
-            base = package if item.level == 1 else ""
-            where = ".".join(part for part in (base, item.module or "") if part)
-            found += [where] if "." in where else [f"{where}.{alias.name}" for alias in item.names]
+        if isinstance(item, ast.ImportFrom) and item.level:
+            base = package[: len(package) - item.level + 1]
+            where = ".".join([*base, *([item.module] if item.module else [])])
+            whole = item.module and "." in where  # else it names a package, and modules of it
+            found += [where] if whole else [f"{where}.{alias.name}" for alias in item.names]
     return found
 
 

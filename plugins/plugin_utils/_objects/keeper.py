@@ -52,11 +52,12 @@ def keeper_objects(robot: Robot) -> list[Object]:
 def _container(robot: Robot) -> Object:
     # asked of its XML-RPC server, which answers while its look at the master goes on: no process, next to no CPU
     probe = {"httpGet": {"path": "/ready", "port": names.KEEPER_PORT}, "timeoutSeconds": 5}
+    forwarding = () if robot.master.goal_forwarding else ("--goal-forwarding", "off")
     return {
         "name": names.KEEPER_NAME,
         "image": robot.master.image,
         "imagePullPolicy": "IfNotPresent",
-        "command": [*code_command("keeper"), "--record", RECORD_DIR],
+        "command": [*code_command("keeper"), "--record", RECORD_DIR, *forwarding],
         "env": [variable("ROS_MASTER_URI", context.master_uri(robot)), field_variable("ROS_IP", "status.podIP")],
         "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
         "resources": RESOURCES,

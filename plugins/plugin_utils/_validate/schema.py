@@ -186,6 +186,7 @@ FLEET_VARIABLES: dict[str, Schema] = {
     # empty is the roles' default and says the same as leaving them out
     "ros_master_uri": {"anyOf": [text("master-uri"), {"const": ""}], "x-allowed": "http://<host>:<port>"},
     "ros_master_placement": {**one_of("", "local", "remote"), "x-allowed": "local or remote"},
+    "ros_master_goal_forwarding": FLAG,
     "ros_master_overrides": FREE,
     "node_labels": table("label-name", text("label-value")),
     "node_taints": listing(TAINT),

@@ -23,7 +23,8 @@ HEADER = {
 
 @pytest.fixture
 def slave() -> Iterator[Slave]:
-    made = Slave("/me", "127.0.0.1", 0, "http://127.0.0.1:1/", {"twice": lambda number: 2 * number})
+    made = Slave("/me", "127.0.0.1", 0, "http://127.0.0.1:1/")
+    made.register({"twice": lambda number: 2 * number})
     made.start()
     yield made
     made.stop()

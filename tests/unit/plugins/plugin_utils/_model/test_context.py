@@ -53,7 +53,10 @@ def test_every_field_survives() -> None:
         },
         mode="standalone",
         volumes=[{"name": "v", "size": "2Gi", "storage_class": "c", "mountPath": "/p", "access_mode": "ReadOnlyMany"}],
-        master={"mode": "external", "image": "i", "uri": "http://x:1", "placement": "remote", "overrides": {"a": 1}},
+        master={
+            "mode": "external", "image": "i", "uri": "http://x:1", "placement": "remote", "overrides": {"a": 1},
+            "goal_forwarding": False,
+        },
         quota={"pods": 2},
         limits={"max": {"cpu": 2}},
         pull_secrets=[{"name": "login", "registry": "r", "username": "u", "password": "hush"}],

@@ -37,6 +37,11 @@ def test_imports_in_functions_and_of_names_count() -> None:
     assert sorted(relative_imports("_p.q", text)) == ["_d.e", "_g.h", "_p.a", "_p.b", "_p.c"]
 
 
+def test_imports_of_a_package_in_a_package() -> None:
+    text = "from . import a\nfrom .b import x\nfrom .. import c\nfrom ..d import y\nfrom ..._e.f import z\n"
+    assert sorted(relative_imports("_p.r.q", text)) == ["_e.f", "_p.c", "_p.d", "_p.r.a", "_p.r.b"]
+
+
 @pytest.fixture
 def mounted(tmp_path: Path) -> Path:
     """As the kubelet mounts a ConfigMap: links into a directory with a changing name."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_main import options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -78,3 +79,11 @@ def test_the_masters_overrides_are_not_the_keepers() -> None:
 def test_pull_secrets() -> None:
     pod = keeper_objects(robot(pull_secrets=[{"name": "registry", "user": "x"}]))[0]["spec"]["template"]["spec"]
     assert pod["imagePullSecrets"] == [{"name": "registry"}]
+
+
+def test_goal_forwarding_is_switched_off_by_a_word_of_its_command() -> None:
+    on, off = (objects(goal_forwarding=word)[0]["spec"]["template"]["spec"]["containers"][0] for word in (True, False))
+    assert on == objects()[0]["spec"]["template"]["spec"]["containers"][0]
+    assert off == {**on, "command": [*on["command"], "--goal-forwarding", "off"]}
+    words = off["command"][off["command"].index("keeper") + 1 :]
+    assert options(words)["--goal-forwarding"] == "off"

@@ -7,8 +7,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import goals as rules
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.goals import Goal, Hold, Sight
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.forwarding import rules
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.forwarding.rules import Goal, Hold, Sight
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.actionlib import RECALLING
 
 OLD, NEW, CLIENT = "http://old/", "http://new/", "http://client/"
@@ -35,7 +35,7 @@ def test_held_goals_are_forwarded_in_their_order_once() -> None:
     assert it.goal(goal("b", 2.0))
     assert not it.goal(goal("a", 2.1))  # on the second connection to the same client
     assert it.step(Sight(), 3.0) == []
-    assert it.step(Sight(NEW), 10.0) == [rules.Do(rules.ADVERTISE)]  # no status yet
+    assert it.step(Sight(NEW), 10.0) == [rules.Order(rules.ADVERTISE)]  # no status yet
     it.status(NEW, [], 10.1)
     assert kinds(it.step(UP, 10.2)) == ["open", "send a", "send b"]
     assert it.step(UP, 10.3) == []

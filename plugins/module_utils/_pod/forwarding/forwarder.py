@@ -1,13 +1,9 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One action's hold on the network: what `goals` decides, done. Runs on Python 3.8, in pods.
+"""One action's hold on the network: what `rules` decides, done; docs/goal-forwarding.md tells how.
 
-How a client's goals are made to come here only: the client's publisher is the one that sends, so nothing said to the
-server keeps a goal from it. rospy's publishers have one connection per subscriber name; one that connects under the
-server's name takes the server's place, and the server is not told to come back until it is sent the list of publishers.
-roscpp's publishers keep both connections, but roscpp's servers hang up when told that nobody publishes (the stop hook
-does that). Only a rospy server with a roscpp client keeps getting goals until it ends; those it lists are its own.
+Runs on Python 3.8 with the standard library, in pods.
 """
 
 from __future__ import annotations
@@ -18,9 +14,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Mapping, Protocol
 
-from .._common.errors import RosError
-from .._ros import graph as _graph
-from .._ros.actionlib import (
+from ..._common.errors import RosError
+from ..._ros.actionlib import (
     CANCEL_DEFINITION,
     CANCEL_MD5SUM,
     CANCEL_TYPE,
@@ -29,12 +24,14 @@ from .._ros.actionlib import (
     encode_cancel,
     goal_id,
 )
-from .._ros.raw_node import Slave
-from .._ros.registrar import Registrar
-from .._ros.rpc import Api, Deadline, reason, tell_publishers
-from .._ros.streams import Stream
-from . import goals as hold_rules
-from .goals import Do, Goal, Hold, Sight
+from ..._ros.graph import connections
+from ..._ros.raw_node import Slave
+from ..._ros.registrar import Registrar
+from ..._ros.rpc import Api, Deadline, reason, tell_publishers
+from ..._ros.streams import Stream
+from . import rules
+from .participants import Participants
+from .rules import Goal, Hold, Order, Sight
 
 TICK = 0.05
 LOOK = 0.1  # between looks at the master while goals are held
@@ -44,33 +41,12 @@ INTRODUCE = 1.0  # between tellings of a server whose clients are still missing
 FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
 
-# roles of streams
+# what a stream is for
 GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
 
 
-class Scene:
-    """Who takes part in an action, by the master's word: name -> address."""
-
-    def __init__(self, action: str, ros: Registrar, own: str) -> None:
-        state = ros.state()
-        published, subscribed = state.publishers, state.subscribers
-        names = {part: published.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
-        everyone = sorted({name for found in names.values() for name in found} - {own})
-        uris = ros.addresses(everyone)[0]
-        self.clients, self.cancellers, self.status = (
-            {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
-        )
-        whole = set(subscribed.get(f"{action}/goal", ())) & set(subscribed.get(f"{action}/cancel", ()))
-        self.servers = {name: uri for name, uri in self.status.items() if name in whole}
-        self.listed = own in published.get(f"{action}/goal", ())
-        self.hears = {
-            topic: set(subscribed.get(topic, ())) & set(self.clients)
-            for topic in (f"{action}/result", f"{action}/status")
-        }
-
-
 class Owner(Protocol):
-    """Whom a hold belongs to: goal_api.GoalKeeper."""
+    """Whom a hold belongs to: calls.GoalForwarding."""
 
     ros: Registrar
     slave: Slave
@@ -81,11 +57,11 @@ class Owner(Protocol):
 
     def save(self) -> None: ...
 
-    def ended(self, holding: Holding) -> None: ...
+    def ended(self, forwarder: Forwarder) -> None: ...
 
 
-class Holding(threading.Thread):
-    """One action's hold. `changed` is called whenever the record has to be written, `ended` once it is over."""
+class Forwarder(threading.Thread):
+    """One action's hold, from its begin to its end."""
 
     def __init__(self, hold: Hold, header: Mapping[str, str], keeper: Owner) -> None:
         super().__init__(daemon=True, name=f"hold {hold.action}")
@@ -97,7 +73,7 @@ class Holding(threading.Thread):
         self.tried: dict[tuple[str, str], float] = {}
         self.pending: set[tuple[str, str]] = set()
         self.complained: set[tuple[str, str]] = set()
-        self.scene: Scene | None = None
+        self.scene: Participants | None = None
         self.advertised = False
         self.over = self.dirty = False
         self.introduced = 0.0
@@ -203,7 +179,7 @@ class Holding(threading.Thread):
         listening = all(name in self.slave.callers(f"{action}/{part}") for part in ("goal", "cancel"))
         try:
             with Api(server, self.keeper.name, Deadline(CONNECT)) as api:
-                edges = _graph.connections(api.call("getBusInfo"))
+                edges = connections(api.call("getBusInfo"))
         except Exception as error:
             self.log(f"{name} does not say whom it is connected to: {reason(error, server, CONNECT)}")
             return Sight(server, listening)
@@ -253,27 +229,27 @@ class Holding(threading.Thread):
         except Exception as error:
             self.log(f"the server was not told of its clients: {reason(error, server, CONNECT)}")
 
-    def do(self, todo: Do) -> None:
+    def do(self, todo: Order) -> None:
         goal, action = todo.goal, self.hold.action
-        if todo.kind == hold_rules.ADVERTISE:
+        if todo.kind == rules.ADVERTISE:
             self._advertise()
-        elif todo.kind == hold_rules.OPEN:
+        elif todo.kind == rules.OPEN:
             self.log(f"a server is up at {self.hold.server}, {len(self.hold.goals)} goals to forward")
             self._introduce(self.hold.server)
-        elif todo.kind == hold_rules.CANCEL and goal is not None:
+        elif todo.kind == rules.CANCEL and goal is not None:
             self.slave.publish(f"{action}/cancel", encode_cancel(goal.id))
             self.log(f"told the server that {goal.id} is cancelled")
-        elif todo.kind == hold_rules.SEND and goal is not None:
+        elif todo.kind == rules.SEND and goal is not None:
             reached = self.slave.publish(f"{action}/goal", goal.body)
             if reached:
                 self.log(f"forwarded {goal.id}, {time.time() - goal.arrived:.2f} s after it came")
             else:
                 goal.sent = None
-        elif todo.kind == hold_rules.WARN:
-            self.log(f"no new server yet; {len(self.hold.goals)} goals are kept for {hold_rules.KEEP:.0f} s more")
-        elif todo.kind == hold_rules.GIVE_UP and goal is not None:
+        elif todo.kind == rules.WARN:
+            self.log(f"no new server yet; {len(self.hold.goals)} goals are kept for {rules.KEEP:.0f} s more")
+        elif todo.kind == rules.GIVE_UP and goal is not None:
             self.log(f"gave up {goal.id}: no server came")
-        elif todo.kind == hold_rules.FINISH:
+        elif todo.kind == rules.FINISH:
             self.log(f"let go, {self.hold.forwarded} forwarded")
             self._unadvertise()  # under the lock: the next hold of this action may begin right after
             self.over = True
@@ -281,7 +257,7 @@ class Holding(threading.Thread):
     # ---- the loop
 
     def look(self) -> None:
-        scene = Scene(self.hold.action, self.ros, self.keeper.name)
+        scene = Participants(self.hold.action, self.ros, self.keeper.name)
         with self.lock:
             self.scene = scene
 

@@ -15,7 +15,7 @@ import base64
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
-from .._ros.actionlib import NO_STAMP, RECALLING
+from ..._ros.actionlib import NO_STAMP, RECALLING
 
 KEEP = 600.0  # seconds that goals are kept beyond the hold's own time
 PATIENCE = 5.0  # seconds for clients to connect to the new server: one that does not is dead or has lost interest
@@ -64,8 +64,8 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class Do:
-    """Something to do."""
+class Order:
+    """What has to be done on the network; `kind` is one of the words above."""
 
     kind: str
     goal: Goal | None = None
@@ -155,7 +155,7 @@ class Hold:
         """Whether goals must come here only: until the clients are given back."""
         return self.opened is None
 
-    def step(self, sight: Sight, now: float) -> list[Do]:
+    def step(self, sight: Sight, now: float) -> list[Order]:
         if sight.server != self.server:
             self._lose()
             self.server, self.since = sight.server, now
@@ -163,20 +163,20 @@ class Hold:
             return self._without(now)
         ready = sight.clients_ready or now - self.since > PATIENCE
         if not (self.statuses and ready):
-            return [Do(ADVERTISE)] if self.goals else []
-        todo: list[Do] = []
+            return [Order(ADVERTISE)] if self.goals else []
+        todo: list[Order] = []
         if self.opened is None:
             self.opened = now
-            todo.append(Do(OPEN))
+            todo.append(Order(OPEN))
         if not (sight.direct or now - self.opened > PATIENCE):
             self.direct = None
         elif self.direct is None:
             self.direct = now
         ours = [goal for goal in self.goals.values() if not self._theirs(goal)]
         if ours:
-            todo += self._forward(ours, sight, now) if sight.connected else [Do(ADVERTISE)]
+            todo += self._forward(ours, sight, now) if sight.connected else [Order(ADVERTISE)]
         elif self.direct is not None and now - self.direct >= LINGER:
-            todo.append(Do(FINISH))
+            todo.append(Order(FINISH))
         return todo
 
     def _theirs(self, goal: Goal) -> bool:
@@ -190,17 +190,17 @@ class Hold:
             goal.sent = goal.cancel_sent = None
             goal.recalling = False
 
-    def _without(self, now: float) -> list[Do]:
+    def _without(self, now: float) -> list[Order]:
         if now > self.until + KEEP:
-            given_up = [Do(GIVE_UP, goal) for goal in self.goals.values()]
+            given_up = [Order(GIVE_UP, goal) for goal in self.goals.values()]
             self.goals = {}
-            return [*given_up, Do(FINISH)]
+            return [*given_up, Order(FINISH)]
         if now > self.until and not self.warned:
             self.warned = True
-            return [Do(WARN)]
+            return [Order(WARN)]
         return []
 
-    def _forward(self, goals: Iterable[Goal], sight: Sight, now: float) -> list[Do]:
+    def _forward(self, goals: Iterable[Goal], sight: Sight, now: float) -> list[Order]:
         todo = []
         for goal in goals:
             if goal.sent is not None and now - goal.sent < RESEND:
@@ -210,11 +210,11 @@ class Hold:
             if goal.cancelled and goal.cancel_sent is None:
                 # The cancel first: the server then answers the goal without ever starting it.
                 goal.cancel_sent = now
-                todo.append(Do(CANCEL, goal))
+                todo.append(Order(CANCEL, goal))
             if goal.cancelled and not goal.recalling and now - (goal.cancel_sent or now) < RECALL:
                 break
             goal.sent = now
-            todo.append(Do(SEND, goal))
+            todo.append(Order(SEND, goal))
         return todo
 
     def _only_here(self, goal: Goal, sight: Sight, now: float) -> bool:

@@ -1,0 +1,150 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Goal forwarding from outside: the keeper's XML-RPC calls hold, release and state. The only way into this package.
+
+docs/goal-forwarding.md is its manual. Runs on Python 3.8 with the standard library, in pods.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, Callable, Mapping, Protocol, Sequence
+
+from ..._common.errors import RosError
+from ..._ros.raw_node import Slave
+from ..._ros.registrar import Registrar
+from . import rules
+from .forwarder import TICK, Forwarder
+from .rules import Hold
+
+FIRST = 3.0  # seconds for all clients to be connected before a hold is confirmed
+OFF = "goal forwarding is switched off (ros_master_goal_forwarding)"
+
+
+class GoalCalls(Protocol):
+    """What the keeper answers. Each reply is [code, message, value], as the slave API has it."""
+
+    def hold(self, action: str, server: str, seconds: float) -> list[Any]:
+        """Keep the goals of `action` until a server that is not the present `server` is up; how many clients."""
+
+    def release(self, action: str) -> list[Any]:
+        """Hand the goals to whatever server is there; how many were forwarded."""
+
+    def state(self) -> list[Any]:
+        """Action -> what is held of it."""
+
+
+def offer(calls: GoalCalls, slave: Slave) -> None:
+    """Let the keeper's server answer them."""
+    slave.register({"hold": calls.hold, "release": calls.release, "state": calls.state})
+
+
+class SwitchedOff:
+    """It holds nothing and says so: whoever asked goes on without."""
+
+    def hold(self, action: str, server: str, seconds: float) -> list[Any]:  # noqa: ARG002 - the call's own shape
+        return [0, OFF, 0]
+
+    def release(self, action: str) -> list[Any]:  # noqa: ARG002 - as above
+        return [1, OFF, 0]
+
+    def state(self) -> list[Any]:
+        return [1, OFF, {}]
+
+
+class GoalForwarding:
+    """All holds."""
+
+    def __init__(self, ros: Registrar, slave: Slave, save: Callable[[Any], None], log: Callable[[str], None]) -> None:
+        self.ros, self.slave, self.log = ros, slave, log
+        self.name, self.write = slave.name, save
+        self.forwarders: dict[str, Forwarder] = {}
+        self.lock = threading.RLock()
+
+    def resume(self, recorded: Sequence[Mapping[str, Any]]) -> None:
+        """Go on after a restart."""
+        for item in recorded:
+            one = Forwarder(rules.from_dict(item), item["header"], self)
+            self.forwarders[one.hold.action] = one
+            one.log(f"{len(one.hold.goals)} goals are still held")
+            one.start()
+
+    def save(self) -> None:
+        with self.lock:
+            self.write([{**one.hold.as_dict(), "header": one.header} for one in self.forwarders.values()])
+
+    def ended(self, forwarder: Forwarder) -> None:
+        with self.lock:
+            if self.forwarders.get(forwarder.hold.action) is forwarder:
+                del self.forwarders[forwarder.hold.action]
+        self.save()
+
+    # ---- the calls
+
+    def hold(self, action: str, server: str, seconds: float) -> list[Any]:
+        try:
+            old_uri = self.ros.addresses([server])[0].get(server, "")
+        except RosError as error:
+            return [0, str(error), 0]
+        until = time.time() + float(seconds)
+        with self.lock:
+            one = self.forwarders.get(action)
+            if one is None or one.over:
+                one = self.forwarders[action] = Forwarder(Hold(action, server, old_uri, until), {}, self)
+            else:
+                one.hold.again(server, old_uri, until)
+        waiting = self._first(one)
+        if not one.is_alive():
+            one.start()
+        self.save()
+        clients = len(one.scene.clients) if one.scene else 0
+        one.log(f"held for {float(seconds):g} s, from {clients} clients")
+        missing = f"{waiting} of {clients} clients are not connected" if waiting else ""
+        return [1, missing, clients - waiting]
+
+    def _first(self, one: Forwarder) -> int:
+        """Connect to all clients; the hold is true only then."""
+        end = time.monotonic() + FIRST
+        waiting = 0
+        while time.monotonic() < end:
+            try:
+                one.look()
+            except RosError as error:
+                one.log(str(error))
+            with one.lock:
+                waiting = one.connect()
+            if not waiting and all(one.is_open(key) for key in one.wanted()):
+                break
+            time.sleep(TICK / 5)
+        return waiting
+
+    def release(self, action: str) -> list[Any]:
+        with self.lock:
+            one = self.forwarders.get(action)
+        if one is None:
+            return [1, f"no goals of {action} are held", 0]
+        with one.lock:
+            one.hold.release(time.time())
+        one.wake.set()
+        one.join(FIRST)
+        kept = f"{len(one.hold.goals)} goals are kept" if one.is_alive() else ""
+        return [1, kept, one.hold.forwarded]
+
+    def state(self) -> list[Any]:
+        """What is held, for how long yet, and the server that goals go to."""
+        now = time.time()
+        with self.lock:
+            holds = [one.hold for one in self.forwarders.values()]
+        found = {
+            hold.action: {
+                "node": hold.node,
+                "held": list(hold.goals),
+                "forwarded": hold.forwarded,
+                "seconds": round(hold.until - now, 1),
+                "server": hold.server,
+            }
+            for hold in holds
+        }
+        return [1, "", found]
