@@ -12,8 +12,7 @@ import sys
 import threading
 from typing import Any, Mapping
 
-from . import families as _exporter_samples
-from . import updates as _exporter_updates
+from . import families, updates
 from .claims import Claims
 from .families import Family
 from .http import PORT, Server
@@ -26,7 +25,7 @@ OPTIONS: Mapping[str, str] = {
     "--address": "",
     "--interval": "10",
     "--timeout": "2",
-    "--updates": _exporter_updates.FILE,
+    "--updates": updates.FILE,
     "--claims": "",  # the directory of the storage class, where it is mounted
     "--capacities": "{}",  # bytes by claim, as JSON
     "--namespace": "",
@@ -54,7 +53,7 @@ class Sources:
 
     def __init__(self, chosen: Mapping[str, str]) -> None:
         uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-        self.updates = _exporter_updates.Updates(chosen["--updates"])
+        self.updates = updates.Updates(chosen["--updates"])
         self.poller = Poller(Observer(uri, float(chosen["--timeout"])), float(chosen["--interval"]), self.updates, tell)
         self.claims = Claims(chosen["--claims"], chosen["--namespace"]) if chosen["--claims"] else None
         self.capacities: dict[str, int] = json.loads(chosen["--capacities"])
@@ -70,11 +69,11 @@ class Sources:
                 thread.start()
 
     def families(self) -> list[Family]:
-        found = [*_exporter_samples.families(self.poller.snapshot), *_exporter_updates.families(self.updates.entries)]
+        found = [*families.families(self.poller.snapshot), *updates.families(self.updates.entries)]
         if self.claims is not None:
-            found += _exporter_samples.claim_families(self.claims.used, self.capacities)
+            found += families.claim_families(self.claims.used, self.capacities)
         if self.statistics is not None:
-            found += _exporter_samples.statistics_families(self.statistics.rows())
+            found += families.statistics_families(self.statistics.rows())
         return found
 
 

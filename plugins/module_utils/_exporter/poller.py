@@ -12,7 +12,7 @@ import threading
 import time
 from typing import Callable
 
-from . import snapshot as _exporter_snapshot
+from . import snapshot
 from .observer import Observer
 from .snapshot import GraphMetrics, History, Snapshot
 from .updates import Updates
@@ -87,7 +87,7 @@ class Poller(threading.Thread):
             state = self.observer.graph()
             errands = self.observer.errands(state)
         except Exception as error:  # whatever the master does, it is away
-            return _exporter_snapshot.master_away(self.memory, _exporter_snapshot.reason(error))
+            return snapshot.master_away(self.memory, snapshot.reason(error))
         answers = self.observer.answers(errands)
         # the next poll's graph is asked anew, so a node that has moved is found
-        return _exporter_snapshot.next_poll(state, answers, self.memory)
+        return snapshot.next_poll(state, answers, self.memory)

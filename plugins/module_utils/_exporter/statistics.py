@@ -15,8 +15,8 @@ import time
 from typing import Any
 
 from .._common.errors import RosError
-from .._ros import tcpros as _tcpros
-from .._ros.streams import Stream
+from .._ros.streams import TopicStream
+from .._ros.tcpros import Reader
 from .observer import CALLER, Observer
 
 TOPIC, TYPE = "/statistics", "rosgraph_msgs/TopicStatistics"
@@ -30,7 +30,7 @@ def decode(body: bytes) -> tuple[tuple[str, str, str], float, int]:
     Layout: string topic, node_pub, node_sub; time window_start, window_stop; int32 delivered, dropped, traffic;
     duration period mean, stddev, max; duration stamp_age mean, stddev, max.
     """
-    reader = _tcpros.Reader(body)
+    reader = Reader(body)
     key = (reader.text(), reader.text(), reader.text())
     reader.take(16 + 4)
     dropped = _signed(reader)
@@ -38,7 +38,7 @@ def decode(body: bytes) -> tuple[tuple[str, str, str], float, int]:
     return key, _signed(reader) + _signed(reader) / 1e9, dropped
 
 
-def _signed(reader: _tcpros.Reader) -> int:
+def _signed(reader: Reader) -> int:
     return int.from_bytes(reader.take(4), "little", signed=True)
 
 
@@ -70,7 +70,7 @@ class Statistics(threading.Thread):
         super().__init__(daemon=True, name="statistics")
         self.observer = Observer(uri, timeout)
         self.totals = Totals()
-        self.streams: dict[str, Stream] = {}
+        self.streams: dict[str, TopicStream] = {}
 
     def rows(self) -> list[tuple[tuple[str, str, str], float, int]]:
         return self.totals.rows(time.monotonic())
@@ -97,7 +97,7 @@ class Statistics(threading.Thread):
                 self._open(name, uri)
 
     def _open(self, name: str, uri: str) -> None:
-        stream = Stream(CALLER, TOPIC, uri, lambda body: self.totals.add(body, time.monotonic()))
+        stream = TopicStream(CALLER, TOPIC, uri, lambda body: self.totals.add(body, time.monotonic()))
         try:
             stream.connect(self.observer.timeout)
         except Exception:  # a publisher that hangs, or is gone: again at the next look

@@ -39,7 +39,7 @@ _MAPPED = "0000000000000000FFFF0000"  # what an IPv6 socket has in front of an I
 End = Tuple[str, int]
 
 
-class Row(NamedTuple):
+class TcpSocket(NamedTuple):
     """One TCP socket."""
 
     local: End
@@ -54,12 +54,12 @@ class Namespace:
 
     key: str
     addresses: frozenset[str]
-    rows: frozenset[Row]
+    rows: frozenset[TcpSocket]
 
     def listens(self, port: int) -> bool:
         return any(row.state == _LISTEN and row.local[1] == port for row in self.rows)
 
-    def connected(self, port: int) -> frozenset[Row]:
+    def connected(self, port: int) -> frozenset[TcpSocket]:
         return frozenset(row for row in self.rows if row.state == _ESTABLISHED and row.local[1] == port)
 
 
@@ -76,12 +76,12 @@ def _end(text: str) -> End:
     return str(ipaddress.ip_address(packed)), int(port, 16)
 
 
-def tcp_rows(text: str) -> Iterator[Row]:
+def tcp_rows(text: str) -> Iterator[TcpSocket]:
     """The rows of /proc/<pid>/net/tcp or tcp6."""
     for line in text.splitlines()[1:]:
         fields = line.split()
         if len(fields) >= 10:
-            yield Row(_end(fields[1]), _end(fields[2]), fields[3], fields[9])
+            yield TcpSocket(_end(fields[1]), _end(fields[2]), fields[3], fields[9])
 
 
 def local_addresses(text: str) -> Iterator[str]:

@@ -13,9 +13,8 @@ from .._common.errors import RosError
 from .._ros import registrations
 from .._ros.graph import MasterState, master_state
 from .._ros.registrar import Registrar
-from .._ros.registrations import Answer, Call, Entry
-from . import keeper_memory as memory_rules
-from . import keeper_params as params
+from .._ros.registrations import Call, Entry, Liveness
+from . import keeper_memory
 from .keeper_record import Record
 
 LOOK = 1.0  # seconds between looks at the master,
@@ -34,7 +33,7 @@ class Keeper:
         self, ros: Registrar, record: Record, log: Callable[[str], None], now: Callable[[], float] = time.time
     ) -> None:
         self.ros, self.record, self.log, self.now = ros, record, log, now
-        self.memory = memory_rules.from_dict(record.load("registrations"))
+        self.memory = keeper_memory.from_dict(record.load("registrations"))
         self.saved: Any = None
         self.params: str = str(record.load("parameters") or "")
         self.params_at = 0.0
@@ -43,7 +42,7 @@ class Keeper:
         self.present: dict[str, Entry] = {}
         self.looked_up = 0.0
         self.probing: threading.Thread | None = None
-        self.probed: tuple[dict[str, Entry], dict[str, Answer]] | None = None
+        self.probed: tuple[dict[str, Entry], dict[str, Liveness]] | None = None
 
     def step(self) -> float:
         """One look; seconds until the next one."""
@@ -111,9 +110,9 @@ class Keeper:
     def _replay(self, now: float) -> None:
         """After a restart of the master: parameters first, which nodes that start now will read."""
         start = time.monotonic()
-        wanted = params.tree_of(self.params)
+        wanted = keeper_memory.parameters_of(self.params)
         tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
-        todo = list(params.absent(wanted, tree))
+        todo = list(keeper_memory.absent_parameters(wanted, tree))
         for (name, _value), result in zip(
             todo, self.ros.calls([("setParam", self.ros.caller, name, value) for name, value in todo])
         ):
@@ -166,7 +165,7 @@ class Keeper:
     def _ask(self, entries: dict[str, Entry]) -> None:
         self.probed = (entries, self.ros.ask(entries, PROBE, own_word=False))
 
-    def _reap(self, node: str, answer: Answer, now: float) -> None:
+    def _reap(self, node: str, answer: Liveness, now: float) -> None:
         entry = self.memory.nodes[node]
         registered = self.ros.snapshot().get(node)
         if registered is None or registered.uri != entry.uri:
@@ -177,7 +176,7 @@ class Keeper:
         self.state = None
         self.log(f"removed {said(plan.calls)}: {registrations.alive(entry, answer)}")
 
-    def _revive(self, node: str, answer: Answer) -> None:
+    def _revive(self, node: str, answer: Liveness) -> None:
         self.present = self._without_us(self.ros.snapshot())
         need = registrations.missing({node: self.memory.revive(node)}, self.present)
         calls = self._restore(need)
@@ -190,7 +189,7 @@ class Keeper:
         tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
         if isinstance(tree, RosError):
             return
-        text = params.recorded(tree)
+        text = keeper_memory.parameters_text(tree)
         if text != self.params:
             self.params = text
             self.record.save("parameters", text)
@@ -202,9 +201,9 @@ class Keeper:
             self.saved = content
 
 
-def replaced(answer: Answer) -> Answer:
+def replaced(answer: Liveness) -> Liveness:
     """The answer of somebody else at a node's address, as what it means for the node."""
-    return answer if answer.verdict == registrations.DEAD else Answer(registrations.DEAD, answer.reason)
+    return answer if answer.verdict == registrations.DEAD else Liveness(registrations.DEAD, answer.reason)
 
 
 def said(calls: Iterable[Call]) -> str:

@@ -1,24 +1,27 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the keeper knows of one ROS graph, and what follows from each look at it. Pure: time is told to it.
+"""What the keeper knows of one ROS graph and its parameters, and what follows from each look. Pure: time is told to it.
 
 It brings back a registration only if its node lives and has it by its own word, and takes one away only of a node that
-is gone for certain; see _registrations. Runs on Python 3.8 with the standard library, in pods.
+is gone for certain; see `registrations`. Runs on Python 3.8 with the standard library, in pods.
 """
 
 from __future__ import annotations
 
+import xmlrpc.client
 from dataclasses import dataclass, field, replace
-from typing import Any, Mapping
+from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
-from .._ros.registrations import Answer, Entry, Plan
+from .._ros.registrations import Entry, Liveness, Plan
 
 AGAIN = 5.0  # seconds between two looks at a node, at least
 PERIOD = 10.0  # seconds between looks at a node that answered
 MEMORY = 86400.0  # seconds that a removed node is remembered
 REMEMBERED = 200
+# The master's own: roscore sets them anew, and they name the run.
+OWN = frozenset({"run_id", "rosversion", "rosdistro", "roslaunch"})
 
 
 @dataclass
@@ -88,7 +91,7 @@ class Memory:
         self,
         need: Mapping[str, Entry],
         present: Mapping[str, Entry],
-        answers: Mapping[str, Answer],
+        answers: Mapping[str, Liveness],
         restarted: float = 0,
     ) -> Plan:
         """The calls that bring back what was lost. What a node says it no longer has is over, and what the dead had.
@@ -133,7 +136,7 @@ class Memory:
         return found
 
     def judge(
-        self, asked: Mapping[str, Entry], answers: Mapping[str, Answer], now: float
+        self, asked: Mapping[str, Entry], answers: Mapping[str, Liveness], now: float
     ) -> tuple[list[str], list[str]]:
         """Nodes to remove, having been gone twice, and removed ones that are back."""
         gone, back = [], []
@@ -196,3 +199,31 @@ def from_dict(data: Any) -> Memory:
         )
     except (AttributeError, KeyError, TypeError, ValueError):
         return Memory()
+
+
+# ---- parameters
+
+
+def parameters_text(tree: Any) -> str:
+    """The parameter tree as XML-RPC's own text: JSON has neither its dates nor its binary data."""
+    kept = {key: value for key, value in tree.items() if key not in OWN} if isinstance(tree, Mapping) else {}
+    return xmlrpc.client.dumps((kept,), allow_none=True)
+
+
+def parameters_of(text: str) -> dict[str, Any]:
+    """The reverse of parameters_text()."""
+    tree = xmlrpc.client.loads(text, use_builtin_types=False)[0][0] if text else {}
+    return dict(tree) if isinstance(tree, Mapping) else {}
+
+
+def absent_parameters(wanted: Mapping[str, Any], present: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """(name, value) of what `present` does not have. A value that is there is left as it is."""
+    there = present if isinstance(present, Mapping) else {}
+    for key, value in sorted(wanted.items()):
+        if not path and key in OWN:
+            continue
+        name = f"{path}/{key}"
+        if key not in there:
+            yield name, value
+        elif isinstance(value, Mapping) and isinstance(there[key], Mapping):
+            yield from absent_parameters(value, there[key], name)

@@ -15,18 +15,18 @@ import select
 import socket
 import xmlrpc.client
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any, Iterable, Mapping
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
 from .._ros.graph import Node, Questions, StatusReading, connections
 from .._ros.rpc import Api, Deadline, reason, tell_publishers
-from .sockets import established
 from .state import load_state, save_state
 
 TIMEOUT = 2.0
-CALLER = "/rosops_fleet_hook"
+CALLER = "/rosops_fleet_pod"
+ESTABLISHED = "01"  # Linux, include/net/tcp_states.h
 REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
 
 
@@ -149,3 +149,17 @@ class OwnNode:
         with contextlib.suppress(OSError), Api(self.uri, CALLER, Deadline(TIMEOUT)) as api:
             api.http.request("POST", api.path, body, {"Content-Type": "text/xml"})
             select.select([api.http.sock], [], [], REPLY)
+
+
+def established(tables: Iterable[str], ports: set[int]) -> int:
+    """Connections that peers hold to one of our ports, in the text of /proc/net/tcp and /proc/net/tcp6.
+
+    A row is `sl local_address rem_address st ...`, an address is `<hex>:<port in hex>`.
+    """
+    found = 0
+    for table in tables:
+        for row in table.splitlines()[1:]:
+            fields = row.split()
+            if len(fields) > 3 and fields[3] == ESTABLISHED and int(fields[1].rpartition(":")[2], 16) in ports:
+                found += 1
+    return found

@@ -15,8 +15,19 @@ from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
-from . import graph as _graph
-from .graph import Graph, MasterState, NodeAnswer, Questions, Rate, ServiceProbe, StatusReading
+from .graph import (
+    BUSY_STATES,
+    Graph,
+    MasterState,
+    NodeAnswer,
+    Questions,
+    Rate,
+    ServiceProbe,
+    StatusReading,
+    action_of,
+    build,
+    shared_uris,
+)
 from .master import Master
 from .rpc import Api, Deadline, TimedSocket, in_parallel, reason
 from .streams import count_messages
@@ -37,11 +48,11 @@ class Ros1Client(Master):
 
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
         """Everything that is wanted, of all peers at the same time."""
-        actions = {name: _graph.action_of(state, name).servers for name in wanted.actions}
+        actions = {name: action_of(state, name).servers for name in wanted.actions}
         servers = {server for names in actions.values() for server in names}
         uris, service_uris = self.look_up(sorted({*wanted.nodes, *servers}), wanted.services)
         known = {name: uri for name, uri in uris.items() if isinstance(uri, str)}
-        doubtful = _graph.shared_uris(known)
+        doubtful = shared_uris(known)
         tasks: dict[Any, Callable[[], Any]] = {}
         for name, calls in wanted.nodes.items():
             asked = calls | {"types"} if name in doubtful else calls
@@ -70,7 +81,7 @@ class Ros1Client(Master):
                 statuses[key[1]][key[2]] = result
         answers = {key[1]: result for key, result in results.items() if key[0] == "node"}
         probes = {key[1]: result for key, result in results.items() if key[0] == "service"}
-        return _graph.build(state, answers, probes, statuses)
+        return build(state, answers, probes, statuses)
 
     def _node(self, uri: Any, asked: frozenset[str]) -> NodeAnswer:
         try:
@@ -102,7 +113,7 @@ class Ros1Client(Master):
             with subscribe_status(action, _address(uri), self.caller, Deadline(self.timeout)) as sock:
                 while len(readings) < 2:
                     readings.append(read_states(sock))
-                    if _graph.BUSY_STATES.intersection(readings[-1]):
+                    if BUSY_STATES.intersection(readings[-1]):
                         break
         except (OSError, RosError) as error:
             if not readings:

@@ -17,7 +17,7 @@ from .._common.errors import RosError
 from . import registrations
 from .graph import MasterState, topic_types
 from .master import Master
-from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Answer, Call, Entry
+from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Call, Entry, Liveness
 from .rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .transport import greet
 
@@ -73,30 +73,30 @@ class Registrar(Master):
 
     # ---- nodes
 
-    def ask(self, entries: Mapping[str, Entry], timeout: float = 0.0, own_word: bool = True) -> dict[str, Answer]:
+    def ask(self, entries: Mapping[str, Entry], timeout: float = 0.0, own_word: bool = True) -> dict[str, Liveness]:
         """What the nodes say of themselves, all at the same time."""
         seconds = timeout or self.timeout
 
-        def failed(node: Any, error: BaseException) -> Answer:
+        def failed(node: Any, error: BaseException) -> Liveness:
             dead = isinstance(error, OSError) and error.errno in _GONE
-            return Answer(DEAD if dead else UNKNOWN, reason(error, entries[node].uri, seconds))
+            return Liveness(DEAD if dead else UNKNOWN, reason(error, entries[node].uri, seconds))
 
-        tasks: dict[Any, Callable[[], Answer]] = {
+        tasks: dict[Any, Callable[[], Liveness]] = {
             node: partial(self._node, node, entry, seconds, own_word) for node, entry in entries.items()
         }
         return in_parallel(tasks, seconds, failed)
 
-    def _node(self, name: str, entry: Entry, seconds: float, own_word: bool) -> Answer:
+    def _node(self, name: str, entry: Entry, seconds: float, own_word: bool) -> Liveness:
         deadline = Deadline(seconds)
         with Api(entry.uri, self.caller, deadline) as api:
             pid = api.process()
             if not own_word:
-                return Answer(ALIVE, "", pid)
+                return Liveness(ALIVE, "", pid)
             publications, subscriptions = (_names(api, method) for method in ("getPublications", "getSubscriptions"))
         services = frozenset(
             service for service, uri in entry.services.items() if self._serves(name, service, uri, deadline)
         )
-        return Answer(ALIVE, "", pid, publications, subscriptions, services)
+        return Liveness(ALIVE, "", pid, publications, subscriptions, services)
 
     def _serves(self, node: str, service: str, uri: str, deadline: Deadline) -> bool:
         """Whether the address answers for this service, in this node's name; the service itself is not called."""

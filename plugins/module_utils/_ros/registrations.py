@@ -57,7 +57,7 @@ Snapshot = Mapping[str, Entry]  # node -> what it has registered
 
 
 @dataclass(frozen=True)
-class Answer:
+class Liveness:
     """What a node said when it was asked. None in a field: it does not say, or was not asked."""
 
     verdict: str
@@ -185,7 +185,7 @@ def _without(wanted: Mapping[str, str], there: Mapping[str, str]) -> dict[str, s
 # ---- decisions
 
 
-def alive(entry: Entry, answer: Answer) -> str:
+def alive(entry: Entry, answer: Liveness) -> str:
     """Nothing if it is this very process that answered; else why not."""
     if answer.verdict != ALIVE:
         return answer.reason or "it does not answer"
@@ -194,12 +194,12 @@ def alive(entry: Entry, answer: Answer) -> str:
     return ""
 
 
-def gone(entry: Entry, answer: Answer) -> str:
+def gone(entry: Entry, answer: Liveness) -> str:
     """Why this very process is gone for certain; nothing if it is there or may be."""
     return alive(entry, answer) if answer.verdict in (DEAD, ALIVE) else ""
 
 
-def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Answer]) -> Plan:
+def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Liveness]) -> Plan:
     """Calls that register what is missing of nodes that live, and have it by their own word."""
     skipped: dict[str, str] = {}
     living: dict[str, Entry] = {}
@@ -209,7 +209,7 @@ def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Answer]) ->
             # registering the old address would make the master shut the newer process down
             skipped[node] = f"its name is registered from {there.uri} now"
             continue
-        answer = answers.get(node, Answer(UNKNOWN, "it was not asked"))
+        answer = answers.get(node, Liveness(UNKNOWN, "it was not asked"))
         why = alive(entry, answer)
         if why:
             skipped[node] = why
@@ -220,7 +220,7 @@ def restore(need: Snapshot, present: Snapshot, answers: Mapping[str, Answer]) ->
     return Plan(_ordered(living), skipped)
 
 
-def _own_word(entry: Entry, answer: Answer) -> tuple[Entry, list[str]]:
+def _own_word(entry: Entry, answer: Liveness) -> tuple[Entry, list[str]]:
     """The part of an entry that the node confirms, and the names of the rest."""
 
     def kept(part: Mapping[str, str], own: frozenset[str] | None) -> dict[str, str]:
@@ -236,7 +236,7 @@ def _own_word(entry: Entry, answer: Answer) -> tuple[Entry, list[str]]:
     return confirmed, sorted(set(left))
 
 
-def remove(present: Snapshot, answers: Sequence[Mapping[str, Answer]]) -> Plan:
+def remove(present: Snapshot, answers: Sequence[Mapping[str, Liveness]]) -> Plan:
     """Calls that take back what nodes left behind that are gone in every one of the `answers`."""
     skipped: dict[str, str] = {}
     stale: dict[str, Entry] = {}
@@ -245,7 +245,7 @@ def remove(present: Snapshot, answers: Sequence[Mapping[str, Answer]]) -> Plan:
         if len(asked) == len(answers) and all(gone(entry, answer) for answer in asked):
             stale[node] = entry
         else:
-            last = asked[-1] if asked else Answer(UNKNOWN, "it was not asked")
+            last = asked[-1] if asked else Liveness(UNKNOWN, "it was not asked")
             skipped[node] = alive(entry, last) or "it answers"
     return Plan(_ordered(stale, remove=True), skipped)
 

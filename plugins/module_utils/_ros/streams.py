@@ -26,7 +26,7 @@ MAX_MESSAGE = 64 * 1024 * 1024
 SILENCE = 86400.0  # a stream that is silent for a day is connected anew
 
 
-class Stream(threading.Thread):
+class TopicStream(threading.Thread):
     """The messages of one publisher, handed to `receive` one by one, until it ends or is closed."""
 
     def __init__(self, caller: str, topic: str, uri: str, receive: Callable[[bytes], None]) -> None:

@@ -28,7 +28,7 @@ from ..._ros.graph import connections
 from ..._ros.raw_node import Slave
 from ..._ros.registrar import Registrar
 from ..._ros.rpc import Api, Deadline, reason, tell_publishers
-from ..._ros.streams import Stream
+from ..._ros.streams import TopicStream
 from . import rules
 from .participants import Participants
 from .rules import Goal, Hold, Order, Sight
@@ -69,7 +69,7 @@ class Forwarder(threading.Thread):
         self.ros, self.slave = keeper.ros, keeper.slave
         self.lock = keeper.lock  # one for all: whoever saves the record reads every hold
         self.wake = threading.Event()
-        self.streams: dict[tuple[str, str], Stream] = {}
+        self.streams: dict[tuple[str, str], TopicStream] = {}
         self.tried: dict[tuple[str, str], float] = {}
         self.pending: set[tuple[str, str]] = set()
         self.complained: set[tuple[str, str]] = set()
@@ -119,7 +119,7 @@ class Forwarder(threading.Thread):
 
     def _connect(self, key: tuple[str, str], caller: str, topic: str) -> None:
         role, uri = key
-        stream = Stream(caller, topic, uri, partial(self._received, role, uri))
+        stream = TopicStream(caller, topic, uri, partial(self._received, role, uri))
         try:
             stream.connect(CONNECT)
         except Exception as error:  # whatever a publisher provokes, the next look tries it again

@@ -13,9 +13,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations im
     ALIVE,
     DEAD,
     UNKNOWN,
-    Answer,
     Call,
     Entry,
+    Liveness,
 )
 from ansible_collections.rosops.fleet.plugins.modules import ros_registrations
 
@@ -29,7 +29,7 @@ GRAPH = {
 
 class FakeRos:
     there: dict[str, Entry] = {}  # noqa: RUF012 - one per test
-    answers: dict[str, list[Answer]] = {}  # noqa: RUF012
+    answers: dict[str, list[Liveness]] = {}  # noqa: RUF012
     applied: list[Call] = []  # noqa: RUF012
 
     def __init__(self, uri: str, timeout: float) -> None:
@@ -40,7 +40,7 @@ class FakeRos:
     def snapshot(self) -> dict[str, Entry]:
         return dict(self.there)
 
-    def ask(self, entries: dict[str, Entry], seconds: float = 0.0, own_word: bool = True) -> dict[str, Answer]:
+    def ask(self, entries: dict[str, Entry], seconds: float = 0.0, own_word: bool = True) -> dict[str, Liveness]:
         del own_word
         assert not seconds or seconds >= 5
         return {node: self.answers[node].pop(0) for node in entries}
@@ -56,7 +56,7 @@ class Run:
         monkeypatch.setattr(ros_registrations, "Registrar", FakeRos)
         monkeypatch.setattr(ros_registrations, "BETWEEN_LOOKS", 0)
 
-    def __call__(self, there: dict[str, Entry], answers: dict[str, list[Answer]], **params: Any) -> dict[str, Any]:
+    def __call__(self, there: dict[str, Entry], answers: dict[str, list[Liveness]], **params: Any) -> dict[str, Any]:
         for name, value in (("there", there), ("answers", answers), ("applied", self.applied)):
             self.monkeypatch.setattr(FakeRos, name, value)
         with patch_module_args(params), pytest.raises(SystemExit):
@@ -70,8 +70,8 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     return Run(monkeypatch, capsys)
 
 
-def living() -> Answer:
-    return Answer(ALIVE, "", 7, frozenset({"/a"}), frozenset(), frozenset({"/s"}))
+def living() -> Liveness:
+    return Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset(), frozenset({"/s"}))
 
 
 def test_present_restores(run: Run) -> None:
@@ -102,14 +102,14 @@ def test_present_of_named_nodes(run: Run) -> None:
 @pytest.mark.parametrize(
     ("answers", "nodes", "removed", "skipped"),
     [
-        ([Answer(DEAD, "refused"), Answer(DEAD, "refused")], [], 1, []),
-        ([Answer(DEAD, "refused"), living()], [], 0, ["/n"]),
-        ([Answer(UNKNOWN, "late")], [], 0, ["/n"]),
+        ([Liveness(DEAD, "refused"), Liveness(DEAD, "refused")], [], 1, []),
+        ([Liveness(DEAD, "refused"), living()], [], 0, ["/n"]),
+        ([Liveness(UNKNOWN, "late")], [], 0, ["/n"]),
         ([living()], [], 0, []),
         ([living()], ["/n"], 0, ["/n"]),  # somebody wanted it gone, and has to know
     ],
 )
-def test_absent(run: Run, answers: list[Answer], nodes: list[str], removed: int, skipped: list[str]) -> None:
+def test_absent(run: Run, answers: list[Liveness], nodes: list[str], removed: int, skipped: list[str]) -> None:
     result = run({"/n": Entry(URI, None, {"/a": "x/A"})}, {"/n": answers}, state="absent", nodes=nodes)
     assert (result["changed"], len(result["removed"]), len(run.applied)) == (bool(removed), removed, removed)
     assert [entry["node"] for entry in result["skipped"]] == skipped

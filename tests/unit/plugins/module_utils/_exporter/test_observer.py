@@ -9,7 +9,7 @@ import time
 from typing import Any, Iterator
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer as _exporter_ros
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter import observer
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import CALLER, Observer, own_connections
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.poller import Poller
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates
@@ -75,7 +75,7 @@ def test_good_and_bad_nodes_side_by_side(peers: Peers) -> None:
 
 
 def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_exporter_ros, "AT_ONCE", 3)
+    monkeypatch.setattr(observer, "AT_ONCE", 3)
     lock, now, most = threading.Lock(), [0], [0]
 
     def slow(*_args: Any) -> Any:
@@ -95,7 +95,7 @@ def test_only_so_many_at_once(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_many_that_hang_take_their_turns_and_end(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_exporter_ros, "AT_ONCE", 2)
+    monkeypatch.setattr(observer, "AT_ONCE", 2)
     nodes = {f"/hung{i}": f"http://127.0.0.1:{peers.hung()}/" for i in range(4)}
     made = poller(peers, {**nodes, "/good": peers.api("good", node())}, 0.3)
     made.poll()

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host.service_sockets import (
     Namespace,
-    Row,
     ServiceConnections,
+    TcpSocket,
     local_addresses,
     namespaces,
     persistent,
@@ -100,8 +100,8 @@ def test_rows_of_both_families() -> None:
     mapped = "0000000000000000FFFF0000" + end(POD, 1)[:8]
     text = HEADER + line((POD, PORT), ("10.42.0.3", 55000)) + f"  1: {mapped}:9CC5 {mapped}:0001 01 0:0 0:0 0 0 0 8 1\n"
     assert list(tcp_rows(text)) == [
-        Row((POD, PORT), ("10.42.0.3", 55000), "01", "7"),
-        Row((POD, PORT), (POD, 1), "01", "8"),
+        TcpSocket((POD, PORT), ("10.42.0.3", 55000), "01", "7"),
+        TcpSocket((POD, PORT), (POD, 1), "01", "8"),
     ]
     loopback = "0" * 24 + f"{struct.unpack('=I', bytes([0, 0, 0, 1]))[0]:08X}"
     assert next(tcp_rows(HEADER + f" 0: {loopback}:0001 {loopback}:0002 01 0 0 0 0 0 9 1\n")).local == ("::1", 1)
@@ -174,16 +174,16 @@ def test_a_namespace_of_its_own_as_a_pod_has_one() -> None:
 # ---- what they say
 
 
-def space(*rows: Row, key: str = "pod", address: str = POD) -> dict[str, Namespace]:
-    listening = Row((ANYWHERE, PORT), (ANYWHERE, 0), "0A", "1")
+def space(*rows: TcpSocket, key: str = "pod", address: str = POD) -> dict[str, Namespace]:
+    listening = TcpSocket((ANYWHERE, PORT), (ANYWHERE, 0), "0A", "1")
     return {key: Namespace(key, frozenset({address, "127.0.0.1"}), frozenset({listening, *rows}))}
 
 
-def held(port: int, inode: str = "7", local: int = PORT) -> Row:
-    return Row((POD, local), ("10.42.0.3", port), "01", inode)
+def held(port: int, inode: str = "7", local: int = PORT) -> TcpSocket:
+    return TcpSocket((POD, local), ("10.42.0.3", port), "01", inode)
 
 
-ENDING = Row((POD, PORT), ("10.42.0.3", 1), "06", "0")
+ENDING = TcpSocket((POD, PORT), ("10.42.0.3", 1), "06", "0")
 
 
 @pytest.mark.parametrize(

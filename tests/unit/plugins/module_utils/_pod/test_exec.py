@@ -11,9 +11,9 @@ import time
 from pathlib import Path
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import exec as _hook_exec
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import exec as exec_command
 
-CODE = Path(_hook_exec.__file__).read_text("utf-8")
+CODE = Path(exec_command.__file__).read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ CODE = Path(_hook_exec.__file__).read_text("utf-8")
     ],
 )
 def test_the_masters_address(uri: str, address: tuple[str, int]) -> None:
-    assert _hook_exec.address_of({"ROS_MASTER_URI": uri}) == address
+    assert exec_command.address_of({"ROS_MASTER_URI": uri}) == address
 
 
 def test_every_attempt_is_a_new_one_until_one_succeeds() -> None:
@@ -34,8 +34,8 @@ def test_every_attempt_is_a_new_one_until_one_succeeds() -> None:
     def sleep(seconds: float) -> None:
         clock[0] += seconds
 
-    assert _hook_exec.wait(lambda: next(answers), 30, lambda: clock[0], sleep)
-    assert clock[0] == pytest.approx(2 * _hook_exec.PAUSE)
+    assert exec_command.wait(lambda: next(answers), 30, lambda: clock[0], sleep)
+    assert clock[0] == pytest.approx(2 * exec_command.PAUSE)
 
 
 def test_a_master_that_stays_away_is_not_waited_for_for_ever() -> None:
@@ -44,7 +44,7 @@ def test_a_master_that_stays_away_is_not_waited_for_for_ever() -> None:
     def sleep(seconds: float) -> None:
         clock[0] += seconds
 
-    assert not _hook_exec.wait(lambda: False, 30, lambda: clock[0], sleep)
+    assert not exec_command.wait(lambda: False, 30, lambda: clock[0], sleep)
     assert 30 <= clock[0] < 31
 
 

@@ -10,7 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, NodeAnswer, Rate, ServiceProbe
-from ansible_collections.rosops.fleet.tests.unit.plugins.hook_graph import (
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     OWN,
     PUBLISHER,
     SUBSCRIBER,

@@ -8,16 +8,21 @@ import json
 import xmlrpc.client
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_memory as rules
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_params as params
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_memory
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import Memory
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import ALIVE, DEAD, UNKNOWN, Answer, Entry
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
+    ALIVE,
+    DEAD,
+    UNKNOWN,
+    Entry,
+    Liveness,
+)
 
 URI, OTHER = "http://10.0.0.1:1/", "http://10.0.0.1:2/"
 ENTRY = Entry(URI, None, {"/a": "x/A"}, {"/b": "x/B"}, {"/s": "rosrpc://10.0.0.1:3"})
-YES = Answer(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset({"/s"}))
-GONE, LATE = Answer(DEAD, "refused"), Answer(UNKNOWN, "late")
+YES = Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset({"/s"}))
+GONE, LATE = Liveness(DEAD, "refused"), Liveness(UNKNOWN, "late")
 
 
 def memory(**nodes: Entry) -> Memory:
@@ -49,11 +54,11 @@ def test_without_a_restart_it_takes_two_looks() -> None:
         (GONE, 0.0, set(), set()),  # it left
         (GONE, 9.0, set(), {"/n"}),  # it was away when the master came back
         (LATE, 9.0, {"/n"}, set()),
-        (Answer(ALIVE, "", 7, frozenset(), frozenset(), frozenset()), 0.0, set(), set()),  # it gave all of it up
-        (Answer(ALIVE, "", 7, frozenset({"/a"}), frozenset(), frozenset()), 0.0, {"/n"}, set()),
+        (Liveness(ALIVE, "", 7, frozenset(), frozenset(), frozenset()), 0.0, set(), set()),  # it gave all of it up
+        (Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset(), frozenset()), 0.0, {"/n"}, set()),
     ],
 )
-def test_what_is_not_restored(answer: Answer, restarted: float, left: set[str], removed: set[str]) -> None:
+def test_what_is_not_restored(answer: Liveness, restarted: float, left: set[str], removed: set[str]) -> None:
     it = memory(n=ENTRY)
     it.settle({"/n": it.nodes["/n"]}, {}, {"/n": answer}, restarted)
     assert (set(it.nodes), set(it.removed)) == (left, removed)
@@ -81,7 +86,7 @@ def test_a_newer_process_takes_the_name() -> None:
     assert it.nodes["/n"] == Entry(URI, 10, {"/a": "x/A"})
 
 
-def looks(it: Memory, *answers: tuple[float, Answer]) -> tuple[list[str], list[str]]:
+def looks(it: Memory, *answers: tuple[float, Liveness]) -> tuple[list[str], list[str]]:
     result: tuple[list[str], list[str]] = ([], [])
     for now, answer in answers:
         due = it.due({"/n": ENTRY}, now)
@@ -98,10 +103,10 @@ def looks(it: Memory, *answers: tuple[float, Answer]) -> tuple[list[str], list[s
         ([(0.0, GONE), (5.0, LATE)], False),
         ([(0.0, GONE), (5.0, YES), (15.0, GONE)], False),  # it starts from the beginning
         ([(0.0, LATE), (10.0, LATE), (20.0, LATE), (30.0, LATE)], False),
-        ([(0.0, Answer(ALIVE, "", 8)), (5.0, Answer(ALIVE, "", 8))], True),  # another process
+        ([(0.0, Liveness(ALIVE, "", 8)), (5.0, Liveness(ALIVE, "", 8))], True),  # another process
     ],
 )
-def test_who_is_gone(answers: list[tuple[float, Answer]], gone: bool) -> None:
+def test_who_is_gone(answers: list[tuple[float, Liveness]], gone: bool) -> None:
     assert looks(memory(n=ENTRY), *answers) == (["/n"] if gone else [], [])
 
 
@@ -109,11 +114,11 @@ def test_the_very_same_process_comes_back() -> None:
     it = memory(n=ENTRY)
     it.bury("/n", 0.0)
     assert it.due({}, 5.0) == {}
-    assert looks(it, (10.0, Answer(ALIVE, "", 8))) == ([], [])  # somebody else at that address
-    assert looks(it, (20.0, Answer(ALIVE, "", 7))) == ([], ["/n"])
+    assert looks(it, (10.0, Liveness(ALIVE, "", 8))) == ([], [])  # somebody else at that address
+    assert looks(it, (20.0, Liveness(ALIVE, "", 7))) == ([], ["/n"])
     assert it.revive("/n") == it.nodes["/n"]
     it.bury("/n", 0.0)
-    assert it.due({}, rules.MEMORY + 1) == {}
+    assert it.due({}, keeper_memory.MEMORY + 1) == {}
     assert it.removed == {}
 
 
@@ -121,12 +126,12 @@ def test_the_record(tmp_path: object) -> None:
     it = memory(n=ENTRY, m=Entry(OTHER, None, {"/a": "x/A"}))
     it.bury("/m", 3.0)
     record = Record(str(tmp_path))
-    assert rules.from_dict(record.load("registrations")) == Memory()
+    assert keeper_memory.from_dict(record.load("registrations")) == Memory()
     record.save("registrations", it.as_dict())
-    back = rules.from_dict(record.load("registrations"))
+    back = keeper_memory.from_dict(record.load("registrations"))
     assert (back.master, back.nodes, back.removed) == (it.master, it.nodes, it.removed)
     (record.directory / "registrations.json").write_text('{"nodes":')
-    assert rules.from_dict(record.load("registrations")) == Memory()
+    assert keeper_memory.from_dict(record.load("registrations")) == Memory()
     assert json.loads(json.dumps(it.as_dict())) == it.as_dict()
 
 
@@ -139,15 +144,15 @@ def test_parameters_that_are_absent() -> None:
         "run_id": "old",
         "data": xmlrpc.client.Binary(b"\0"),
     }
-    wanted = params.tree_of(params.recorded(tree))
+    wanted = keeper_memory.parameters_of(keeper_memory.parameters_text(tree))
     assert "run_id" not in wanted
     present = {"robot": {"name": "since", "map": {}}, "run_id": "new"}
-    assert dict(params.absent(wanted, present)) == {
+    assert dict(keeper_memory.absent_parameters(wanted, present)) == {
         "/data": xmlrpc.client.Binary(b"\0"),
         "/robot/map/x": 1.5,
         "/robot/wheels": 4,
     }
-    assert list(params.absent(wanted, tree)) == []
-    assert params.tree_of("") == {}
+    assert list(keeper_memory.absent_parameters(wanted, tree)) == []
+    assert keeper_memory.parameters_of("") == {}
     # a value in the place of a tree is left as it is
-    assert list(params.absent({"a": {"b": 1}}, {"a": 2})) == []
+    assert list(keeper_memory.absent_parameters({"a": {"b": 1}}, {"a": 2})) == []

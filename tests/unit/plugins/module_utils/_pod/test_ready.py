@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Iterator
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import ready as hook
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import ready as ready_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.command import run_command
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, read_request
@@ -35,8 +35,8 @@ def peers() -> Iterator[Peers]:
 
 
 def test_the_process_id_of_a_node(peers: Peers) -> None:
-    assert hook.process_at(peers.api("rospy", {"getPid": [1, "", 4711]})) == 4711
-    assert hook.process_at(peers.api("closing", {"getPid": [1, "", 4711]}, keep=False)) == 4711
+    assert ready_command.process_at(peers.api("rospy", {"getPid": [1, "", 4711]})) == 4711
+    assert ready_command.process_at(peers.api("closing", {"getPid": [1, "", 4711]}, keep=False)) == 4711
 
 
 def test_roscpps_way_to_write_it(peers: Peers) -> None:
@@ -54,29 +54,29 @@ def test_roscpps_way_to_write_it(peers: Peers) -> None:
             time.sleep(0.01)
         time.sleep(0.5)  # it keeps the connection
 
-    assert hook.process_at(f"http://127.0.0.1:{peers.tcp(talk)}/") == 4711
+    assert ready_command.process_at(f"http://127.0.0.1:{peers.tcp(talk)}/") == 4711
 
 
 @pytest.mark.parametrize("reply", [[0, "no", 0], [-1, "no", 0], [1, "", "4711"], 4711, [1, "", [1, 2]]])
 def test_what_is_no_process_id(peers: Peers, reply: Any) -> None:
     with pytest.raises(ValueError):
-        hook.process_at(peers.api("odd", {"getPid": reply}))
+        ready_command.process_at(peers.api("odd", {"getPid": reply}))
 
 
 def test_peers_that_are_dead_hung_or_endless(peers: Peers) -> None:
     with pytest.raises(ConnectionRefusedError):
-        hook.process_at(f"http://127.0.0.1:{peers.dead()}/")
+        ready_command.process_at(f"http://127.0.0.1:{peers.dead()}/")
     began = time.monotonic()
     with pytest.raises(OSError):
-        hook.process_at(f"http://127.0.0.1:{peers.hung()}/", 0.2)
+        ready_command.process_at(f"http://127.0.0.1:{peers.hung()}/", 0.2)
     drip = peers.tcp(lambda sock: [sock.sendall(b"x") or time.sleep(0.02) for _byte in range(500)])
     with pytest.raises(OSError):
-        hook.process_at(f"http://127.0.0.1:{drip}/", 0.2)
+        ready_command.process_at(f"http://127.0.0.1:{drip}/", 0.2)
     assert time.monotonic() - began < 2
     with pytest.raises(ValueError):
-        hook.process_at(f"http://127.0.0.1:{peers.tcp(lambda sock: sock.sendall(b'x' * 100000))}/")
+        ready_command.process_at(f"http://127.0.0.1:{peers.tcp(lambda sock: sock.sendall(b'x' * 100000))}/")
     with pytest.raises(ValueError):
-        hook.process_at("nonsense")
+        ready_command.process_at("nonsense")
 
 
 # ---- the verdict
@@ -103,7 +103,7 @@ def unready(
         called.append("run")
         return said
 
-    return hook.unready({**SETTINGS, **settings}, ask, run, find), called
+    return ready_command.unready({**SETTINGS, **settings}, ask, run, find), called
 
 
 KNOWN = {"uri": "http://u", "pid": 7}
@@ -129,12 +129,14 @@ def test_where_no_node_is_expected_only_the_command_counts() -> None:
 
 def test_main_says_why(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(
-        hook, "load_settings", lambda _environ: {**SETTINGS, "expect_node": False, "command": ["false"]}
+        ready_command, "load_settings", lambda _environ: {**SETTINGS, "expect_node": False, "command": ["false"]}
     )
-    assert hook.main([]) == 1
+    assert ready_command.main([]) == 1
     assert capsys.readouterr().out == "not ready: readiness.command exited with 1\n"
-    monkeypatch.setattr(hook, "load_settings", lambda _environ: {**SETTINGS, "expect_node": False, "command": ["true"]})
-    assert hook.main([]) == 0
+    monkeypatch.setattr(
+        ready_command, "load_settings", lambda _environ: {**SETTINGS, "expect_node": False, "command": ["true"]}
+    )
+    assert ready_command.main([]) == 0
     assert capsys.readouterr().out == ""
 
 

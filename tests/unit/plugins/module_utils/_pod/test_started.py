@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as hook
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as started_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
-from ansible_collections.rosops.fleet.tests.unit.plugins.hook_graph import OWN, URI, World, bus, contract
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import OWN, URI, World, bus, contract
 
 SETTINGS = {"node": OWN, "expect_node": True, "command": None, "min_rates": {}}
 
@@ -34,18 +34,18 @@ class Clock:
 @pytest.fixture(autouse=True)
 def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "SCRATCH", str(tmp_path))
-    monkeypatch.setattr(hook, "is_here", lambda uri: uri == URI)
+    monkeypatch.setattr(started_command, "is_here", lambda uri: uri == URI)
 
 
 def started(world: World, clock: Clock | None = None, before: Any = None, run: Any = None, **settings: Any) -> str:
     clock = clock or Clock()
-    return hook.started(
+    return started_command.started(
         {**SETTINGS, **settings}, before or {}, world, run or (lambda *_: ""), clock.now, clock.sleep
     )  # fmt: skip
 
 
 def owe(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
-    monkeypatch.setattr(hook, "load_contract", lambda *_: contract(**changes))
+    monkeypatch.setattr(started_command, "load_contract", lambda *_: contract(**changes))
 
 
 def test_ready_keeps_what_later_calls_need() -> None:
@@ -69,7 +69,7 @@ def test_without_contract_and_command_it_waits_until_nothing_more_is_registered(
 
     world, clock = World(), Clock()
     assert started(world, clock) == ""
-    assert hook.SETTLE <= clock.at <= hook.SETTLE + 0.2
+    assert started_command.SETTLE <= clock.at <= started_command.SETTLE + 0.2
 
 
 @pytest.mark.parametrize("what", ["contract", "command"])
@@ -114,7 +114,7 @@ def test_it_looks_ten_times_a_second_and_gives_up_after_ten() -> None:
     world, clock = World(), Clock()
     world.replies(OWN, bus=bus())
     assert started(world, clock).startswith("not ready: topic /out")
-    assert clock.at == pytest.approx(hook.SECONDS)
+    assert clock.at == pytest.approx(started_command.SECONDS)
     assert world.asked.count("state") == pytest.approx(101, abs=2)
 
 
@@ -134,7 +134,7 @@ def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch
     )
     assert clock.at == 0
     assert started(World(), clock, before={"failed": line}) == line
-    assert clock.at == pytest.approx(hook.SECONDS)
+    assert clock.at == pytest.approx(started_command.SECONDS)
 
 
 def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,7 +156,7 @@ def test_half_the_recorded_rate_is_not_ready(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_contract_that_comes_later_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, owed = Clock(), [None]
-    monkeypatch.setattr(hook, "load_contract", lambda *_: owed[0])
+    monkeypatch.setattr(started_command, "load_contract", lambda *_: owed[0])
     clock.when = [(0.2, lambda: owed.__setitem__(0, contract(services={"/gone": {}})))]  # type: ignore[call-overload]
     assert started(World(), clock) == f"not ready: node {OWN}: as the version before: does not offer the service /gone"
 
@@ -195,12 +195,12 @@ def test_where_no_node_can_be_known_only_the_command_counts() -> None:
 
 
 def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(hook, "load_settings", lambda _environ: SETTINGS)
-    monkeypatch.setattr(hook, "ros_of", lambda _environ: None)
-    monkeypatch.setattr(hook, "started", lambda *_: "not ready: x")
-    assert hook.main([]) == 1
+    monkeypatch.setattr(started_command, "load_settings", lambda _environ: SETTINGS)
+    monkeypatch.setattr(started_command, "ros_of", lambda _environ: None)
+    monkeypatch.setattr(started_command, "started", lambda *_: "not ready: x")
+    assert started_command.main([]) == 1
     assert capsys.readouterr().out == "not ready: x\n"
     assert kept.load_state(OWN) == {"failed": "not ready: x"}
-    monkeypatch.setattr(hook, "started", lambda *_: "")
-    assert hook.main([]) == 0
+    monkeypatch.setattr(started_command, "started", lambda *_: "")
+    assert started_command.main([]) == 0
     assert capsys.readouterr().out == ""

@@ -7,8 +7,8 @@ from __future__ import annotations
 from typing import Any, Callable
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as hook
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.sockets import established
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as stop_command
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import established
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import StatusReading
 
 IDLE, ACTIVE, DONE = StatusReading(((), ())), StatusReading(((1,),)), StatusReading(((3,), (3,)))
@@ -65,7 +65,7 @@ class Node:
 
 def stop(node: Node, hold: Callable[[str, str, float], str] | None = None, **settings: Any) -> list[str]:
     settings = {"node": "/server", "handoff": "overlap", "stop_deadline": 5, **settings}
-    return hook.stop(node, settings, hold, node.now, node.sleep)
+    return stop_command.stop(node, settings, hold, node.now, node.sleep)
 
 
 def drained(node: Node, hold: Any = None, **settings: Any) -> list[str]:
@@ -96,7 +96,7 @@ def test_calls_under_way_are_let_end_but_a_persistent_client_is_not_waited_for()
     node = Node()
     node.calls = [1] * 1000
     assert stop(node) == []
-    assert dict(node.done)["shutdown"] == pytest.approx(hook.CALLS)
+    assert dict(node.done)["shutdown"] == pytest.approx(stop_command.CALLS)
     assert node.at < 5
 
 
@@ -147,9 +147,9 @@ def test_the_deadline_holds_and_says_what_was_cut_short(total: float, share: flo
 
 
 def test_a_status_that_cannot_be_read_is_no_idleness() -> None:
-    assert hook.busy("/a", StatusReading(((),), "timed out")) == ["/a unknown (timed out)"]
-    assert hook.busy("/a", StatusReading(((0,), (3,)))) == ["/a PENDING"]
-    assert hook.busy("/a", StatusReading(((3, 4), (3, 4)))) == []
+    assert stop_command.busy("/a", StatusReading(((),), "timed out")) == ["/a unknown (timed out)"]
+    assert stop_command.busy("/a", StatusReading(((0,), (3,)))) == ["/a PENDING"]
+    assert stop_command.busy("/a", StatusReading(((3, 4), (3, 4)))) == []
 
 
 @pytest.mark.parametrize("what", ["connections", "unregister", "actions", "isolate", "hold"])
@@ -163,19 +163,19 @@ def test_whatever_fails_the_node_is_shut_down(what: str) -> None:
 
 def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     told: list[str] = []
-    monkeypatch.setattr(hook, "tell", told.append)
+    monkeypatch.setattr(stop_command, "tell", told.append)
 
     def broken(_environ: Any) -> Any:
         raise RuntimeError("no such thing")
 
-    monkeypatch.setattr(hook, "load_settings", broken)
-    assert hook.main([]) == 0
+    monkeypatch.setattr(stop_command, "load_settings", broken)
+    assert stop_command.main([]) == 0
     assert told == ["rosops.fleet: stop hook: RuntimeError: no such thing"]
-    monkeypatch.setattr(hook, "load_settings", lambda _environ: {"expect_node": False})
-    assert hook.main([]) == 0
-    monkeypatch.setattr(hook, "load_settings", lambda _environ: {"expect_node": True, "node": "/x"})
-    monkeypatch.setattr(hook, "find_node", lambda _settings: (None, "node /x: not registered with the master"))
-    assert hook.main([]) == 0
+    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {"expect_node": False})
+    assert stop_command.main([]) == 0
+    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {"expect_node": True, "node": "/x"})
+    monkeypatch.setattr(stop_command, "find_node", lambda _settings: (None, "node /x: not registered with the master"))
+    assert stop_command.main([]) == 0
     assert told[1:] == ["rosops.fleet: left to SIGTERM: node /x: not registered with the master"]
     assert capsys.readouterr().out == ""
 

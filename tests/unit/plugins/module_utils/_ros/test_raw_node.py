@@ -12,7 +12,7 @@ from typing import Any, Callable, Iterator
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import Stream
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import TopicStream
 
 HEADER = {
     "type": "std_msgs/String",
@@ -40,7 +40,7 @@ def until(true: Callable[[], Any]) -> None:
 def test_messages_go_from_publication_to_stream(slave: Slave) -> None:
     slave.advertise("/t", HEADER)
     got: list[bytes] = []
-    stream = Stream("/you", "/t", slave.uri, got.append)
+    stream = TopicStream("/you", "/t", slave.uri, got.append)
     stream.connect(2.0)
     assert stream.header["md5sum"] == HEADER["md5sum"]
     until(lambda: slave.callers("/t"))
@@ -55,13 +55,13 @@ def test_messages_go_from_publication_to_stream(slave: Slave) -> None:
 
 def test_the_end_of_a_publication_ends_its_streams(slave: Slave) -> None:
     slave.advertise("/t", HEADER)
-    stream = Stream("/you", "/t", slave.uri, lambda _: None)
+    stream = TopicStream("/you", "/t", slave.uri, lambda _: None)
     stream.connect(2.0)
     until(lambda: slave.callers("/t"))
     slave.unadvertise("/t")
     until(lambda: not stream.open)
     with pytest.raises(RosError, match="does not publish"):
-        Stream("/you", "/t", slave.uri, lambda _: None).connect(2.0)
+        TopicStream("/you", "/t", slave.uri, lambda _: None).connect(2.0)
 
 
 def test_another_md5sum_is_refused(slave: Slave) -> None:

@@ -11,14 +11,14 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations im
     ALIVE,
     DEAD,
     UNKNOWN,
-    Answer,
     Call,
     Entry,
+    Liveness,
 )
 
 URI, OTHER = "http://10.0.0.1:1/", "http://10.0.0.1:2/"
 TALKER = Entry(URI, 7, {"/a": "x/A"}, {"/b": "x/B"}, {"/s": "rosrpc://10.0.0.1:3"})
-YES = Answer(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset({"/s"}))
+YES = Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset({"/s"}))
 
 
 def test_the_calls_are_the_masters_api_in_the_nodes_name() -> None:
@@ -28,7 +28,7 @@ def test_the_calls_are_the_masters_api_in_the_nodes_name() -> None:
         ("registerService", "/n", "/s", "rosrpc://10.0.0.1:3", URI),
         ("registerSubscriber", "/n", "/b", "x/B", URI),
     ]
-    gone = Answer(DEAD, "refused")
+    gone = Liveness(DEAD, "refused")
     plan = registrations.remove({"/n": TALKER}, [{"/n": gone}, {"/n": gone}])
     assert [call.request for call in plan.calls] == [
         ("unregisterSubscriber", "/n", "/b", URI),
@@ -40,7 +40,7 @@ def test_the_calls_are_the_masters_api_in_the_nodes_name() -> None:
 def test_all_publishers_come_before_the_first_subscriber() -> None:
     """Else roscpp's subscribers, told of some publishers only, would hang up on the others."""
     need = {"/a": TALKER, "/z": Entry(OTHER, 7, {"/b": "x/B"})}
-    kinds = [call.kind for call in registrations.restore(need, {}, {"/a": YES, "/z": Answer(ALIVE)}).calls]
+    kinds = [call.kind for call in registrations.restore(need, {}, {"/a": YES, "/z": Liveness(ALIVE)}).calls]
     assert kinds == ["publisher", "publisher", "service", "subscriber"]
 
 
@@ -48,15 +48,15 @@ def test_all_publishers_come_before_the_first_subscriber() -> None:
     ("answer", "calls", "why"),
     [
         (YES, 3, None),
-        (Answer(ALIVE, "", 7, None, None, frozenset({"/s"})), 3, None),  # it does not say what it has
-        (Answer(ALIVE, "", 7, frozenset(), frozenset({"/b"}), frozenset({"/s"})), 2, "/a"),
-        (Answer(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset()), 2, "/s"),
-        (Answer(ALIVE, "", 8), 0, "another process"),
-        (Answer(DEAD, "nothing listens"), 0, "nothing listens"),
-        (Answer(UNKNOWN, "no answer"), 0, "no answer"),
+        (Liveness(ALIVE, "", 7, None, None, frozenset({"/s"})), 3, None),  # it does not say what it has
+        (Liveness(ALIVE, "", 7, frozenset(), frozenset({"/b"}), frozenset({"/s"})), 2, "/a"),
+        (Liveness(ALIVE, "", 7, frozenset({"/a"}), frozenset({"/b"}), frozenset()), 2, "/s"),
+        (Liveness(ALIVE, "", 8), 0, "another process"),
+        (Liveness(DEAD, "nothing listens"), 0, "nothing listens"),
+        (Liveness(UNKNOWN, "no answer"), 0, "no answer"),
     ],
 )
-def test_only_what_the_node_confirms_is_restored(answer: Answer, calls: int, why: str | None) -> None:
+def test_only_what_the_node_confirms_is_restored(answer: Liveness, calls: int, why: str | None) -> None:
     plan = registrations.restore({"/n": TALKER}, {}, {"/n": answer})
     assert len(plan.calls) == calls
     assert (why or "") in plan.skipped.get("/n", "")
@@ -65,7 +65,7 @@ def test_only_what_the_node_confirms_is_restored(answer: Answer, calls: int, why
 
 def test_a_pid_that_was_not_recorded_is_not_compared() -> None:
     entry = Entry(URI, None, {"/a": "x/A"})
-    assert registrations.restore({"/n": entry}, {}, {"/n": Answer(ALIVE, "", 8)}).calls
+    assert registrations.restore({"/n": entry}, {}, {"/n": Liveness(ALIVE, "", 8)}).calls
 
 
 def test_the_newer_process_of_a_name_is_left_alone() -> None:
@@ -99,21 +99,21 @@ def test_what_is_missing(present: dict[str, Entry], take: bool, missing: set[str
 @pytest.mark.parametrize(
     ("answers", "removed"),
     [
-        ([Answer(DEAD), Answer(DEAD)], True),
-        ([Answer(DEAD), Answer(UNKNOWN)], False),
-        ([Answer(UNKNOWN), Answer(UNKNOWN)], False),  # late twice is still late
-        ([Answer(DEAD), Answer(ALIVE, "", 7)], False),
-        ([Answer(ALIVE, "", 8), Answer(ALIVE, "", 8)], True),  # somebody else at its address
-        ([Answer(ALIVE, "", 7), Answer(ALIVE, "", 7)], False),
+        ([Liveness(DEAD), Liveness(DEAD)], True),
+        ([Liveness(DEAD), Liveness(UNKNOWN)], False),
+        ([Liveness(UNKNOWN), Liveness(UNKNOWN)], False),  # late twice is still late
+        ([Liveness(DEAD), Liveness(ALIVE, "", 7)], False),
+        ([Liveness(ALIVE, "", 8), Liveness(ALIVE, "", 8)], True),  # somebody else at its address
+        ([Liveness(ALIVE, "", 7), Liveness(ALIVE, "", 7)], False),
     ],
 )
-def test_only_who_is_gone_twice_is_removed(answers: list[Answer], removed: bool) -> None:
+def test_only_who_is_gone_twice_is_removed(answers: list[Liveness], removed: bool) -> None:
     plan = registrations.remove({"/n": TALKER}, [{"/n": answer} for answer in answers])
     assert (bool(plan.calls), bool(plan.skipped)) == (removed, not removed)
 
 
 def test_who_was_not_asked_is_not_removed() -> None:
-    assert not registrations.remove({"/n": TALKER}, [{"/n": Answer(DEAD)}, {}]).calls
+    assert not registrations.remove({"/n": TALKER}, [{"/n": Liveness(DEAD)}, {}]).calls
 
 
 def test_a_graph_of_ros_graph_info() -> None:
