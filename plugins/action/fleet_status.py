@@ -42,13 +42,12 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
         status = status_rows({**fleet, "problems": problems}, graphs, report_texts(callback_path()))
         text = status_text(status)
         display.display(f"\n{text}")
-        result.update(
-            changed=self._write(status, params["page"], str(variables.get("ansible_limit") or "")),
-            status=status,
-            text=text,
-            # for the report: a page that was written on the control node is no change to a host
-            ansible_facts={FACT: UNCHANGED},
-        )
+        # for the report: a page that was written on the control node is no change to a host
+        result.update(status=status, text=text, ansible_facts={FACT: UNCHANGED})
+        try:
+            result["changed"] = self._write(status, params["page"], str(variables.get("ansible_limit") or ""))
+        except OSError as error:
+            result.update(failed=True, msg=f"the page cannot be written: {error}")
         return result
 
     def _write(self, status: Mapping[str, Any], given: str, limit: str) -> bool:

@@ -23,19 +23,25 @@ def report_texts(given: str) -> dict[str, str]:
     path = placed(given)
     if path is None:
         return {}
-    return {file.name: file.read_text("utf-8", "replace") for file in sorted(path.parent.glob(f"{path.stem}*.json"))}
+    return {file.name: text_of(file) for file in sorted(path.parent.glob(f"{path.stem}*.json"))}
 
 
 def text_of(path: Path) -> str:
-    """What a file holds; nothing if it is not there."""
-    return path.read_bytes().decode("utf-8", "replace") if path.exists() else ""
+    """What a file holds; nothing where it cannot be read."""
+    try:
+        return path.read_bytes().decode("utf-8", "replace")
+    except OSError:
+        return ""
 
 
 def write(path: Path, text: str, mode: int | None = None) -> None:
     """In one step: a reader never sees half of it. Without a mode the process's own counts."""
     path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    unfinished.write_bytes(text.encode())
-    if mode is not None:
-        unfinished.chmod(mode)
-    unfinished.replace(path)
+    try:
+        unfinished.write_bytes(text.encode())
+        if mode is not None:
+            unfinished.chmod(mode)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)

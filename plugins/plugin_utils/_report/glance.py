@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rows of `_status` at a glance: how good each row is, counts, a line per host, and what needs attention. Pure."""
+"""A fleet's status at a glance: how good each row is, counts, a line per host, and what needs attention. Pure."""
 
 from __future__ import annotations
 

@@ -22,6 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     why_not_ready,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import note_of
 
 Row = Dict[str, Any]
 
@@ -222,16 +223,14 @@ def outcome_rows(reports: Iterable[Mapping[str, Any]]) -> list[Row]:
     rows: dict[str, Row] = {}
     for report in reports:
         for host in report["hosts"]:
-            name, lines = str(host.get("host", "")), str(host.get("reason") or "").strip().splitlines()
-            note = " ".join(line.strip() for line in lines[:2])
-            failed = host.get("failed_task")
+            name = str(host.get("host", ""))
             rows[name] = {
                 "host": name,
                 "outcome": str(host.get("outcome", "")),
                 "playbook": report["playbook"],
                 "started": report["started"],
                 "changed": len(host.get("changed") or []),
-                "note": f"{failed}: {note}" if failed else note,
+                "note": note_of(host),
             }
     return [rows[name] for name in sorted(rows)]
 

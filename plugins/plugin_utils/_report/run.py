@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import table
 
-# In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words above.
+# In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words of outcomes.
 WOULD = {UPDATED: "would change", UNCHANGED: "would not change"}
 
 FACT = "fleet_outcome"
@@ -311,9 +311,10 @@ def _ready_cell(host: Mapping[str, Any]) -> str:
     return f"{ready.get('verdict')}" + (f" {elapsed:.1f} s" if isinstance(elapsed, (int, float)) else "")
 
 
-def _note_cell(host: Mapping[str, Any]) -> str:
+def note_of(host: Mapping[str, Any]) -> str:
+    """What there is to say of a host's outcome, in one line."""
     lines = str(host.get("reason") or "").strip().splitlines()
-    first = " ".join(lines[:2])
+    first = " ".join(line.strip() for line in lines[:2])
     return f"{host['failed_task']}: {first}" if host.get("failed_task") else first
 
 
@@ -326,7 +327,7 @@ def screen(report: Mapping[str, Any], width: int = 120) -> list[str]:
             word_of(host["outcome"], check_mode),
             _ready_cell(host),
             (host.get("counts") or {}).get("changed", 0),
-            _note_cell(host),
+            note_of(host),
         ]
         for host in report["hosts"]
     ]

@@ -60,6 +60,15 @@ def test_no_page_is_wanted(tmp_path: Path, said: list[str]) -> None:
     assert list(tmp_path.iterdir()) == [] and said
 
 
+def test_a_page_that_cannot_be_written_keeps_nobody_from_the_text(tmp_path: Path, said: list[str]) -> None:
+    page = tmp_path / "fleet.html"
+    page.mkdir()
+    found = show(page, {"graph": GRAPH})
+    assert found["failed"] is True and str(page) in found["msg"]
+    assert list(tmp_path.iterdir()) == [page]
+    assert said == [f"\n{found['text']}"]
+
+
 def test_a_limited_run_says_so(tmp_path: Path, said: list[str]) -> None:
     show(tmp_path / "fleet.html", {"graph": GRAPH}, ansible_limit="robot1")
     assert "<code>robot1</code>" in (tmp_path / "fleet.html").read_text()

@@ -35,6 +35,11 @@ def test_reports_are_those_that_begin_with_the_name(tmp_path: Path) -> None:
     assert files.report_texts("last.json") == {"last-site.json": "last-site.json", "last.json": "last.json"}
 
 
+def test_a_report_that_cannot_be_read_is_there(tmp_path: Path) -> None:
+    (tmp_path / "last.json").mkdir()
+    assert files.report_texts("last.json") == {"last.json": ""}
+
+
 @pytest.mark.parametrize("given", ["nowhere/last.json", ""])
 def test_no_reports_are_none(given: str) -> None:
     assert files.report_texts(given) == {}
