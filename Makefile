@@ -60,24 +60,68 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 	@$(LAB) status
 	@ansible-playbook -i $(INVENTORY) playbooks/status.yml
 
+# What needs no host, beside what works on them.
+HOSTLESS := lint test-unit sanity units test-bad-input test-go test-browser test-ros
+
 .PHONY: test
-test: ## Every test; what CI runs
-	@"$$(tests/lab/find_python)" tests/run_stages.py setup-tests artifacts \
-	    lint test-unit test-bad-input test-go test-ros sanity units test-browser \
-	    molecule-default molecule-fleet molecule-update molecule-observability
+test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
+	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
+	    --lane artifacts molecule-default molecule-update \
+	    --lane $(HOSTLESS)
+
+.PHONY: test-all
+test-all: ## Every case of every scenario, but for those that take hours (test-faults)
+	@"$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
+	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
+	    --lane $(HOSTLESS)
+
+.PHONY: check
+check: ruff mypy ## In seconds, without a host: lint, and the unit tests near what changed since main
+	@yaml=$$(python tests/tools/affected.py yaml); \
+	    [ -z "$$yaml" ] || { yamllint --strict $$yaml; ansible-lint --offline --profile production $$yaml; }
+	@python -m pytest -n 2 -q $$(python tests/tools/affected.py tests)
 
 .PHONY: lint
-lint: ## ruff, mypy, ansible-lint
+lint: ruff mypy yamllint shellcheck ansible-lint lint-changelog lint-docs lint-package ## All that reads code and runs none
+
+.PHONY: ruff
+ruff: ## Python: style and mistakes
 	ruff check .
 	ruff format --check .
+
+.PHONY: mypy
+mypy: ## Python: types, those of hosts and pods for Python 3.8, too
 	mypy plugins
 	mypy --python-version 3.8 plugins/module_utils
 	MYPYPATH=tests/lab mypy tests/lab/lablib
+
+.PHONY: yamllint
+yamllint: ## YAML: style
+	yamllint --strict .
+
+.PHONY: shellcheck
+shellcheck: ## Shell scripts (from Debian's package, which setup-tests installs)
+	git -c safe.directory="$(CURDIR)" ls-files -z | xargs -0 grep --files-with-matches --null -E '^#!.*\b(ba|da)?sh\b' | xargs -0 shellcheck
+
+.PHONY: ansible-lint
+ansible-lint: ## Roles and playbooks
 	ansible-lint --offline --profile production
 
+.PHONY: lint-changelog
+lint-changelog: ## The fragments of the changelog
+	antsibull-changelog lint
+
+.PHONY: lint-docs
+lint-docs: ## Documentation of modules, plugins and roles, and all that it refers to
+	antsibull-docs lint-collection-docs --plugin-docs .
+
+.PHONY: lint-package
+lint-package: ## The collection can be built (what it holds: tests/unit/test_package.py)
+	ansible-galaxy collection build --force --output-path .cache/package .
+
 .PHONY: test-unit
-test-unit: ## Unit tests, by pytest
-	python -m pytest -n 2 tests/unit
+test-unit: ## All unit tests, in a minute (TESTS="--lf": those that failed last)
+	python -m pytest -n 2 $(or $(TESTS),tests/unit)
 
 .PHONY: test-bad-input
 test-bad-input: ## Every malformed input through site.yml: refused before a host is touched
@@ -113,7 +157,7 @@ molecule-fleet: artifacts ## Molecule: three hosts
 	molecule test --scenario-name fleet
 
 .PHONY: molecule-update
-molecule-update: artifacts ## Molecule: updates, bad versions, busy and absent robots, killed control nodes
+molecule-update: artifacts ## Molecule: updates, bad versions, busy and absent robots, killed control nodes (ROSOPS_TEST_CASES=promises: fewer)
 	molecule test --scenario-name update
 
 .PHONY: molecule-observability
@@ -124,8 +168,8 @@ molecule-observability: artifacts ## Molecule: a fleet and what watches it (the 
 .PHONY: test-faults
 test-faults: artifacts ## As molecule-update and molecule-observability, with the cases that take long (hours)
 	@$(LAB) artifacts --observability
-	ROSOPS_TEST_FAULTS=true molecule test --scenario-name update
-	ROSOPS_TEST_FAULTS=true molecule test --scenario-name observability
+	ROSOPS_TEST_CASES=faults molecule test --scenario-name update
+	ROSOPS_TEST_CASES=faults molecule test --scenario-name observability
 
 .PHONY: bench
 bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hours; BENCH="--trials 1 --messages 10000" for minutes)
@@ -149,4 +193,4 @@ bench-site: ## Wall time of site.yml on bare, ready and changed hosts
 
 .PHONY: clean
 clean: lab-down ## Remove what make wrote into the checkout; the cache stays
-	rm -rf .ansible .cache .lab .venv .mypy_cache .ruff_cache reports tests/output
+	rm -rf .ansible .cache .lab .venv .mypy_cache .ruff_cache .hypothesis reports tests/output

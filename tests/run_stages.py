@@ -1,48 +1,132 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs make targets one after the other and says at the end which passed.
+"""Runs make targets and says at the end which passed.
 
-A failed stage does not stop the later ones: one run shows all that is broken. Only the first stages, which prepare what
-the others need, do.
+    run_stages.py --first NAMES --lane NAMES --lane NAMES
+
+Lanes run side by side, the stages of one after each other; those after `--first` come before all lanes. A failed stage
+does not stop the later ones: one run shows all that is broken. Only those that prepare what their lane needs do.
+Each stage's output is printed in one piece when it ends, and kept in reports/stages.
+
+The first lane is the one that works on hosts, and hosts have clocks: the others leave it half of the machine's cores.
 """
 
 from __future__ import annotations
 
+import argparse
+import os
+import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple, NoReturn
 
 PREPARING = ("setup-tests", "artifacts")
 CHECKOUT = Path(__file__).resolve().parent.parent
+LOGS = CHECKOUT / "reports" / "stages"
 
 
-def run_stage(name: str) -> bool:
-    print(f"=== {name}", flush=True)
-    done = subprocess.run(["make", name], cwd=CHECKOUT, check=False)  # noqa: S603, S607 - make itself started this
-    return done.returncode == 0
+class Result(NamedTuple):
+    """What became of a stage."""
+
+    name: str
+    verdict: str  # passed, FAILED, not run
+    seconds: float = 0.0
 
 
-def main(names: list[str]) -> int:
-    results: list[tuple[str, str, float]] = []
-    stopped = False
-    for name in names:
-        if stopped:
-            results.append((name, "not run", 0.0))
-            continue
-        started = time.monotonic()
-        passed = run_stage(name)
-        results.append((name, "passed" if passed else "FAILED", time.monotonic() - started))
-        stopped = not passed and name in PREPARING
-    passed_count = sum(verdict == "passed" for _name, verdict, _seconds in results)
-    print("=== stages")
-    for name, verdict, seconds in results:
-        print(f"{name:<18} {verdict:<8} {seconds:7.1f} s")
-    failed_count = len(results) - passed_count
-    print(f"stages took {sum(seconds for *_rest, seconds in results):.0f} s")
-    print(f"{passed_count} passed, {failed_count} failed", flush=True)
-    return 0 if failed_count == 0 else 1
+class Stages:
+    """Runs stages; `command` is what a stage's name is given to."""
+
+    def __init__(self, command: list[str], logs: Path) -> None:
+        self._command, self._logs = command, logs
+        self._printing = threading.Lock()
+        self._running: list[subprocess.Popen[bytes]] = []
+        self._ended = False
+        logs.mkdir(parents=True, exist_ok=True)
+
+    def lane(self, names: list[str], cores: set[int] | None = None) -> list[Result]:
+        """One after the other, on these cores only."""
+        if cores:
+            os.sched_setaffinity(0, cores)  # of this thread, and of what it starts
+        results: list[Result] = []
+        for name in names:
+            if self._ended or any(one.verdict != "passed" and one.name in PREPARING for one in results):
+                results.append(Result(name, "not run"))
+            else:
+                results.append(self._stage(name))
+        return results
+
+    def _stage(self, name: str) -> Result:
+        log = self._logs / f"{name}.log"
+        self._say(f"=== {name} begins")
+        began = time.monotonic()
+        with log.open("wb") as output:
+            process = subprocess.Popen([*self._command, name], cwd=CHECKOUT, stdout=output, stderr=subprocess.STDOUT)  # noqa: S603 - make itself started this
+            self._running.append(process)
+            if self._ended:
+                process.terminate()
+            status = process.wait()
+        result = Result(name, "FAILED" if status else "passed", time.monotonic() - began)
+        text = log.read_text("utf-8", errors="replace").rstrip("\n")
+        self._say(
+            "\n".join([f"=== {name}", *filter(None, [text]), f"=== {name} {result.verdict}: {result.seconds:.1f} s"])
+        )
+        return result
+
+    def _say(self, text: str) -> None:
+        with self._printing:
+            print(text, flush=True)
+
+    def end(self) -> None:
+        """Have what runs end, and begin nothing more."""
+        self._ended = True
+        for process in self._running:
+            if process.poll() is None:
+                process.terminate()
+
+
+def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result]:
+    """All stages. Without its preparation no lane begins."""
+    results = stages.lane(first)
+    if any(one.verdict != "passed" for one in results if one.name in PREPARING):
+        return results + [Result(name, "not run") for lane in lanes for name in lane]
+    cores = sorted(os.sched_getaffinity(0))
+    rest = set(cores[len(cores) // 2 :])
+    with ThreadPoolExecutor(len(lanes)) as pool:
+        running = [pool.submit(stages.lane, lane, rest if number else None) for number, lane in enumerate(lanes)]
+        return results + [result for lane in running for result in lane.result()]
+
+
+def summary(results: list[Result], seconds: float) -> str:
+    """The table, and the line that counts."""
+    lines = [f"{one.name:<22} {one.verdict:<8} {one.seconds:7.1f} s" for one in results]
+    passed = sum(one.verdict == "passed" for one in results)
+    ending = [f"stages took {seconds:.0f} s", f"{passed} passed, {len(results) - passed} failed"]
+    return "\n".join(["=== stages", *lines, *ending])
+
+
+def main(words: list[str], command: tuple[str, ...] = ("make",), logs: Path = LOGS) -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--first", nargs="+", default=[], metavar="STAGE")
+    parser.add_argument("--lane", nargs="+", action="append", required=True, metavar="STAGE")
+    options = parser.parse_args(words)
+    stages = Stages(list(command), logs)
+
+    def stop(number: int, _frame: object) -> NoReturn:
+        stages.end()
+        sys.exit(128 + number)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    began = time.monotonic()
+    results = run(stages, options.first, options.lane)
+    print(summary(results, time.monotonic() - began), flush=True)
+    return 0 if all(one.verdict == "passed" for one in results) else 1
 
 
 if __name__ == "__main__":

@@ -39,7 +39,10 @@ def _table() -> Any:
 
 
 table = _table()
-CASES: list[dict[str, Any]] = [case for case in table.load_cases() if "pure" not in case]
+# Each case is checked as data by the unit tests. That the playbook ends there is the same for all of them: where time
+# matters (`make test`), some will do.
+STEP = 12 if os.environ.get("ROSOPS_TEST_CASES") == "promises" else 1
+CASES: list[dict[str, Any]] = [case for case in table.load_cases() if "pure" not in case][::STEP]
 
 # Not YAML, or not an inventory: Ansible's own words, but still no traceback, no host and an exit status that says so.
 MALFORMED = {

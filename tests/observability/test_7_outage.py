@@ -26,7 +26,9 @@ SERIES = ("up", "counter_lines_total", "ros_exporter_polls_total", "node_boot_ti
 
 
 def minutes(request: pytest.FixtureRequest) -> float:
-    return float(os.environ.get("ROSOPS_OUTAGE_MINUTES", "10" if request.config.getoption("--faults") else "1"))
+    return float(
+        os.environ.get("ROSOPS_OUTAGE_MINUTES", "10" if request.config.getoption("--cases") == "faults" else "1")
+    )
 
 
 def kill_in(fleet: Watched, seconds: float) -> dict[str, Any]:

@@ -1,7 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every suite on a lab's fleet has: cases that take long only when asked for, and a list of what was measured.
+"""What every suite on a lab's fleet has: which of its cases are run, and a list of what was measured.
+
+`--cases promises` takes one case for each promise, by the mark that names it, and those that need no fleet; `all`
+leaves out only what is marked as a fault that takes long; `faults` is everything.
 
 A plugin of pytest, named by the suites' conftest files.
 """
@@ -16,18 +19,30 @@ FIGURES = pytest.StashKey[list[str]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--faults", action="store_true", help="also the cases that take long")
+    parser.addoption("--cases", choices=["promises", "all", "faults"], default="all", help="which cases (default: all)")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[FIGURES] = []
-    config.addinivalue_line("markers", "faults: a case that takes long; only with --faults")
+    config.addinivalue_line(
+        "markers", "promise(what): the one case that proves it on real hosts whenever tests are run"
+    )
+    config.addinivalue_line("markers", "faults: a case that takes long; only with --cases faults")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if not config.getoption("--faults"):
-        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("faults")])
-        items[:] = [item for item in items if not item.get_closest_marker("faults")]
+    wanted = config.getoption("--cases")
+    left = [item for item in items if not wants(wanted, item)]
+    config.hook.pytest_deselected(items=left)
+    items[:] = [item for item in items if item not in left]
+
+
+def wants(wanted: str, item: pytest.Item) -> bool:
+    """Whether a case is among those."""
+    if item.get_closest_marker("faults"):
+        return wanted == "faults"
+    on_hosts = "standing_fleet" in getattr(item, "fixturenames", ())
+    return wanted != "promises" or not on_hosts or item.get_closest_marker("promise") is not None
 
 
 @pytest.fixture(scope="session")

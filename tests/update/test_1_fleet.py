@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from fleet import ALL_AT_ONCE, ROBOTS, Fleet
 
 NEXT: dict[str, Any] = {"scenario_image": "lab/apps:1.1", "lab_apps_version": "1.1"}
@@ -20,14 +21,16 @@ APPS = {
 }
 
 
+@pytest.mark.promise("a second run changes nothing")
 def test_what_site_brought_is_unchanged(fleet: Fleet) -> None:
     before = fleet.running()
-    run = fleet.update(fleet.variables)
-    assert (run.status, run.changed) == (0, 0), run
-    assert run.outcomes == dict.fromkeys(ROBOTS, "unchanged"), run
+    for run in (fleet.playbooks.run("site", fleet.variables), fleet.update(fleet.variables)):
+        assert (run.status, run.changed) == (0, 0), run
+        assert run.outcomes == dict.fromkeys(ROBOTS, "unchanged"), run
     assert fleet.running() == before
 
 
+@pytest.mark.promise("check mode tells the truth and touches nothing")
 def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> None:
     before = fleet.running()
     run = fleet.update(fleet.variables, "--check", "--diff", **NEXT, **ALL_AT_ONCE)
@@ -42,6 +45,7 @@ def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> 
     assert fleet.running() == before
 
 
+@pytest.mark.promise("an update of a whole fleet loses nothing")
 def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch = fleet.watch()
     run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"])
@@ -79,6 +83,7 @@ def test_group_is_one_step(fleet: Fleet) -> None:
     watch.assert_nothing_lost()
 
 
+@pytest.mark.promise("rollback.yml brings an earlier version back")
 def test_rollback_to_the_previous_and_to_a_named_revision(fleet: Fleet) -> None:
     one = {**fleet.variables, "update_apps": ["temperature"]}
     limit = ("--limit", "robot1")

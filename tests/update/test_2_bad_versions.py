@@ -48,6 +48,7 @@ def test_image_whose_programs_cannot_start(fleet: Fleet) -> None:
     watch.assert_nothing_lost("robot1", goals=False)
 
 
+@pytest.mark.promise("a bad version is taken back, and the budget ends the waves")
 def test_crashing_version_ends_the_waves(fleet: Fleet) -> None:
     """The second robot's update is a good one, but the budget allows no failure."""
     before = fleet.running()
@@ -78,6 +79,7 @@ def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
     fleet.accept(good)
 
 
+@pytest.mark.promise("a version that does less in the ROS graph is taken back")
 def test_version_at_half_the_rate(fleet: Fleet) -> None:
     before = fleet.running()
     watch = fleet.watch()

@@ -39,6 +39,7 @@ def wait_for_new_goal(fleet: Fleet, robot: str) -> None:
     wait_until(newest, lambda started: started > asked, 120, f"a goal that {robot} begins")
 
 
+@pytest.mark.promise("a busy robot finishes first, and holds up no other")
 def test_busy_robot_is_deferred_then_updated(fleet: Fleet) -> None:
     """Its goals take half a minute to a minute. The other robot is updated in the same run and not held up."""
     action = "prime-factors"
@@ -79,6 +80,7 @@ def wait_for_answer(fleet: Fleet, robot: str, since: float) -> None:
     wait_until(newest, lambda sent: sent > since, 120, f"an answer to a new goal for {robot}", pause=1)
 
 
+@pytest.mark.promise("a robot that is off is deferred, and updated by the next run")
 def test_robot_that_is_off_is_picked_up_by_the_next_run(fleet: Fleet) -> None:
     wanted = fleet.new_version("robot2", "temperature", on=fleet.new_version("robot1", "temperature"))
     watch = fleet.watch()
@@ -126,6 +128,7 @@ def assert_only_lookups_failed(watch: Watch) -> None:
     assert len(losses.failed) <= 100, losses  # of ten a second
 
 
+@pytest.mark.promise("apps outlive their ROS master")
 def test_apps_outlive_their_master(fleet: Fleet) -> None:
     before = fleet.running()["robot1"]
     watch = fleet.watch()
@@ -182,7 +185,10 @@ PHASES = {
     "proven": ("temperature", begins("temperature", "finish")),  # but its mark is still on
 }
 IN_THE_CLUSTER = ("history", "two pods")
-TAKES_LONG = {"proven"}
+MARKS = {
+    "rollout": [pytest.mark.promise("the next run ends what a killed control node began")],
+    "proven": [pytest.mark.faults],
+}
 
 
 def wait_for_sign(fleet: Fleet, update: Running, app: str, sign: str, history: str) -> None:
@@ -202,9 +208,7 @@ def wait_for_sign(fleet: Fleet, update: Running, app: str, sign: str, history: s
         wait_until(pods, lambda seen: len(seen) == 2, 300, f"two pods of {app}", pause=0.01)
 
 
-@pytest.mark.parametrize(
-    "phase", [pytest.param(one, marks=[pytest.mark.faults] if one in TAKES_LONG else []) for one in PHASES]
-)
+@pytest.mark.parametrize("phase", [pytest.param(one, marks=MARKS.get(one, [])) for one in PHASES])
 def test_control_node_killed(fleet: Fleet, phase: str) -> None:
     app, sign = PHASES[phase]
     wanted = fleet.new_version("robot1", app)

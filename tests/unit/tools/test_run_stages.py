@@ -1,0 +1,92 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stages and lanes: what runs, what does not, and what is said of it."""
+
+from __future__ import annotations
+
+import importlib.util
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SPEC = importlib.util.spec_from_file_location("run_stages", Path(__file__).resolve().parents[2] / "run_stages.py")
+assert SPEC is not None
+assert SPEC.loader is not None
+run_stages = importlib.util.module_from_spec(SPEC)
+sys.modules["run_stages"] = run_stages
+SPEC.loader.exec_module(run_stages)
+
+# A stage waits for those that its name has after a plus sign: lanes that ran one after the other would never end.
+STAGE = """
+import pathlib, sys, time
+here, name = pathlib.Path(sys.argv[1]), sys.argv[2]
+word, _plus, other = name.partition("+")
+(here / word).touch()
+end = time.monotonic() + 20
+while other and not (here / other).exists():
+    assert time.monotonic() < end, "alone"
+    time.sleep(0.01)
+print(f"{word} begins", flush=True)
+print(f"{word} ends")
+sys.exit(word.startswith(("bad", "setup")) and 1)
+"""
+
+
+def staged(tmp_path: Path, *words: str) -> int:
+    here = tmp_path / "seen"
+    here.mkdir()
+    command = (sys.executable, "-c", STAGE, str(here))
+    return int(run_stages.main(list(words), command, tmp_path / "logs"))
+
+
+def table(output: str) -> dict[str, str]:
+    lines = output.partition("=== stages\n")[2].splitlines()[:-2]
+    return {line.split()[0]: line[23:31].strip() for line in lines}
+
+
+def test_lanes_run_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert staged(tmp_path, "--first", "a", "--lane", "b+c", "e+d", "--lane", "c+b", "d+e") == 0
+    printed = capsys.readouterr().out
+    assert printed.splitlines()[-1] == "5 passed, 0 failed"
+    assert table(printed) == dict.fromkeys(["a", "b+c", "e+d", "c+b", "d+e"], "passed")
+    for name in "abcde":  # whole, whatever else was printed meanwhile
+        assert f"\n{name} begins\n{name} ends\n" in printed
+    assert (tmp_path / "logs" / "a.log").read_text() == "a begins\na ends\n"
+
+
+def test_a_failed_stage_stops_no_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert staged(tmp_path, "--lane", "bad", "b", "--lane", "c") == 1
+    printed = capsys.readouterr().out
+    assert table(printed) == {"bad": "FAILED", "b": "passed", "c": "passed"}
+    assert printed.splitlines()[-1] == "2 passed, 1 failed"
+
+
+@pytest.mark.parametrize(
+    ("words", "left"),
+    [
+        (("--first", "setup-tests", "--lane", "a", "--lane", "b"), {"a": "not run", "b": "not run"}),
+        (("--lane", "setup-tests", "a", "--lane", "b"), {"a": "not run", "b": "passed"}),
+    ],
+)
+def test_what_was_not_prepared_is_not_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], left: dict[str, str]
+) -> None:
+    assert staged(tmp_path, *words) == 1
+    assert table(capsys.readouterr().out) == {"setup-tests": "FAILED", **left}
+
+
+def test_ended_from_outside_it_begins_nothing_more(tmp_path: Path) -> None:
+    script = (
+        f"import sys; sys.path.insert(0, {str(run_stages.CHECKOUT / 'tests')!r}); import pathlib, run_stages\n"
+        f"stage = (sys.executable, '-c', 'import time; print(0, flush=True); time.sleep(60)')\n"
+        f"run_stages.main(['--lane', 'a', 'b'], stage, pathlib.Path({str(tmp_path)!r}))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as running:  # noqa: S603
+        assert running.stdout is not None
+        assert running.stdout.readline() == "=== a begins\n"
+        running.send_signal(signal.SIGTERM)
+        assert running.wait(timeout=20) == 128 + signal.SIGTERM
+    assert not (tmp_path / "b.log").exists()
