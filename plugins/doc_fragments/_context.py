@@ -13,8 +13,7 @@ class ModuleDocFragment:
 options:
   _input:
     description:
-      - A robot's context as the filter P(rosops.fleet.fleet_context#filter) builds it.
-      - Keys that are missing take their defaults.
+      - A robot as M(rosops.fleet.fleet_config) returns it.
     type: dict
     required: true
 """

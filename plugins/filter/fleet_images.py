@@ -26,7 +26,7 @@ EXAMPLES = r"""
   ansible.builtin.debug:
     msg: "{{ context | rosops.fleet.fleet_images }}"
   vars:
-    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ fleet.robots[inventory_hostname] }}"
 """
 
 RETURN = r"""

@@ -13,6 +13,12 @@ author: rosops.fleet contributors (@rosops)
 description:
   - Builds the Kubernetes objects that the robot's workloads live in.
 extends_documentation_fragment: [rosops.fleet._context]
+options:
+  pull_secrets:
+    description: Credentials of image registries (C(robot_namespace_pull_secrets)), for their Secrets.
+    type: list
+    elements: dict
+    default: []
 """
 
 EXAMPLES = r"""
@@ -20,7 +26,7 @@ EXAMPLES = r"""
   ansible.builtin.debug:
     msg: "{{ context | rosops.fleet.namespace_objects }}"
   vars:
-    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ fleet.robots[inventory_hostname] }}"
 """
 
 RETURN = r"""
@@ -30,16 +36,16 @@ _value:
   elements: dict
 """
 
-from typing import Any, Callable, Mapping
+from typing import Any, Callable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.filters import filter_module, robot_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import namespace
 
 
-def namespace_objects(ctx: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Of the robot that was given."""
+def namespace_objects(ctx: Mapping[str, Any], pull_secrets: Sequence[Mapping[str, Any]] = ()) -> list[dict[str, Any]]:
+    """The namespace's objects, and the Secrets of these credentials."""
     robot = robot_of(ctx)
-    return [*namespace.namespace_objects(robot), *namespace.pull_secret_objects(robot, ctx.get("pull_secrets") or [])]
+    return [*namespace.namespace_objects(robot), *namespace.pull_secret_objects(robot, pull_secrets)]
 
 
 class FilterModule:

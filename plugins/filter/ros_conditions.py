@@ -19,7 +19,7 @@ EXAMPLES = r"""
 - name: Wait for the graph
   rosops.fleet.ros_ready: "{{ conditions | combine({'master_uri': master_uri}) }}"
   vars:
-    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ fleet.robots[inventory_hostname] }}"
     conditions: "{{ context | rosops.fleet.ros_conditions }}"
     master_uri: http://10.43.0.17:11311
 """

@@ -50,7 +50,7 @@ EXAMPLES = r"""
   ansible.builtin.debug:
     msg: "{{ context | rosops.fleet.ros_exporter_objects(interval=10, claims_path='/var/lib/rancher/k3s/storage') }}"
   vars:
-    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ fleet.robots[inventory_hostname] }}"
 """
 
 RETURN = r"""

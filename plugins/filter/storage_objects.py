@@ -20,7 +20,7 @@ EXAMPLES = r"""
   ansible.builtin.debug:
     msg: "{{ context | rosops.fleet.storage_objects }}"
   vars:
-    context: "{{ hostvars | rosops.fleet.fleet_context(inventory_hostname) }}"
+    context: "{{ fleet.robots[inventory_hostname] }}"
 """
 
 RETURN = r"""

@@ -12,17 +12,16 @@ short_description: Check the whole fleet's variables before anything is touched
 version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
-  - Checks groups, robots, apps, volumes and masters of a fleet, one by one and against each other.
+  - Checks groups, robots, apps, volumes and masters of the inventory, one by one and against each other.
   - Reports all errors at once, each with the path of the value, what is wrong with it and what is allowed.
-  - Looks at its input only. It contacts no host and no cluster and changes nothing.
-options:
-  fleet:
-    description:
-      - The inventory's groups and the fleet's variables of each host.
-      - The filter P(rosops.fleet.fleet_hosts#filter) picks the variables and keeps secrets out.
-    type: dict
-    required: true
+  - Returns the fleet with every default filled in, in which later tasks find what they need. It holds no password and
+    no token; an app's own environment is in it as it stands in the inventory.
+  - Runs on the control node, inside Ansible's own process. It contacts no host and no cluster and changes nothing.
+options: {}
 attributes:
+  action:
+    description: Has an action plugin, in which everything is done on the control node.
+    support: full
   check_mode:
     description: Can run in check mode and return the same as without it.
     support: full
@@ -31,41 +30,20 @@ attributes:
     support: N/A
 requirements:
   - jsonschema (Python library, on the control node only)
-seealso:
-  - plugin: rosops.fleet.fleet_hosts
-    plugin_type: filter
+notes:
+  - The playbook C(rosops.fleet.validate) is all that is needed to run it; the other playbooks import that one.
 """
 
 EXAMPLES = r"""
-- name: Check the inventory
+- name: Check the inventory, and keep the fleet for every host of the run
   rosops.fleet.fleet_config:
-    fleet:
-      groups: "{{ groups }}"
-      hosts: "{{ hostvars | rosops.fleet.fleet_hosts(groups.all) }}"
-  delegate_to: localhost
-  run_once: true
-
-- name: Check a fleet that is written down here
-  rosops.fleet.fleet_config:
-    fleet:
-      groups:
-        edge: [edge1]
-        robots: [robot1]
-      hosts:
-        robot1:
-          ros_apps:
-            - name: talker
-              image: registry.example.org/talker:1.2.0
-              args: [rosrun, rospy_tutorials, talker]
-              placement: local
-              pattern: pubsub
-  delegate_to: localhost
+  register: fleet
   run_once: true
 """
 
 RETURN = r"""
 valid:
-  description: Whether the fleet can be brought up as it is described. A module that finds errors fails.
+  description: Whether the fleet can be brought up as it is described. With errors the task fails.
   returned: always
   type: bool
 errors:
@@ -86,54 +64,19 @@ errors:
       description: What would be right.
       type: str
       sample: local or remote
-notes:
-  description: What is allowed but seldom meant; the module's warnings.
-  returned: always
+robots:
+  description: The robots by name, each with every default filled in.
+  returned: if there are no errors
+  type: dict
+hosts:
+  description:
+    - The hosts by name, each with its C(role) (C(server) or C(agent)), its C(cluster), that cluster's C(servers),
+      whether it starts the cluster (C(init)), and the name of its C(node) there.
+  returned: if there are no errors
+  type: dict
+edge_nodes:
+  description: The names of the edge hosts' nodes.
+  returned: if there are no errors
   type: list
   elements: str
-robots:
-  description: The robots with every default filled in, without secrets; empty if there are errors.
-  returned: always
-  type: dict
 """
-
-import traceback
-
-from ansible.module_utils.basic import AnsibleModule, missing_required_lib
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
-
-try:
-    import jsonschema  # noqa: F401  # pylint: disable=unused-import  # the checks need it
-except ImportError:
-    JSONSCHEMA_ERROR: str | None = traceback.format_exc()
-else:
-    JSONSCHEMA_ERROR = None
-
-
-def main() -> None:
-    """Entry point."""
-    module = AnsibleModule(argument_spec={"fleet": {"type": "dict", "required": True}}, supports_check_mode=True)
-    if JSONSCHEMA_ERROR is not None:
-        module.fail_json(msg=missing_required_lib("jsonschema"), exception=JSONSCHEMA_ERROR)
-    # The invocation is part of every result: whoever calls without the filter must not see a token there.
-    fleet = module.params["fleet"] = redact(module.params["fleet"], {})
-    report = check_fleet(fleet)
-    for warning in report.warnings:
-        module.warn(warning)
-    result = {
-        "changed": False,
-        "valid": not report.problems,
-        "errors": [problem.as_dict() for problem in report.problems],
-        "notes": report.warnings,
-        "robots": report.robots,
-    }
-    if report.problems:
-        count = len(report.problems)
-        lines = "\n".join(problem.line() for problem in report.problems)
-        module.fail_json(msg=f"{count} error{'s' if count > 1 else ''} in the fleet's variables:\n{lines}", **result)
-    module.exit_json(**result)
-
-
-if __name__ == "__main__":
-    main()

@@ -8,7 +8,8 @@ Neither reachability nor --limit may enter here: a host that is off today must n
 
 from __future__ import annotations
 
-from typing import Any, Mapping, Sequence, TypedDict
+from dataclasses import dataclass
+from typing import Any, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown
@@ -18,21 +19,31 @@ MODES = ("agent", "standalone")
 SERVER_COUNTS = (1, 3)
 
 
-class HostRole(TypedDict):
-    """One host's part: `{role: server, cluster: edge, servers: [edge1], init: true}`."""
+@dataclass(frozen=True)
+class Host:
+    """One host's part: `server` or `agent` of a cluster, whose servers are these; `init` starts the cluster.
+
+    `node` is its name in the cluster.
+    """
 
     role: str
     cluster: str
-    servers: list[str]
+    servers: tuple[str, ...]
     init: bool
+    node: str
 
 
-def fleet_topology(groups: Mapping[str, Any], robot_modes: Mapping[str, Any] | None = None) -> dict[str, HostRole]:
+def fleet_topology(
+    groups: Mapping[str, Any],
+    robot_modes: Mapping[str, Any] | None = None,
+    nodes: Mapping[str, str] | None = None,
+) -> dict[str, Host]:
     """The part of every host of the groups `edge` and `robots`.
 
     `groups` is `{edge: [..], robots: [..], k3s_server: [..]}` (other groups are ignored); `robot_modes` maps a robot to
     `agent` or `standalone`, or to a mapping that holds `robot_mode` (a host's variables). Without `k3s_server` all edge
-    hosts are servers. The first server in the inventory's order starts the cluster (`init`).
+    hosts are servers. The first server in the inventory's order starts the cluster. `nodes` are the names of hosts that
+    are called otherwise in their cluster.
     """
     modes = {robot: mode_of(robot, robot_modes) for robot in members(groups, "robots")}
     problems = topology_problems(groups, modes)
@@ -42,10 +53,12 @@ def fleet_topology(groups: Mapping[str, Any], robot_modes: Mapping[str, Any] | N
             errors=[problem.as_dict() for problem in problems],
         )
     servers = edge_servers(groups)
-    roles: dict[str, HostRole] = {host: _shared(host, servers) for host in members(groups, "edge")}
-    for robot, mode in modes.items():
-        roles[robot] = _own_cluster(robot) if mode == "standalone" else _shared(robot, servers)
-    return roles
+    hosts: dict[str, Host] = {}
+    for host in [*members(groups, "edge"), *modes]:
+        cluster, of = (host, [host]) if modes.get(host) == "standalone" else (EDGE_CLUSTER, servers)
+        role, node = "server" if host in of else "agent", (nodes or {}).get(host, host)
+        hosts[host] = Host(role, cluster, tuple(of), host == of[0], node)
+    return hosts
 
 
 def members(groups: Mapping[str, Any], group: str) -> list[str]:
@@ -113,16 +126,3 @@ def _server_problems(groups: Mapping[str, Any]) -> list[Problem]:
         hint = "" if named else " (name them in the group k3s_server; the other edge hosts join as agents)"
         problems.append(Problem(where, f"gives the cluster {len(servers)} servers", f"1 or 3 servers{hint}"))
     return problems
-
-
-def _shared(host: str, servers: list[str]) -> HostRole:
-    return {
-        "role": "server" if host in servers else "agent",
-        "cluster": EDGE_CLUSTER,
-        "servers": list(servers),
-        "init": host == servers[0],
-    }
-
-
-def _own_cluster(robot: str) -> HostRole:
-    return {"role": "server", "cluster": robot, "servers": [robot], "init": True}

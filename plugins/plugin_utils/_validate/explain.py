@@ -9,13 +9,14 @@ import difflib
 import math
 from typing import Any, Iterable, Iterator, Mapping
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import is_secret
 
 try:
     import jsonschema
-except ImportError:  # the module says so; see fleet_config
+except ImportError:
     jsonschema = None  # type: ignore[assignment,unused-ignore]
 
 TYPE_WORDS = {
@@ -36,7 +37,9 @@ BOUNDS = {
 
 
 def schema_problems(value: Any, schema: Mapping[str, Any], path: str) -> list[Problem]:
-    """Everything the schema finds wrong in the value, in the order of the paths."""
+    """Everything the schema finds wrong in the value, in the order of the paths; SpecError without jsonschema."""
+    if jsonschema is None:
+        raise SpecError("jsonschema is missing on the control node: `pip install jsonschema` beside ansible-core")
     checker = jsonschema.FormatChecker(formats=())
     for name, form in FORMS.items():
         checker.checks(name)(_format_test(form.test))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, Iterator, Mapping, NamedTuple, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown, unique
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
     EDGE_CLUSTER,
@@ -33,19 +34,19 @@ IMPLICIT_HOST = "localhost"
 
 
 class Report(NamedTuple):
-    """What was found, and the robots with every default filled in (only if nothing is wrong)."""
+    """What was found, and the fleet if nothing is wrong."""
 
     problems: list[Problem]
     warnings: list[str]
-    robots: dict[str, dict[str, Any]]
+    fleet: Fleet | None
 
 
-def check_fleet(fleet: Any) -> Report:
-    """`fleet` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`."""
+def check_fleet(given: Any) -> Report:
+    """`given` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`."""
     problems: list[Problem] = []
-    if not isinstance(fleet, Mapping):
-        return Report([Problem("fleet", f"is {shown(fleet)}", "a mapping with groups and hosts")], [], {})
-    value = plain(fleet, "", problems)
+    if not isinstance(given, Mapping):
+        return Report([Problem("fleet", f"is {shown(given)}", "a mapping with groups and hosts")], [], None)
+    value = plain(given, "", problems)
     problems += _shape_problems(value)
     groups = _mapping(value, "groups")
     hosts = {name: item if isinstance(item, dict) else {} for name, item in _mapping(value, "hosts").items()}
@@ -69,7 +70,8 @@ def check_fleet(fleet: Any) -> Report:
         warnings += robot_warnings(item)
     problems += fleet_app_problems(drafts)
     problems = unique(problems)
-    return Report(problems, list(dict.fromkeys(warnings)), {} if problems else _normalised(groups, modes, drafts))
+    fleet = None if problems else _fleet(groups, hosts, drafts)
+    return Report(problems, list(dict.fromkeys(warnings)), fleet)
 
 
 def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -134,11 +136,8 @@ def _token_problems(
                 )
 
 
-def _normalised(
-    groups: Mapping[str, Any], modes: Mapping[str, Any], drafts: Sequence[Draft]
-) -> dict[str, dict[str, Any]]:
-    """Every robot with its cluster."""
-    topology = fleet_topology(groups, modes)
-    return {
-        item.robot.name: {**item.robot.as_dict(), "cluster": topology[item.robot.name]["cluster"]} for item in drafts
-    }
+def _fleet(groups: Mapping[str, Any], hosts: Mapping[str, Any], drafts: Sequence[Draft]) -> Fleet:
+    robots = {item.robot.name: item.robot for item in drafts}
+    nodes = {host: str(item["k3s_node_name"]) for host, item in hosts.items() if item.get("k3s_node_name")}
+    topology = fleet_topology(groups, {name: robot.mode for name, robot in robots.items()}, nodes)
+    return Fleet(robots, topology, tuple(topology[host].node for host in members(groups, "edge")))

@@ -27,10 +27,13 @@ OWN_PREFIXES = (
     "persistent_",
 )
 MISSPELT = 0.8
+# What robots are made of is handed on as it is. A robot itself holds no secret of ours; what is in an app's own
+# environment is as open as the Deployment that shows it.
+HANDED_ON = ("ros_apps", "ros_master_overrides", "persistent_storage")
 
 
 def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """`{host: {variable: value}}` for fleet_config: known variables and misspelt ones, secrets replaced by numbers."""
+    """`{host: {variable: value}}` to check: known variables and misspelt ones, secrets replaced by numbers."""
     seen: dict[Any, str] = {}
     problems: list[Problem] = []
     hosts = {str(name): _picked(hostvars, str(name), seen, problems) for name in names}
@@ -46,8 +49,8 @@ def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], proble
     for name in variables:
         if is_ours(str(name)):
             try:
-                # a variable may be templated piece by piece, as redact() reads it
-                picked.update(redact({str(name): variables[name]}, seen))
+                # a variable may be templated piece by piece, as it is read
+                picked[str(name)] = _read(str(name), variables[name], seen)
             except Exception as error:  # the templar raises a dozen kinds for an undefined or malformed template
                 if name in ROLE_VARIABLES:
                     continue  # such a value may rest on what only the role's own play knows; the role will look at it
@@ -56,6 +59,18 @@ def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], proble
                     Problem(f"hosts.{host}.{name}", f"cannot be templated: {reason}", "a value that is defined")
                 )
     return picked
+
+
+def _read(name: str, value: Any, seen: dict[Any, str]) -> Any:
+    return _copied(value) if name in HANDED_ON else redact({name: value}, seen)[name]
+
+
+def _copied(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _copied(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_copied(item) for item in value]
+    return value
 
 
 def is_ours(name: str) -> bool:

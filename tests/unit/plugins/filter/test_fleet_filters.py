@@ -5,20 +5,16 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from ansible.errors import AnsibleFilterError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 
 PLUGINS = Path(__file__).resolve().parents[4] / "plugins" / "filter"
 NAMES = (
-    "fleet_topology", "fleet_context", "fleet_hosts", "fleet_images", "namespace_objects", "storage_objects",
+    "fleet_images", "namespace_objects", "storage_objects",
     "ros_master_objects", "ros_app_objects", "ros_hook_objects", "ros_conditions",
 )  # fmt: skip
 CTX = {"robot": "robot1", "apps": [{"name": "a", "image": "a:1", "args": ["x"]}], "volumes": [{"name": "v"}]}
@@ -58,8 +54,6 @@ def test_object_filters(name: str, kinds: list[str]) -> None:
 def test_other_filters() -> None:
     assert filter_of("ros_conditions")(CTX)["nodes"] == ["/a"]
     assert filter_of("fleet_images")(CTX, "remote") == ["a:1"]
-    assert filter_of("fleet_context")({"r": {"robot_mode": "standalone"}}, "r")["mode"] == "standalone"
-    assert filter_of("fleet_topology")({"edge": ["e"], "robots": ["r"]}, {"r": {}})["r"]["role"] == "agent"
 
 
 @pytest.mark.parametrize(
@@ -68,71 +62,3 @@ def test_other_filters() -> None:
 def test_a_malformed_context_is_an_error_of_ansibles(bad: Any) -> None:
     with pytest.raises(AnsibleFilterError, match=r"rosops.fleet.ros_app_objects: the input is not shaped"):
         filter_of("ros_app_objects")(bad)
-
-
-def test_a_bad_topology_is_an_error_of_ansibles() -> None:
-    with pytest.raises(AnsibleFilterError, match="robot1 must join its cluster"):
-        filter_of("fleet_topology")({"robots": ["robot1"]})
-
-
-class Templated(Mapping[str, Any]):
-    """Like hostvars: a value is made when it is read, and that may fail."""
-
-    def __init__(self, values: dict[str, Any]) -> None:
-        self.values_ = values
-
-    def __getitem__(self, key: str) -> Any:
-        value = self.values_[key]
-        if isinstance(value, Exception):
-            raise value
-        return value
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.values_)
-
-    def __len__(self) -> int:
-        return len(self.values_)
-
-
-def test_fleet_hosts_picks_ours_and_what_is_misspelt() -> None:
-    hostvars = {
-        "r": {
-            "ros_apps": [], "robot_mode": "agent", "k3s_tokn": "x", "ros_app": [], "ansible_host": "h",
-            "robot_model": "m", "ros_distro": "noetic", "node_exporter": True, "k3s_ansible_things": 1,
-        }
-    }  # fmt: skip
-    assert set(fleet_hosts(hostvars, ["r", "unknown"])["r"]) == {"ros_apps", "robot_mode", "k3s_tokn", "ros_app"}
-
-
-def test_fleet_hosts_hides_secrets_but_keeps_them_comparable() -> None:
-    login = {"name": "n", "registry": "r", "username": "u", "password": "hush3"}
-    hostvars: dict[str, Any] = {
-        "e1": {"k3s_token": "hush1", "k3s_registries": {"configs": {"x": {"auth": {"password": "hush"}}}}},
-        "e2": {"k3s_token": "hush2", "k3s_environment": {"HTTP_PROXY": "http://hush@proxy"}},
-        "e3": {"k3s_token": "hush1", "robot_namespace_pull_secrets": [login]},
-        "e4": {"k3s_token": ["hush"], "ros_apps": [{"env": {"PASSWORD": "hush", "auth": "hush", "MODE": "fast"}}]},
-        "e5": {"k3s_token": 5, "k3s_config": "hush"},
-        "e6": {"k3s_token": "", "k3s_agent_token": None},
-    }
-    found = fleet_hosts(hostvars, hostvars)
-    assert "hush" not in str(found)
-    assert found["e1"]["k3s_token"] == found["e3"]["k3s_token"] != found["e2"]["k3s_token"]
-    assert found["e4"]["ros_apps"][0]["env"]["MODE"] == "fast"
-    assert (found["e5"]["k3s_token"], found["e6"]["k3s_token"], found["e6"]["k3s_agent_token"]) == (0, "", None)
-    fleet = {"groups": {"edge": ["e1", "e2", "e3"]}, "hosts": {name: found[name] for name in ("e1", "e2", "e3")}}
-    assert [problem.path for problem in check_fleet(fleet).problems] == ["hosts.e2.k3s_token"]
-
-
-def test_fleet_hosts_reports_templates_that_fail_all_at_once() -> None:
-    broken = ValueError("'site' is undefined\nmore")
-    hostvars = {
-        "r1": Templated({"ros_apps": broken, "robot_mode": "agent"}),
-        "r2": Templated({"persistent_storage": broken}),
-        "r3": Templated({"k3s_kubeconfig_path": broken, "unrelated": broken}),
-    }
-    with pytest.raises(SpecError) as caught:
-        fleet_hosts(hostvars, hostvars)
-    assert str(caught.value).splitlines()[1:] == [
-        "hosts.r1.ros_apps: cannot be templated: 'site' is undefined; allowed: a value that is defined",
-        "hosts.r2.persistent_storage: cannot be templated: 'site' is undefined; allowed: a value that is defined",
-    ]

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible.errors import AnsibleError
 from ansible.inventory.manager import InventoryManager
 from ansible.parsing.dataloader import DataLoader
 from ansible.vars.hostvars import HostVars
 from ansible.vars.manager import VariableManager
-from ansible_collections.rosops.fleet.plugins.filter.fleet_context import FilterModule as FleetContext
-from ansible_collections.rosops.fleet.plugins.filter.fleet_hosts import FilterModule as FleetHosts
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 
 INVENTORY = """
 all:
@@ -54,10 +53,9 @@ def test_a_plain_mapping_stays_what_it_is() -> None:
     assert HostVariables(plain)["r"] is plain["r"]
 
 
-def test_the_filters_see_it(hostvars: Any) -> None:
-    context = FleetContext().filters()["fleet_context"](hostvars, "robot1")
-    assert context["apps"][0]["env"] == {"HUB": "192.0.2.1"}
-    hosts = FleetHosts().filters()["fleet_hosts"](hostvars, ["robot1"])
+def test_the_validation_sees_it(hostvars: Any) -> None:
+    hosts = fleet_hosts(HostVariables(hostvars), ["robot1"])
+    assert hosts["robot1"]["ros_apps"][0]["env"] == {"HUB": "192.0.2.1"}
     assert hosts["robot1"]["observability_hub_url"] == "http://192.0.2.1"
 
 
@@ -69,5 +67,5 @@ def test_the_filters_see_it(hostvars: Any) -> None:
     ],
 )
 def test_what_is_undefined_is_named(hostvars: Any, host: str, said: str) -> None:
-    with pytest.raises(AnsibleError, match=rf"hosts\.{host}\.{said}"):
-        FleetHosts().filters()["fleet_hosts"](hostvars, [host])
+    with pytest.raises(SpecError, match=rf"hosts\.{host}\.{said}"):
+        fleet_hosts(HostVariables(hostvars), [host])

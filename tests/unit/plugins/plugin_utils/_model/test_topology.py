@@ -8,41 +8,47 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host, fleet_topology
 
 
-def agent(*servers: str) -> dict[str, Any]:
-    return {"role": "agent", "cluster": "edge", "servers": list(servers), "init": False}
+def agent(host: str, *servers: str) -> Host:
+    return Host("agent", "edge", servers, False, host)
 
 
-def server(host: str, *servers: str, cluster: str = "edge") -> dict[str, Any]:
-    return {"role": "server", "cluster": cluster, "servers": list(servers), "init": host == servers[0]}
+def server(host: str, *servers: str, cluster: str = "edge") -> Host:
+    return Host("server", cluster, servers, host == servers[0], host)
 
 
 def test_one_edge_host_serves_all_robots() -> None:
     assert fleet_topology({"edge": ["edge1"], "robots": ["robot1", "robot2"]}) == {
         "edge1": server("edge1", "edge1"),
-        "robot1": agent("edge1"),
-        "robot2": agent("edge1"),
+        "robot1": agent("robot1", "edge1"),
+        "robot2": agent("robot2", "edge1"),
     }
 
 
 def test_all_edge_hosts_are_servers_and_the_first_starts_the_cluster() -> None:
     found = fleet_topology({"edge": ["e2", "e1", "e3"], "robots": []})
     assert found == {host: server(host, "e2", "e1", "e3") for host in ("e2", "e1", "e3")}
-    assert [host for host, part in found.items() if part["init"]] == ["e2"]
+    assert [host for host, part in found.items() if part.init] == ["e2"]
 
 
 def test_named_servers_make_the_other_edge_hosts_agents() -> None:
     found = fleet_topology({"edge": ["e1", "e2"], "k3s_server": ["e2"], "robots": ["r1"]})
-    assert found == {"e1": agent("e2"), "e2": server("e2", "e2"), "r1": agent("e2")}
+    assert found == {"e1": agent("e1", "e2"), "e2": server("e2", "e2"), "r1": agent("r1", "e2")}
 
 
 @pytest.mark.parametrize("modes", [{"r1": "standalone"}, {"r1": {"robot_mode": "standalone", "other": 1}}])
 def test_a_standalone_robot_is_its_own_cluster(modes: dict[str, Any]) -> None:
     found = fleet_topology({"edge": ["e1"], "robots": ["r1", "r2"]}, modes)
     assert found["r1"] == server("r1", "r1", cluster="r1")
-    assert found["r2"] == agent("e1")
+    assert found["r2"] == agent("r2", "e1")
+
+
+def test_a_host_may_have_another_name_in_its_cluster() -> None:
+    found = fleet_topology({"edge": ["e1"], "robots": ["r1"]}, nodes={"e1": "node-1"})
+    assert {name: host.node for name, host in found.items()} == {"e1": "node-1", "r1": "r1"}
+    assert found["r1"].servers == ("e1",)
 
 
 def test_standalone_robots_need_no_edge() -> None:

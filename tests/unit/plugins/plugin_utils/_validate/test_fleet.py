@@ -47,7 +47,7 @@ def test_the_table_is_large_enough_and_its_names_are_apart() -> None:
 def test_bad_input(case: dict[str, Any]) -> None:
     report = check_fleet(table.fleet_of(case))
     assert table.missing_words(case, lines(report)) == [], lines(report)
-    assert report.robots == {}
+    assert report.fleet is None
     assert all(problem.path and problem.problem and problem.allowed for problem in report.problems)
     assert "hush" not in lines(report)
 
@@ -62,8 +62,9 @@ def test_the_good_app_is_good() -> None:
     report = check({})
     assert report.problems == []
     assert report.warnings == []
-    assert report.robots["robot1"]["apps"][0]["handoff"] == "replace"
-    assert report.robots["robot1"]["cluster"] == "edge"
+    assert report.fleet is not None
+    assert report.fleet.robots["robot1"].apps[0].handoff == "replace"
+    assert report.fleet.hosts["robot1"].cluster == "edge"
 
 
 def test_all_errors_at_once() -> None:

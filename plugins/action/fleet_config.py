@@ -1,0 +1,49 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Check the whole inventory, in this process: hosts' variables are read where Ansible has them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible.plugins.action import ActionBase
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
+
+
+class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    TRANSFERS_FILES = False
+    _requires_connection = False
+    _supports_check_mode = True
+
+    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        self.validate_argument_spec(argument_spec={})
+        variables = task_vars or {}
+        groups = {str(name): [str(host) for host in hosts] for name, hosts in variables["groups"].items()}
+        names = [host for host in groups["all"] if host != IMPLICIT_HOST]
+        try:
+            hosts = fleet_hosts(HostVariables(variables["hostvars"]), names)
+            return {**result, **outcome(check_fleet({"groups": groups, "hosts": hosts}))}
+        except FleetError as error:
+            return {**result, "failed": True, "msg": str(error), "valid": False, **error.details}
+
+
+def outcome(report: Report) -> dict[str, Any]:
+    """What the task returns."""
+    count = len(report.problems)
+    result: dict[str, Any] = {
+        "changed": False,
+        "valid": not count,
+        "errors": [problem.as_dict() for problem in report.problems],
+        "warnings": report.warnings,
+        "_ansible_verbose_override": True,  # with -v, too: a whole fleet is nothing that anybody reads on a screen
+    }
+    if report.fleet is not None:
+        return {**result, **report.fleet.as_dict()}
+    lines = "\n".join(problem.line() for problem in report.problems)
+    words = f"{count} error{'s' if count > 1 else ''} in the fleet's variables:"
+    return {**result, "failed": True, "msg": f"{words}\n{lines}"}

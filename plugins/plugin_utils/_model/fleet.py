@@ -1,0 +1,63 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The whole fleet as the validation found it: what every later task of a run reads.
+
+The playbook rosops.fleet.validate keeps it in the variable `fleet` of every host.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Mapping
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+
+VARIABLE = "fleet"
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Robots and hosts by their inventory names; `edge_nodes` are the edge hosts' names in their cluster."""
+
+    robots: Mapping[str, Robot]
+    hosts: Mapping[str, Host]
+    edge_nodes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fleet in mappings, lists and scalars."""
+        return {
+            "robots": {name: robot.as_dict() for name, robot in self.robots.items()},
+            "hosts": {name: {**asdict(host), "servers": list(host.servers)} for name, host in self.hosts.items()},
+            "edge_nodes": list(self.edge_nodes),
+        }
+
+    @classmethod
+    def from_vars(cls, task_vars: Mapping[str, Any] | None) -> Fleet:
+        """The fleet that an action plugin's variables hold; SpecError before the validation."""
+        found = _found(task_vars)
+        return cls(
+            {name: Robot.from_dict(robot) for name, robot in found["robots"].items()},
+            {name: Host(**{**host, "servers": tuple(host["servers"])}) for name, host in found["hosts"].items()},
+            tuple(found["edge_nodes"]),
+        )
+
+
+def robot_from_vars(task_vars: Mapping[str, Any] | None) -> Robot:
+    """The robot that an action plugin's task is about, without reading all the others; SpecError where it is none."""
+    robots, name = _found(task_vars)["robots"], str((task_vars or {}).get("inventory_hostname"))
+    if name not in robots:
+        raise SpecError(f"{name} is no robot of this fleet: it is not in the inventory's group robots")
+    return Robot.from_dict(robots[name])
+
+
+def _found(task_vars: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    found = (task_vars or {}).get(VARIABLE)
+    if not isinstance(found, Mapping) or "robots" not in found:
+        raise SpecError(
+            f"the variable {VARIABLE} is missing: the inventory was not validated in this run; "
+            "import the playbook rosops.fleet.validate before this one"
+        )
+    return found

@@ -1,0 +1,104 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The action over Ansible's own inventory: the table of bad inputs, what is handed on, and what becomes of secrets."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import yaml
+from ansible.inventory.manager import InventoryManager
+from ansible.parsing.dataloader import DataLoader
+from ansible.vars.hostvars import HostVars
+from ansible.vars.manager import VariableManager
+from ansible_collections.rosops.fleet.plugins.action.fleet_config import ActionModule
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate import explain
+from ansible_collections.rosops.fleet.tests.unit.bad_input import table
+
+CASES = [case for case in table.load_cases() if "pure" not in case]
+GOOD: dict[str, Any] = {
+    "groups": {**table.GROUPS, "all": ["edge1", "robot1"]},
+    "hosts": {
+        "edge1": {
+            "k3s_token": "hush-token",
+            "k3s_node_name": "{{ 'node-' ~ 1 }}",
+            "k3s_registries": {"configs": {"r": {"auth": {"password": "hush-r"}}}},
+        },
+        "robot1": {
+            "ros_apps": [{**table.GOOD_APP, "image": "example.org/talker", "env": {"API_TOKEN": "known", "N": 1}}],
+            "robot_namespace_pull_secrets": [
+                {"name": "login", "registry": "example.org", "username": "me", "password": "hush-password"}
+            ],
+        },
+    },
+}
+
+
+def run(tmp_path: Path, fleet: dict[str, Any], check: bool = False) -> dict[str, Any]:
+    """The task's result for an inventory of these groups and variables."""
+    source = tmp_path / "hosts.yml"
+    groups = {name: {"hosts": dict.fromkeys(hosts)} for name, hosts in fleet["groups"].items() if name != "all"}
+    hosts = {name: fleet["hosts"].get(name, {}) for name in fleet["groups"]["all"]}
+    source.write_text(yaml.safe_dump({"all": {"hosts": hosts, "children": groups}}, sort_keys=False), "utf-8")
+    loader = DataLoader()
+    inventory = InventoryManager(loader=loader, sources=[str(source)])
+    hostvars = HostVars(inventory, VariableManager(loader=loader, inventory=inventory), loader)
+    task = SimpleNamespace(args={}, check_mode=check, async_val=0, diff=True, environment=[], no_log=False)
+    connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused"))
+    action = ActionModule(
+        task=task, connection=connection, play_context=None, loader=None, templar=None, shared_loader_obj=None
+    )
+    found: dict[str, Any] = action.run(task_vars={"hostvars": hostvars, "groups": inventory.get_groups_dict()})
+    return found
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
+def test_bad_input(case: dict[str, Any], tmp_path: Path) -> None:
+    result = run(tmp_path, table.fleet_of(case))
+    assert (result["failed"], result["valid"], result["changed"]) == (True, False, False)
+    assert table.missing_words(case, result["msg"]) == []
+    assert len(result["errors"]) == len(result["msg"].splitlines()) - 1
+    assert case["path"] in [error["path"] for error in result["errors"]]
+    assert "robots" not in result
+    assert "hush" not in json.dumps(result)
+    assert run(tmp_path, table.fleet_of(case)) == result
+
+
+@pytest.mark.parametrize("check", [False, True])
+def test_a_good_fleet_is_handed_on_without_secrets(check: bool, tmp_path: Path) -> None:
+    result = run(tmp_path, GOOD, check)
+    assert (result["valid"], result["changed"], result["errors"]) == (True, False, [])
+    assert "failed" not in result
+    assert "may mean another image" in result["warnings"][0]
+    assert "hush" not in json.dumps(result)
+    fleet = Fleet.from_vars({"fleet": result})
+    robot = fleet.robots["robot1"]
+    assert robot.pull_secrets == ("login",)
+    assert robot.apps[0].env == {"API_TOKEN": "known", "N": "1"}
+    assert fleet.edge_nodes == ("node-1",) == (fleet.hosts["edge1"].node,)
+
+
+def test_what_cannot_be_templated_is_named(tmp_path: Path) -> None:
+    hosts = {"edge1": {}, "robot1": {"ros_apps": "{{ nobody_knows }}"}}
+    result = run(tmp_path, {**GOOD, "hosts": hosts})
+    assert result["failed"]
+    assert "hosts.robot1.ros_apps: cannot be templated: 'nobody_knows' is undefined" in result["msg"]
+
+
+def test_the_order_of_errors_is_the_inventorys(tmp_path: Path) -> None:
+    names = ["r3", "r1", "r2"]
+    groups = {"edge": ["edge1"], "robots": names, "all": ["edge1", *names]}
+    result = run(tmp_path, {"groups": groups, "hosts": {name: {"robot_mode": "cloud"} for name in names}})
+    assert [error["path"] for error in result["errors"]] == [f"hosts.{name}.robot_mode" for name in names]
+
+
+def test_without_jsonschema_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(explain, "jsonschema", None)
+    result = run(tmp_path, GOOD)
+    assert result["failed"]
+    assert "`pip install jsonschema`" in result["msg"]
