@@ -11,6 +11,7 @@ from typing import Any
 
 from ansible.plugins.action import ActionBase
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
@@ -42,7 +43,7 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
 def _look(task_vars: dict[str, Any], volumes: str) -> dict[str, Any]:
     hostvars, names = HostVariables(task_vars["hostvars"]), task_vars["ansible_play_hosts_all"]
     results = {host: hostvars[host].get(volumes, {}) for host in names}
-    hosts = members(names, task_vars["groups"], hostvars, results, os.environ)
+    hosts = members(names, Fleet.from_vars(task_vars), hostvars, results, os.environ)
     asked, silent = clusters_of(hosts)
     answers = ask(asked)
     problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}

@@ -29,8 +29,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import D
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
@@ -107,7 +106,7 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
             )},
         )  # fmt: skip
-        robot = Robot.from_variables(HostVariables(self._vars["hostvars"])[self._host], self._host)
+        robot = robot_from_vars(self._vars)
         self._modules = ActionHost(self, self._vars)
         node = NodeImages(self._modules, params["image_directory"], params["image_rate_limit"], self._say)
         images = ImageSource(node, params["image_archives"], params["image_names"])

@@ -7,6 +7,8 @@ from __future__ import annotations
 from typing import Any, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
 
 
 def robot(
@@ -26,3 +28,9 @@ def robot(
         **{f"robot_namespace_{key}": value for key, value in namespace.items()},
     }
     return Robot.from_variables(variables, name)
+
+
+def fleet(groups: Mapping[str, Sequence[str]], hostvars: Mapping[str, Mapping[str, Any]]) -> Fleet:
+    """The fleet of an inventory's groups and variables."""
+    robots = {name: Robot.from_variables(hostvars[name], name) for name in groups["robots"]}
+    return Fleet(robots, fleet_topology(groups, hostvars), tuple(groups["edge"]))

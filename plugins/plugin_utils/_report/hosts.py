@@ -13,7 +13,7 @@ from typing import Any, Iterable, Mapping, Sequence
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Row
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
 
@@ -56,22 +56,21 @@ class Member:
 
 def members(
     hosts: Iterable[str],
-    groups: Mapping[str, Any],
+    fleet: Fleet,
     hostvars: Mapping[str, Variables],
     results: Mapping[str, Variables],
     environ: Mapping[str, str],
 ) -> list[Member]:
     """The hosts of a run; `results` are those of a task that ran on all of them."""
-    topology, robots = fleet_topology(groups, hostvars), groups.get("robots") or []
     return [
         Member(
             host,
             str(hostvars[host].get("ansible_host", host)),
-            topology[host]["role"],
-            topology[host]["cluster"],
-            topology[host]["servers"],
-            kubeconfig_of(hostvars[host], topology[host]["cluster"], environ),
-            Robot.from_variables(hostvars[host], host) if host in robots else None,
+            fleet.hosts[host].role,
+            fleet.hosts[host].cluster,
+            fleet.hosts[host].servers,
+            kubeconfig_of(hostvars[host], fleet.hosts[host].cluster, environ),
+            fleet.robots.get(host),
             message_of(results[host]) if results.get(host, {}).get("unreachable") else None,
         )
         for host in hosts

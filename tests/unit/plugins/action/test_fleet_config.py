@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,10 +14,11 @@ from ansible.inventory.manager import InventoryManager
 from ansible.parsing.dataloader import DataLoader
 from ansible.vars.hostvars import HostVars
 from ansible.vars.manager import VariableManager
-from ansible_collections.rosops.fleet.plugins.action.fleet_config import ActionModule
+from ansible_collections.rosops.fleet.plugins.action import fleet_config
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate import explain
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table
+from ansible_collections.rosops.fleet.tests.unit.plugins.action import actions
 
 CASES = [case for case in table.load_cases() if "pure" not in case]
 GOOD: dict[str, Any] = {
@@ -48,13 +48,8 @@ def run(tmp_path: Path, fleet: dict[str, Any], check: bool = False) -> dict[str,
     loader = DataLoader()
     inventory = InventoryManager(loader=loader, sources=[str(source)])
     hostvars = HostVars(inventory, VariableManager(loader=loader, inventory=inventory), loader)
-    task = SimpleNamespace(args={}, check_mode=check, async_val=0, diff=True, environment=[], no_log=False)
-    connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused"))
-    action = ActionModule(
-        task=task, connection=connection, play_context=None, loader=None, templar=None, shared_loader_obj=None
-    )
-    found: dict[str, Any] = action.run(task_vars={"hostvars": hostvars, "groups": inventory.get_groups_dict()})
-    return found
+    variables = {"hostvars": hostvars, "groups": inventory.get_groups_dict()}
+    return actions.run(fleet_config, {}, variables, check)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))

@@ -10,6 +10,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.action import fleet_info
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import Answer
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2"]}
 MASTER = {"metadata": {"name": "ros-master", "namespace": "robot-robot1"}, "spec": {"clusterIP": "10.43.0.1"}}
@@ -25,7 +26,7 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
 
     monkeypatch.setattr(fleet_info, "ask", ask)
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
-    given = {"hostvars": hostvars, "groups": GROUPS, "ansible_play_hosts_all": list(hostvars)}
+    given = {"hostvars": hostvars, "fleet": fleet(GROUPS, hostvars).as_dict(), "ansible_play_hosts_all": list(hostvars)}
     return {**run(fleet_info, {"volumes": "usage"}, given), "asked": asked}
 
 
@@ -65,9 +66,7 @@ def test_a_cluster_that_does_not_answer_is_a_problem(
     assert len(found["nodes"]) == len(asked)  # what it did answer is shown
 
 
-def test_an_inventory_that_is_no_fleet() -> None:
-    found = run(
-        fleet_info, {"volumes": "usage"}, {"hostvars": {}, "groups": {"robots": ["r"]}, "ansible_play_hosts_all": []}
-    )
+def test_without_the_validation() -> None:
+    found = run(fleet_info, {"volumes": "usage"}, {"hostvars": {}, "ansible_play_hosts_all": []})
     assert found["failed"] is True
-    assert "make no fleet" in found["msg"]
+    assert "import the playbook rosops.fleet.validate" in found["msg"]

@@ -38,5 +38,5 @@ def test_a_task_finds_its_robot() -> None:
 @pytest.mark.parametrize("variables", [None, {}, {"fleet": "mine"}, {"fleet": {"failed": True, "msg": "no"}}])
 @pytest.mark.parametrize("read", [Fleet.from_vars, robot_from_vars])
 def test_without_the_validation_it_says_what_to_do(read: Any, variables: Any) -> None:
-    with pytest.raises(SpecError, match="import the playbook rosops[.]fleet[.]validate"):
+    with pytest.raises(SpecError, match=r"import the playbook rosops[.]fleet[.]validate"):
         read(variables)

@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     members,
     usage_of,
 )
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
 VARIABLES: dict[str, dict[str, Any]] = {
@@ -30,7 +31,7 @@ def found(
     *names: str, off: tuple[str, ...] = (), every: dict[str, Any] | None = None, **more: dict[str, Any]
 ) -> list[Member]:
     hostvars = {name: {**own, **(every or {}), **more.get(name, {})} for name, own in VARIABLES.items()}
-    return members(names or hostvars, GROUPS, hostvars, dict.fromkeys(off, OFF), {})
+    return members(names or hostvars, fleet(GROUPS, hostvars), hostvars, dict.fromkeys(off, OFF), {})
 
 
 def service(namespace: str, address: str, name: str = "ros-master") -> dict[str, Any]:
