@@ -16,7 +16,9 @@ TAINT = {"key": "gripper", "value": "", "effect": "NoSchedule"}
 
 
 def apply(api: dict[str, Any], check_mode: bool = False, **options: Any) -> dict[str, Any]:
-    return run(_node_apply, {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options}, {}, check_mode)
+    return run(
+        _node_apply, {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options}, {}, check_mode
+    )
 
 
 def ready(server: Server) -> None:
