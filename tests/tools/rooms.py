@@ -39,7 +39,7 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     # above the objects: an app's overrides are judged by the object that they are laid over
     "_validate": ("_model", "_objects", "_observability"),
     # what actions share: how they run modules on the host at hand
-    "_action": ("_model", "_images"),
+    "_action": ("_model", "_kube", "_images"),
     "_update": ("_model", "_kube", "_images", "_objects", "_observability"),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import traceback
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Mapping
 
 from ansible_collections.kubernetes.core.plugins.module_utils.args_common import AUTH_ARG_SPEC
@@ -31,7 +32,11 @@ try:
 except ImportError:
     IMPORT_ERROR = traceback.format_exc()
 
-__all__ = ["AUTH_ARG_SPEC", "Access", "access_from", "forget_key_files"]
+__all__ = ["AUTH_ARG_SPEC", "Access", "NoClusterError", "access_from", "forget_key_files"]
+
+
+class NoClusterError(KubeError):
+    """There is no kubeconfig where one is looked for: the run that writes it has not been there yet."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,8 @@ class Access:
 def access_from(params: Mapping[str, Any]) -> Access:
     """The access that a task's options, and for those not given the process' environment, describe.
 
-    Raises KubeError when the library is missing or no credentials can be read.
+    Raises NoClusterError where the kubeconfig is not there, KubeError when the library is missing or no credentials
+    can be read.
     """
     if IMPORT_ERROR:
         raise KubeError(
@@ -57,6 +63,7 @@ def access_from(params: Mapping[str, Any]) -> Access:
     # An empty option is one that is not given: "{{ path | default('') }}" must not hide the environment's.
     given = {key: params[key] for key in AUTH_ARG_SPEC if params.get(key) not in (None, "", {}, [])}
     auth = _create_auth_spec(None, **given)
+    _look_for(auth.get("kubeconfig"))
     try:
         configuration = _create_configuration(auth)
     except Exception as exc:  # the client's loader lets through what YAML, files and plugins raise
@@ -75,6 +82,16 @@ def access_from(params: Mapping[str, Any]) -> Access:
         for value in (values if isinstance(values, list) else [values])
     ]
     return Access(configuration, RESTClientObject(configuration).pool_manager, tuple(headers), _source(auth))
+
+
+def _look_for(kubeconfig: Any) -> None:
+    if not isinstance(kubeconfig, str) or any(Path(one).expanduser().exists() for one in kubeconfig.split(os.pathsep)):
+        return
+    raise NoClusterError(
+        f"There is no kubeconfig {kubeconfig} on the control node. The stage k3s of rosops.fleet.site writes it "
+        "(without --limit, or with a server of the cluster in it); k3s_kubeconfig_path or fleet_kubeconfig_dir say "
+        "where it is."
+    )
 
 
 def _source(auth: Mapping[str, Any]) -> str:

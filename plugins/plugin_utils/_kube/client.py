@@ -7,8 +7,9 @@ The requests go through the connection pool of the official client and not throu
 classes that nobody here needs, their dynamic client asks for the API's resources first, and their watch cannot be
 stopped while it waits.
 
-The client's libraries take a quarter of a second to import. They are imported at module level on purpose: Ansible loads
-an action plugin in its main process and forks a worker per task, which then has them already.
+The client's libraries take 0.2 s of CPU time to import. They are imported at module level on purpose: Ansible's
+strategies load an action plugin in the main process and fork a worker per host and task, which has them then (seen: one
+import in a run of 15 such tasks).
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ import base64
 import json
 from typing import Any, Mapping, Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, owner_labels
@@ -61,6 +62,20 @@ def storage_objects(robot: Robot) -> list[Object]:
         for volume in robot.volumes
         for namespace in dict.fromkeys(users.get(volume.name) or [robot.namespace])
     ]
+
+
+def removed_claims(robot: Robot, volumes: Sequence[str], confirmed: bool) -> list[Object]:
+    """The claims of volumes that are to be deleted, with their data.
+
+    Raises SpecError if that is not confirmed, or if the inventory still has such a volume.
+    """
+    still = {volume.name for volume in robot.volumes} & set(volumes)
+    if volumes and (still or not confirmed):
+        raise SpecError(
+            f"storage_remove_claims would delete the data of {', '.join(volumes)} on {robot.name}. "
+            "It needs storage_remove_confirm=true, and volumes that persistent_storage no longer has."
+        )
+    return [_claim(Volume(name, ""), robot.namespace, robot.name) for name in volumes]
 
 
 def needs_fleet_namespace(robot: Robot) -> bool:

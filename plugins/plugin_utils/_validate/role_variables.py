@@ -37,7 +37,6 @@ _SCALARS: dict[str, dict[str, Any]] = {
 # As in the argument specs, without defaults and descriptions.
 OPTIONS: dict[str, Option] = {
     "cluster_api_kubeconfig": {"type": "str"},
-    "cluster_api_collect": {"type": "bool"},
     "images_archives": {
         "type": "list",
         "elements": "dict",

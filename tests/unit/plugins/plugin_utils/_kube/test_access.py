@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import access_from
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, access_from
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
@@ -80,10 +80,14 @@ def test_another_context_and_a_host_of_ones_own(server: Server) -> None:
         assert kube.nodes() == []
 
 
-@pytest.mark.parametrize("content", [None, "", "{", "kind: Config"])
-def test_an_unusable_kubeconfig_says_what_to_do(tmp_path: Path, content: str | None) -> None:
+def test_a_kubeconfig_that_is_not_there_says_who_writes_it(tmp_path: Path) -> None:
+    with pytest.raises(NoClusterError, match=r"no kubeconfig .*edge.yaml.*The stage k3s"):
+        Kube({"kubeconfig": str(tmp_path / "edge.yaml")})
+
+
+@pytest.mark.parametrize("content", ["", "{", "kind: Config"])
+def test_an_unusable_kubeconfig_says_what_to_do(tmp_path: Path, content: str) -> None:
     path = tmp_path / "config"
-    if content is not None:
-        path.write_text(content)
+    path.write_text(content)
     with pytest.raises(KubeError, match=r"No usable Kubernetes credentials in .*config.*Set kubeconfig"):
         Kube({"kubeconfig": str(path)})

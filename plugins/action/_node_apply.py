@@ -1,0 +1,64 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the role node: wait until the host's node is Ready, then give it its labels and taints."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, written
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, look_once, wait_for_rollout
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import node_object, taints_patch
+
+RACES = 5  # Kubernetes puts on and takes off taints of its own meanwhile
+
+
+class ActionModule(ClusterAction):
+    ARGUMENTS: ClassVar = {
+        "name": {"type": "str", "required": True},
+        "placement": {"type": "str", "choices": ["local", "remote"], "required": True},
+        "robot": {"type": "str", "default": ""},
+        "labels": {"type": "dict", "default": {}},
+        "taints": {"type": "list", "elements": "dict", "default": []},
+        "timeout": {"type": "float", "default": 300},
+    }
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        ref, node, check = Ref("Node", params["name"], "", "v1"), _node(params), self._task.check_mode
+        with self.cluster(params) as kube:
+            if check and kube.get(ref) is None:
+                return self.foresee(params, known)
+            # Applying a node that is not there would create one: the wait comes first.
+            if not check and look_once(kube, [ref])["objects"][0]["verdict"] != PASS:
+                wait_for_rollout(kube, [ref], Settings(timeout=params["timeout"], say=self.say(known)))
+            done = kube.apply([node], check)
+            return written([*done, *_taint(kube, ref, params["taints"], check)])
+
+    def foresee(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+        labels = _node(params)["metadata"]["labels"]
+        what = f"it would get the labels {labels} and the taints {params['taints']}"
+        return {"changed": True, "msg": f"node {params['name']} has not joined yet; {what}"}
+
+
+def _node(params: Mapping[str, Any]) -> Object:
+    return node_object(params["name"], params["placement"], params["robot"], params["labels"])
+
+
+def _taint(kube: Kube, ref: Ref, taints: Sequence[Mapping[str, Any]], dry_run: bool) -> list[Applied]:
+    """Each try is worked out from the node as it is then."""
+    for tries in range(1, RACES + 1):
+        patch = taints_patch(kube.get(ref) or {"metadata": {}}, taints)
+        if patch is None:
+            return []
+        try:
+            return [kube.merge(ref, patch, dry_run)]
+        except ApiError as error:
+            if error.status != 409 or tries == RACES:
+                raise
+    raise AssertionError("the last try returns or raises")

@@ -1,0 +1,110 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What action plugins on a cluster share: access, errors, check mode without a cluster, the result of writes."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, ClassVar, Mapping, Sequence
+
+from ansible.plugins.action import ActionBase
+from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC, NoClusterError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+
+display = Display()
+
+
+class ClusterAction(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    """An action on the cluster's API, from the control node, in the process of the task.
+
+    Options are kubernetes.core's for the access and those in ARGUMENTS. `work` does it. Where check mode has no cluster
+    to compare with, because the run would make it first, `foresee` says what would be done.
+    """
+
+    TRANSFERS_FILES = False
+    _requires_connection = False
+    _supports_check_mode = True
+    ARGUMENTS: ClassVar[dict[str, Any]] = {}
+
+    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        params = self.validate_argument_spec(argument_spec={**AUTH_ARG_SPEC, **self.ARGUMENTS})[1]
+        # The task's `environment`, which a module would find in its own. This process, too, is of one task alone.
+        os.environ.update(self._environment())
+        known = task_vars or {}
+        try:
+            try:
+                return {**result, **self.work(params, known)}
+            except NoClusterError:
+                if not self._task.check_mode:
+                    raise
+                return {**result, **self.foresee(params, known)}
+        except FleetError as error:
+            return {**result, "failed": True, "msg": str(error), **error.details}
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        """The task's result. `params` are its options, `known` the host's variables."""
+        raise NotImplementedError
+
+    def foresee(self, _params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+        """The task's result in check mode, where there is no cluster yet."""
+        return {"changed": False, "skipped": True, "msg": "there is no cluster yet"}
+
+    def cluster(self, params: Mapping[str, Any], patience: float = PATIENCE) -> Kube:
+        return Kube(params, patience)
+
+    def robot(self, known: Mapping[str, Any]) -> Robot:
+        """The robot that the task's host is."""
+        return Robot.from_variables(Variables(self._templar, known), str(known["inventory_hostname"]))
+
+    def say(self, known: Mapping[str, Any]) -> Any:
+        """What prints a line while the task goes on."""
+        return lambda text: display.display(f"[{known.get('inventory_hostname', '')}] {text}")
+
+    def _environment(self) -> dict[str, str]:
+        found: dict[str, Any] = {}
+        self._compute_environment_string(found)
+        return {str(key): str(value) for key, value in found.items()}
+
+
+class Variables(Mapping[str, Any]):
+    """A host's variables as its tasks see them, each templated when it is asked for."""
+
+    def __init__(self, templar: Any, known: Mapping[str, Any]) -> None:
+        self._templar, self._known = templar, known
+
+    def __getitem__(self, name: str) -> Any:
+        return self._templar.template(self._known[name])
+
+    def __iter__(self) -> Any:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+
+def written(done: Sequence[Applied]) -> dict[str, Any]:
+    """The result of a task that wrote objects: `changed`, `diff`, and in `results` what became of each."""
+    return {
+        "changed": any(one.changed for one in done),
+        "diff": diff_of(done),
+        "results": [
+            {"kind": one.ref.kind, "name": one.ref.name, "namespace": one.ref.namespace, "changed": one.changed}
+            for one in done
+        ],
+    }
+
+
+def foreseen(objects: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The same where there is no cluster yet: all of it would be new. The diff names it."""
+    names = [str(ref_of(obj)) for obj in objects]
+    return {
+        "changed": bool(names),
+        "diff": {"before": "", "after": "".join(f"{name}\n" for name in names)},
+        "msg": f"there is no cluster yet; would create {', '.join(names) or 'nothing'}",
+    }

@@ -1,0 +1,25 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The API server of the client's tests."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    made = Server()
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def api(server: Server, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """The options that lead to it."""
+    monkeypatch.setattr(os, "environ", dict(os.environ))  # an action adds its task's environment to the process'
+    return {"host": server.url, "api_key": "t"}

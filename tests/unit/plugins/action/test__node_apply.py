@@ -1,0 +1,63 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The action: a node gets its labels and taints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.action import _node_apply
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import conditions, obj
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+
+PATH = "/api/v1/nodes/robot1"
+TAINT = {"key": "gripper", "value": "", "effect": "NoSchedule"}
+
+
+def apply(api: dict[str, Any], check_mode: bool = False, **options: Any) -> dict[str, Any]:
+    return run(
+        _node_apply, {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options}, {}, check_mode
+    )
+
+
+def ready(server: Server) -> None:
+    server.put(PATH, obj("Node", "robot1", status={"conditions": conditions(Ready="True")}))
+
+
+def test_labels_and_taints_once(server: Server, api: dict[str, Any]) -> None:
+    ready(server)
+    assert apply(api, labels={"a": "b"}, taints=[TAINT])["changed"]
+    node = server.find(PATH)
+    assert node["metadata"]["labels"] == {"deploymentType": "local", "rosops.fleet/robot": "robot1", "a": "b"}
+    assert node["spec"]["taints"] == [{"key": "gripper", "effect": "NoSchedule"}]
+    assert not apply(api, labels={"a": "b"}, taints=[TAINT])["changed"]
+    assert apply(api)["changed"]
+    node = server.find(PATH)
+    assert "a" not in node["metadata"]["labels"]
+    assert not node["spec"].get("taints")
+
+
+def test_what_changes_meanwhile_is_looked_at_again(server: Server, api: dict[str, Any]) -> None:
+    ready(server)
+    apply(api)
+    server.write_refusals += [(200, ""), (409, "the object has been modified")]
+    result = apply(api, taints=[TAINT])
+    assert result["changed"]
+    assert [write for write in server.writes if PATH in write][-3:] == [f"PATCH {PATH}"] * 3
+
+
+def test_a_node_that_does_not_come_fails(server: Server, api: dict[str, Any]) -> None:
+    server.put(PATH, obj("Node", "robot1", status={"conditions": conditions(Ready="False")}))
+    failed = apply(api, timeout=0.01)
+    assert failed["failed"]
+    assert "Node robot1" in failed["msg"]
+    assert not server.writes
+
+
+def test_check_mode_foresees_a_node_that_has_not_joined(server: Server, api: dict[str, Any]) -> None:
+    for access in (api, {"kubeconfig": "/nowhere/edge.yaml"}):
+        result = apply(access, check_mode=True)
+        assert result["changed"]
+        assert "node robot1 has not joined yet" in result["msg"]
+    assert not server.writes
