@@ -113,7 +113,8 @@ lint-changelog: ## The fragments of the changelog
 
 .PHONY: lint-docs
 lint-docs: ## Documentation of modules, plugins and roles, and all that it refers to
-	antsibull-docs lint-collection-docs --plugin-docs .
+	@# it copies collections that ours needs as git knows them; those in .venv are none of this repository
+	GIT_CEILING_DIRECTORIES=$$(realpath .venv) antsibull-docs lint-collection-docs --plugin-docs .
 
 .PHONY: lint-package
 lint-package: ## The collection can be built (what it holds: tests/unit/test_package.py)
