@@ -14,18 +14,10 @@ from typing import Any
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import token_verdict
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
 SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$")
-SUFFIX = {"x86_64": "", "aarch64": "-arm64", "armv7l": "-armhf"}
-IMAGES = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm"}
 ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
-
-
-def address(host: str, hostvars: Mapping[str, Any]) -> str:
-    """The host's address from the inventory, an IPv6 one in brackets as it stands in a URL."""
-    known = hostvars[host]
-    text = str(known.get("k3s_node_ip") or known.get("ansible_host") or host).split(",", maxsplit=1)[0].strip()
-    return f"[{text}]" if ":" in text else text
 
 
 def airgap_artifacts(manifest: str, machine: str) -> dict[str, Any]:
@@ -40,12 +32,13 @@ def airgap_artifacts(manifest: str, machine: str) -> dict[str, Any]:
             sums[found.group(2)] = found.group(1)
         elif line.strip():
             raise SpecError(f"SHA256SUMS, line {number}, is no line of sha256sum: {line.strip()[:80]!r}")
-    if machine not in SUFFIX:
+    known = MACHINES.get(machine)
+    if known is None:
         raise SpecError(f"there is no k3s for the architecture {machine}")
-    binary = f"k3s{SUFFIX[machine]}"
+    binary = f"k3s{known.suffix}"
     if binary not in sums:
         raise SpecError(f"SHA256SUMS has no line for {binary}, which hosts of {machine} need")
-    archives = [f"k3s-airgap-images-{IMAGES[machine]}{ending}" for ending in ARCHIVE_ENDINGS]
+    archives = [f"k3s-airgap-images-{known.architecture}{ending}" for ending in ARCHIVE_ENDINGS]
     images = next((name for name in archives if name in sums), "")
     return {
         "binary": {"name": binary, "sha256": sums[binary]},

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Addresses, airgap manifests, files to write, and the kubeconfig for use elsewhere."""
+"""Airgap manifests, tokens, and the kubeconfig for use elsewhere."""
 
 from __future__ import annotations
 
@@ -19,19 +19,6 @@ MANIFEST = f"""{SUM}  k3s
 {"c" * 64}  k3s-airgap-images-amd64.tar
 {"d" * 64}  k3s-airgap-images-amd64.tar.zst
 """
-
-
-@pytest.mark.parametrize(
-    ("known", "address"),
-    [
-        ({}, "edge1"),
-        ({"ansible_host": "10.0.0.1"}, "10.0.0.1"),
-        ({"ansible_host": "10.0.0.1", "k3s_node_ip": "192.168.1.1,fd00::1"}, "192.168.1.1"),
-        ({"ansible_host": "fd00::1"}, "[fd00::1]"),
-    ],
-)
-def test_address(known: dict[str, str], address: str) -> None:
-    assert _k3s_config.address("edge1", {"edge1": known}) == address
 
 
 @pytest.mark.parametrize(
