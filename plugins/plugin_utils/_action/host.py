@@ -12,13 +12,15 @@ from typing import Any
 class ActionHost:
     """The host of an action plugin's task.
 
-    Modules and copies run there with the task's connection and privileges, check mode aside: who calls decides what
-    check mode leaves out. Results are Ansible's own; a host that cannot be reached raises AnsibleConnectionFailure.
+    Modules and copies run there with the task's connection and privileges. They run in check mode only where that is
+    asked for: mostly who calls decides what check mode leaves out. Results are Ansible's own; a host that cannot be
+    reached raises AnsibleConnectionFailure.
     """
 
-    def __init__(self, plugin: Any, task_vars: dict[str, Any] | None) -> None:
+    def __init__(self, plugin: Any, task_vars: dict[str, Any] | None, check_mode: bool = False) -> None:
         self.plugin = plugin
         self.task_vars = task_vars or {}
+        self.check_mode = check_mode
 
     def module(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
         """Run a module by its full name."""
@@ -37,12 +39,16 @@ class ActionHost:
             return self.action("ansible.posix.synchronize", {"src": src, "dest": dest, **options})
         return self.action("ansible.builtin.copy", {"src": src, "dest": dest, "mode": "0600"})
 
-    def action(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
+    def write(self, path: str, content: str, mode: str, diff: bool) -> dict[str, Any]:
+        """Write a file."""
+        return self.action("ansible.builtin.copy", {"dest": path, "content": content, "mode": mode}, diff)
+
+    def action(self, name: str, args: Mapping[str, Any], diff: bool = False) -> dict[str, Any]:
         """Run another action plugin; it gets copies of what it may change for itself, as synchronize does."""
         plugin = self.plugin
         other = plugin._shared_loader_obj.action_loader.get(
             name,
-            task=self._task(name, args),
+            task=self._task(name, args, diff),
             connection=plugin._connection,
             play_context=plugin._play_context.copy(),
             loader=plugin._loader,
@@ -54,7 +60,7 @@ class ActionHost:
         found: dict[str, Any] = other.run(task_vars=dict(self.task_vars))
         return found
 
-    def _task(self, name: str, args: Mapping[str, Any]) -> Any:
+    def _task(self, name: str, args: Mapping[str, Any], diff: bool = False) -> Any:
         task = self.plugin._task.copy()
-        task.action, task.args, task.check_mode, task.diff = name, dict(args), False, False
+        task.action, task.args, task.check_mode, task.diff = name, dict(args), self.check_mode, diff
         return task

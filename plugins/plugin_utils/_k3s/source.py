@@ -1,23 +1,68 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pure functions of the role k3s that are no one-liners in Jinja. Run on the control node."""
+"""Where k3s's binary and archive of images come from: the project's releases, or a directory of the control node."""
 
 from __future__ import annotations
 
-import base64
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
-import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import token_verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
 SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$")
 ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Binary and archive for one machine. What does not apply is empty.
+
+    `sha256` is the binary's, empty where only the release's own list of sums (`sums`, a URL) has it. `archive_name` is
+    the archive's name on the host: it holds the digest, so neither end needs to read hundreds of MB to compare.
+    """
+
+    sha256: str = ""
+    path: str = ""  # of the binary on the control node
+    url: str = ""  # of the binary in the releases
+    sums: str = ""
+    archive_name: str = ""
+    archive_path: str = ""
+    archive_sha256: str = ""
+    archive_size: int = 0
+
+
+def source(variables: Mapping[str, Any], machine: str) -> Source:
+    """The source that the role's variables choose; SpecError if the airgap directory lacks something."""
+    if variables["k3s_install_source"] == "airgap":
+        return _airgap(variables["k3s_airgap_dir"], machine)
+    known = MACHINES[machine]
+    release = f"{variables['k3s_release_url']}/{quote(variables['k3s_version'])}"
+    return Source(
+        sha256=variables["k3s_release_checksums"].get(machine) or "",
+        url=f"{release}/k3s{known.suffix}",
+        sums=f"{release}/sha256sum-{known.architecture}.txt",
+    )
+
+
+def _airgap(directory: str, machine: str) -> Source:
+    found = airgap(directory, machine)
+    binary, images = found["binary"], found["images"]
+    if not images["name"]:
+        return Source(sha256=binary["sha256"], path=binary["path"])
+    return Source(
+        sha256=binary["sha256"],
+        path=binary["path"],
+        archive_name=images["name"].replace(".tar", f"-{images['sha256'][:12]}.tar"),
+        archive_path=images["path"],
+        archive_sha256=images["sha256"],
+        archive_size=images["size"],
+    )
 
 
 def airgap_artifacts(manifest: str, machine: str) -> dict[str, Any]:
@@ -57,44 +102,3 @@ def airgap(directory: str, machine: str) -> dict[str, Any]:
     except OSError as error:
         raise SpecError(f"k3s_airgap_dir {base}: {error.filename} cannot be read: {error.strerror}") from error
     return found
-
-
-def wrong_tokens(read: Sequence[Mapping[str, Any]], given: Mapping[str, str]) -> list[str]:
-    """Names of the inventory's variables whose token is not the one read from the cluster; none given is none wrong.
-
-    `read` is what slurp returned for each file name.
-    """
-    return [
-        f"k3s_{file['item'].replace('-', '_')}"
-        for file in read
-        if given[file["item"]]
-        and token_verdict(given[file["item"]], base64.b64decode(file["content"]).decode(), "") != "same"
-    ]
-
-
-def local_kubeconfig(text: str, server: str, cluster: str, source: str) -> str:
-    """k3s's kubeconfig for use elsewhere: the server's real address, everything named after the cluster.
-
-    The first line says what it was made from, so that a look at it tells whether it must be made again.
-    """
-    # Ansible's strings carry tags, which a YAML dumper does not know.
-    server, cluster = str(server), str(cluster)
-    document = yaml.safe_load(str(text))
-    try:
-        inner = document["clusters"][0]["cluster"]
-        user = document["users"][0]["user"]
-    except (TypeError, KeyError, IndexError) as error:
-        raise SpecError("the server's k3s.yaml is no kubeconfig") from error
-    config = {
-        "apiVersion": "v1",
-        "kind": "Config",
-        "clusters": [{"name": cluster, "cluster": {**inner, "server": server}}],
-        "users": [{"name": cluster, "user": user}],
-        "contexts": [{"name": cluster, "context": {"cluster": cluster, "user": cluster}}],
-        "current-context": cluster,
-    }
-    return f"{kubeconfig_head(source, server, cluster)}\n{yaml.safe_dump(config, sort_keys=True)}"
-
-
-def kubeconfig_head(source: str, server: str, cluster: str) -> str:
-    return f"# rosops.fleet: {cluster} at {server}, from k3s.yaml sha256:{source}"
