@@ -13,7 +13,7 @@ version_added: 0.1.0
 description:
   - Reads the operating system, cgroups, memory, disk, routes, sockets and traces of an earlier k3s in one call, and
     knocks at the TCP ports that the host must reach.
-  - Reads only, and judges nothing. The filter P(rosops.fleet.preflight_report#filter) does.
+  - Reads only, and judges nothing. The role P(rosops.fleet.preflight#role) does.
   - Its action plugin measures the clock's offset to the control node. The measurement is bounded by the call's round
     trip, so its uncertainty is part of the result.
   - Needs nothing but Python's standard library on the host. Root is needed to name the processes that hold ports.

@@ -12,49 +12,55 @@ from typing import Any
 class ActionHost:
     """The host of an action plugin's task.
 
-    Modules and copies run there with the task's connection and privileges, check mode aside: who calls decides what
-    check mode leaves out. Results are Ansible's own; a host that cannot be reached raises AnsibleConnectionFailure.
+    Modules and copies run there with the task's connection and privileges. They run in check mode only where that is
+    asked for: mostly who calls decides what check mode leaves out. Results are Ansible's own; a host that cannot be
+    reached raises AnsibleConnectionFailure.
     """
 
-    def __init__(self, action: Any, task_vars: dict[str, Any] | None) -> None:
-        self.action = action
+    def __init__(self, plugin: Any, task_vars: dict[str, Any] | None, check_mode: bool = False) -> None:
+        self.plugin = plugin
         self.task_vars = task_vars or {}
+        self.check_mode = check_mode
 
     def module(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
         """Run a module by its full name."""
-        task = self.action._task
-        self.action._task = self._task(name, args)
+        task = self.plugin._task
+        self.plugin._task = self._task(name, args)
         try:
-            found: dict[str, Any] = self.action._execute_module(name, dict(args), task_vars=self.task_vars)
+            found: dict[str, Any] = self.plugin._execute_module(name, dict(args), task_vars=self.task_vars)
         finally:
-            self.action._task = task
+            self.plugin._task = task
         return found
 
     def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
         """Copy a file of the control node, mode 0600; with rsync and its --bwlimit where there is a `rate_limit`."""
         if rate_limit:
             options = {"archive": False, "partial": True, "rsync_opts": [f"--bwlimit={rate_limit}"]}
-            return self._action("ansible.posix.synchronize", {"src": src, "dest": dest, **options})
-        return self._action("ansible.builtin.copy", {"src": src, "dest": dest, "mode": "0600"})
+            return self.action("ansible.posix.synchronize", {"src": src, "dest": dest, **options})
+        return self.action("ansible.builtin.copy", {"src": src, "dest": dest, "mode": "0600"})
 
-    def _action(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
-        """Another action; it gets copies of what it may change for itself, as synchronize does."""
-        action = self.action
-        other = action._shared_loader_obj.action_loader.get(
+    def write(self, path: str, content: str, mode: str, diff: bool) -> dict[str, Any]:
+        """Write a file."""
+        return self.action("ansible.builtin.copy", {"dest": path, "content": content, "mode": mode}, diff)
+
+    def action(self, name: str, args: Mapping[str, Any], diff: bool = False) -> dict[str, Any]:
+        """Run another action plugin; it gets copies of what it may change for itself, as synchronize does."""
+        plugin = self.plugin
+        other = plugin._shared_loader_obj.action_loader.get(
             name,
-            task=self._task(name, args),
-            connection=action._connection,
-            play_context=action._play_context.copy(),
-            loader=action._loader,
-            templar=action._templar,
-            shared_loader_obj=action._shared_loader_obj,
+            task=self._task(name, args, diff),
+            connection=plugin._connection,
+            play_context=plugin._play_context.copy(),
+            loader=plugin._loader,
+            templar=plugin._templar,
+            shared_loader_obj=plugin._shared_loader_obj,
         )
         if other is None:
             return {"failed": True, "msg": f"{name} is not installed on the control node"}
         found: dict[str, Any] = other.run(task_vars=dict(self.task_vars))
         return found
 
-    def _task(self, name: str, args: Mapping[str, Any]) -> Any:
-        task = self.action._task.copy()
-        task.action, task.args, task.check_mode, task.diff = name, dict(args), False, False
+    def _task(self, name: str, args: Mapping[str, Any], diff: bool = False) -> Any:
+        task = self.plugin._task.copy()
+        task.action, task.args, task.check_mode, task.diff = name, dict(args), self.check_mode, diff
         return task

@@ -6,29 +6,33 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Source
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")
 # verdicts of k3s_info with which a token must be written
 WRITE = ("absent", "restore")
+ARCHIVE = re.compile(r"k3s-airgap-images-.*-[0-9a-f]{12}[.]tar")
 
 
-def file_changes(wanted: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """What must be done about the files: `open` and `secret` ones to write, and those to `remove` (empty content).
+def file_changes(wanted: Sequence[File], found: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Paths of the files to `write` and to `remove` (no content).
 
     `found` is what k3s_info saw. Comparing digests here spares a host on which nothing changed a task per file.
     """
-    changes: dict[str, list[Any]] = {"open": [], "secret": [], "remove": []}
+    changes: dict[str, list[str]] = {"write": [], "remove": []}
     for file in wanted:
-        there = found[file["path"]]
-        if not file["content"]:
-            changes["remove"] += [file["path"]] if there["exists"] else []
-        elif (there["sha256"], there["mode"]) != (hashlib.sha256(file["content"].encode()).hexdigest(), file["mode"]):
-            changes["secret" if file["secret"] else "open"].append(dict(file))
+        there = found[file.path]
+        if not file.content:
+            changes["remove"] += [file.path] if there["exists"] else []
+        elif (there["sha256"], there["mode"]) != (hashlib.sha256(file.content.encode()).hexdigest(), file.mode):
+            changes["write"].append(file.path)
     return changes
 
 
@@ -40,34 +44,33 @@ def missing_tokens(now: Mapping[str, Any], names: Sequence[str], init: bool) -> 
     return [name for name in names if verdicts[name] in WRITE]
 
 
-def plan(now: Mapping[str, Any], wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything that is to be done, and `any`: whether there is anything.
+def plan(
+    now: Mapping[str, Any], wanted: Wanted, source: Source, version: str, kubeconfig_right: bool
+) -> dict[str, Any]:
+    """Everything that is to be done, and `any`: whether there is anything. No secret is in it.
 
-    `wanted` has `init` (starts the cluster), `tokens` (names of files), `files`, `checksum` of the binary or, where
-    that is not known beforehand, its `version`, `archive` (name and size; no name: none), `kubeconfig` (whether this
-    host gives one, and whether the one on the control node is right).
+    `version` is the binary's where its checksum is not known beforehand; `kubeconfig_right` is whether the one on the
+    control node is.
     """
-    binary = (
-        now["files"][BINARY]["sha256"] != wanted["checksum"]
-        if wanted["checksum"]
-        else now["version"] != wanted["version"]
-    )
-    tokens = missing_tokens(now, wanted["tokens"], wanted["init"])
-    changes = file_changes(wanted["files"], now["files"])
+    binary = now["files"][BINARY]["sha256"] != source.sha256 if source.sha256 else now["version"] != version
+    tokens = missing_tokens(now, wanted.tokens, wanted.init)
+    changes = file_changes(wanted.files, now["files"])
     changed = bool(binary or tokens or any(changes.values()) or now["stale"])
     up = now["service"]["active"] in UP
     start = changed or not up or not now["service"]["enabled"]
-    kubeconfig = wanted["kubeconfig"]["given"] and (start or not wanted["kubeconfig"]["right"])
-    archive = wanted["archive"]
     work: dict[str, Any] = {
         "binary": binary,
-        "archive": bool(archive["name"]) and now["images"].get(archive["name"]) != archive["size"],
+        "archive": bool(source.archive_name) and now["images"].get(source.archive_name) != source.archive_size,
         "tokens": tokens,
-        "files": changes,
+        **changes,
         "start": start,
         "wait": start or not now["ready"],
-        "kubeconfig": kubeconfig,
+        "kubeconfig": bool(wanted.kubeconfig) and (start or not kubeconfig_right),
     }
-    needed = any(any(value.values()) if isinstance(value, dict) else bool(value) for value in work.values())
     # A unit that is up and only not enabled is not restarted for that.
-    return {**work, "state": "restarted" if up and changed else "started", "any": needed}
+    return {**work, "state": "restarted" if up and changed else "started", "any": any(work.values())}
+
+
+def old_archives(now: Mapping[str, Any], source: Source) -> list[str]:
+    """Archives of images of earlier versions."""
+    return sorted(name for name in now["images"] if ARCHIVE.match(name) and name != source.archive_name)

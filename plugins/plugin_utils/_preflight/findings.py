@@ -12,9 +12,10 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypedDict
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
+
 ERROR = "error"
 WARNING = "warning"
-MACHINES = {"x86_64": "amd64", "aarch64": "arm64", "arm64": "arm64", "armv7l": "arm"}
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
 ANSWERS = ("open", "refused")
 LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
@@ -113,7 +114,7 @@ def _platform(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding
         yield error(
             f"there is no k3s for the architecture {facts['machine']}",
             "uname -m",
-            f"use a host with one of {', '.join(sorted(set(MACHINES) - {'arm64'}))}",
+            f"use a host with one of {', '.join(sorted(MACHINES))}",
         )
     if system["id"] not in requirements["systems"]:
         yield warning(

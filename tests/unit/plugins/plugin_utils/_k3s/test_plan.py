@@ -6,17 +6,20 @@ from __future__ import annotations
 
 import copy
 import hashlib
+from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s import plan as _k3s_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import file_changes, old_archives, plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Source
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, Wanted
 
-CONFIG = {"path": "/etc/rancher/k3s/config.yaml", "content": "a: 1\n", "mode": "0600", "secret": False}
+CONFIG = File("/etc/rancher/k3s/config.yaml", "a: 1\n", "0600", secret=False)
 DIGEST = hashlib.sha256(b"a: 1\n").hexdigest()
 NOW: dict[str, Any] = {
     "version": "v1.34.2+k3s1",
     "files": {
-        CONFIG["path"]: {"exists": True, "sha256": DIGEST, "mode": "0600"},
+        CONFIG.path: {"exists": True, "sha256": DIGEST, "mode": "0600"},
         "/usr/local/bin/k3s": {"exists": True, "sha256": "binary", "mode": "0755"},
     },
     "images": {"k3s-airgap-images-amd64-0123456789ab.tar": 99, ".cache.json": 2},
@@ -26,32 +29,36 @@ NOW: dict[str, Any] = {
     "data": True,
     "tokens": {"server": "same", "agent": "same"},
 }
-WANTED: dict[str, Any] = {
-    "init": True,
-    "tokens": ["token", "agent-token"],
-    "files": [CONFIG],
-    "checksum": "binary",
-    "version": "v1.34.2+k3s1",
-    "archive": {"name": "k3s-airgap-images-amd64-0123456789ab.tar", "size": 99},
-    "kubeconfig": {"given": True, "right": True},
-}
+WANTED = Wanted(
+    role="server",
+    service="k3s",
+    init=True,
+    url="https://edge1:6443",
+    files=(CONFIG,),
+    tokens=("token", "agent-token"),
+    started_with=(),
+    kubeconfig="/home/me/edge.yaml",
+)
+SOURCE = Source(sha256="binary", archive_name="k3s-airgap-images-amd64-0123456789ab.tar", archive_size=99)
+NO_ARCHIVE = Source(sha256="binary")
 
 
-def planned(now: dict[str, Any], wanted: dict[str, Any]) -> dict[str, Any]:
-    """The plan for a ready host after changes; `a__b` reaches into a."""
-    both = copy.deepcopy(NOW), copy.deepcopy(WANTED)
-    for facts, changes in zip(both, (now, wanted)):
-        for path, value in changes.items():
-            *parents, last = path.split("__")
-            place = facts
-            for parent in parents:
-                place = place[parent]
-            place[last] = value
-    return _k3s_plan.plan(*both)
+def planned(
+    now: dict[str, Any], source: Source = SOURCE, version: str = "v1.34.2+k3s1", right: bool = True, **wanted: Any
+) -> dict[str, Any]:
+    """The plan for a ready host after changes; in `now`, `a__b` reaches into a."""
+    facts = copy.deepcopy(NOW)
+    for path, value in now.items():
+        *parents, last = path.split("__")
+        place = facts
+        for parent in parents:
+            place = place[parent]
+        place[last] = value
+    return plan(facts, replace(WANTED, **wanted), source, version, right)
 
 
 def test_a_ready_host_is_left_alone() -> None:
-    assert planned({}, {})["any"] is False
+    assert planned({})["any"] is False
 
 
 @pytest.mark.parametrize(
@@ -62,43 +69,34 @@ def test_a_ready_host_is_left_alone() -> None:
         ({"service__active": "activating", "stale": True, "ready": False}, {}, {"start": True, "state": "restarted"}),
         ({"service__active": "activating", "ready": False}, {}, {"start": False, "wait": True, "kubeconfig": False}),
         ({"service__enabled": False}, {}, {"start": True, "state": "started"}),
-        ({}, {"checksum": "newer"}, {"binary": True, "state": "restarted", "wait": True}),
-        ({}, {"checksum": ""}, {"binary": False, "any": False}),
-        ({}, {"checksum": "", "version": "v1.34.3+k3s1"}, {"binary": True, "state": "restarted"}),
+        ({}, {"source": replace(SOURCE, sha256="newer")}, {"binary": True, "state": "restarted", "wait": True}),
+        ({}, {"source": replace(SOURCE, sha256="")}, {"binary": False, "any": False}),
+        ({}, {"source": replace(SOURCE, sha256=""), "version": "v1.34.3+k3s1"}, {"binary": True, "state": "restarted"}),
         ({"tokens__server": "restore"}, {}, {"tokens": ["token"], "state": "restarted"}),
         ({"tokens__agent": "absent"}, {}, {"tokens": ["agent-token"]}),
         ({"data": False}, {}, {"tokens": [], "any": False}),
-        ({"data": False}, {"init": False, "tokens": ["agent-token"]}, {"tokens": ["agent-token"]}),
+        ({"data": False}, {"init": False, "tokens": ("agent-token",)}, {"tokens": ["agent-token"]}),
         ({"images": {}}, {}, {"archive": True, "start": False, "any": True}),
         ({"images": {"k3s-airgap-images-amd64-0123456789ab.tar": 5}}, {}, {"archive": True}),
-        ({"images": {}}, {"archive": {"name": "", "size": 0}}, {"archive": False, "any": False}),
-        ({}, {"kubeconfig__right": False}, {"kubeconfig": True, "start": False, "wait": False}),
-        ({"stale": True}, {"kubeconfig__given": False}, {"kubeconfig": False}),
-        ({}, {"files": [{**CONFIG, "content": "a: 2\n"}]}, {"start": True, "state": "restarted"}),
-        ({}, {"files": [{**CONFIG, "content": ""}]}, {"start": True, "state": "restarted"}),
+        ({"images": {}}, {"source": NO_ARCHIVE}, {"archive": False, "any": False}),
+        ({}, {"right": False}, {"kubeconfig": True, "start": False, "wait": False}),
+        ({"stale": True}, {"kubeconfig": ""}, {"kubeconfig": False}),
+        ({}, {"files": (replace(CONFIG, content="a: 2\n"),)}, {"start": True, "state": "restarted"}),
+        ({}, {"files": (replace(CONFIG, content=""),)}, {"start": True, "state": "restarted"}),
     ],
 )
 def test_what_is_done(now: dict[str, Any], wanted: dict[str, Any], expected: dict[str, Any]) -> None:
-    found = planned(now, wanted)
+    found = planned(now, **wanted)
     assert {key: found[key] for key in expected} == expected
 
 
 def test_only_files_that_differ_are_written() -> None:
-    def file(path: str, content: str, secret: bool = False) -> dict[str, Any]:
-        return {"path": path, "content": content, "mode": "0600", "secret": secret}
-
     def there(content: str, mode: str = "0600") -> dict[str, Any]:
         return {"exists": True, "sha256": hashlib.sha256(content.encode()).hexdigest(), "mode": mode}
 
     gone = {"exists": False, "sha256": "", "mode": ""}
-    wanted = [
-        file("/same", "a"),
-        file("/new", "b"),
-        file("/mode", "c"),
-        file("/s", "d", True),
-        file("/old", ""),
-        file("/no", ""),
-    ]
+    contents = {"/same": "a", "/new": "b", "/mode": "c", "/s": "d", "/old": "", "/no": ""}
+    files = [File(path, content, "0600", secret=path == "/s") for path, content in contents.items()]
     found = {
         "/same": there("a"),
         "/new": gone,
@@ -107,7 +105,10 @@ def test_only_files_that_differ_are_written() -> None:
         "/old": there("y"),
         "/no": gone,
     }
-    changes = _k3s_plan.file_changes(wanted, found)
-    assert [f["path"] for f in changes["open"]] == ["/new", "/mode"]
-    assert [f["path"] for f in changes["secret"]] == ["/s"]
-    assert changes["remove"] == ["/old"]
+    assert file_changes(files, found) == {"write": ["/new", "/mode", "/s"], "remove": ["/old"]}
+
+
+def test_archives_of_other_versions_are_old() -> None:
+    names = ["k3s-airgap-images-arm64-0123456789ab.tar.zst", "apps.tar", ".cache.json"]
+    now = {"images": dict.fromkeys([*names, SOURCE.archive_name], 1)}
+    assert old_archives(now, SOURCE) == names[:1]

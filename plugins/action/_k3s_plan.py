@@ -1,0 +1,71 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the role k3s: look at the host, refuse what cannot be mended, and say all that is to be done there.
+
+The result holds no secret: the actions that write files and tokens work those out for themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from ansible.plugins.action import ActionBase
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.kubeconfig import is_made_from, kubeconfig_head
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import old_archives, plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import source
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
+
+
+class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        known = task_vars or {}
+        try:
+            variables = role_variables("k3s", self._templar, known)
+            part = wanted(variables, known["inventory_hostname"], known["hostvars"])
+            now = ActionHost(self, known).module("rosops.fleet.k3s_info", _look(variables, part))
+            if now.get("failed"):
+                return {**result, **now}
+            return {**result, "changed": False, **_plan(now, part, variables, known["inventory_hostname"])}
+        except FleetError as error:
+            return {**result, "failed": True, "msg": str(error), **error.details}
+
+
+def _look(variables: Mapping[str, Any], part: Wanted) -> dict[str, Any]:
+    return {
+        "role": part.role,
+        "files": list(part.started_with),
+        "token": variables["k3s_token"],
+        "agent_token": variables["k3s_agent_token"],
+        "version": variables["k3s_install_source"] == "release",
+    }
+
+
+def _plan(now: Mapping[str, Any], part: Wanted, variables: Mapping[str, Any], host: str) -> dict[str, Any]:
+    if refused := list(refusals(now, variables, host)):
+        raise SpecError(f"{host} was left as it is. {' '.join(refused)}")
+    origin, servers = source(variables, now["machine"]), variables["k3s_server_hosts"]
+    head = kubeconfig_head(now["kubeconfig_sha256"], part.url, variables["k3s_cluster"])
+    work = plan(now, part, origin, variables["k3s_version"], is_made_from(part.kubeconfig, head))
+    return {
+        **work,
+        "source": asdict(origin),
+        "old_archives": old_archives(now, origin),
+        "archive_known": ".cache.json" in now["images"],
+        "service": part.service,
+        "installed": now["service"]["installed"],
+        # a first server without a datastore would start a second cluster where one of these has one
+        "rivals": servers[1:] if part.init and not now["data"] else [],
+        "join": [] if part.init else work["tokens"],
+        "hands_out": list(part.tokens),
+        # waited for until etcd counts it; a cluster's only server has nobody to be counted by
+        "member": variables["k3s_node_name"] if part.role == "server" and len(servers) > 1 else "",
+        "has_kubeconfig": bool(now["kubeconfig_sha256"]),
+    }

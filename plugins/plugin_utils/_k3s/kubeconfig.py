@@ -1,0 +1,66 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The kubeconfig of a cluster on the control node, made from the first server's."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+
+
+def local_kubeconfig(text: str, server: str, cluster: str, source: str) -> str:
+    """k3s's kubeconfig for use elsewhere: the server's real address, everything named after the cluster.
+
+    The first line says what it was made from, so that a look at it tells whether it must be made again.
+    """
+    document = yaml.safe_load(text)
+    try:
+        inner = document["clusters"][0]["cluster"]
+        user = document["users"][0]["user"]
+    except (TypeError, KeyError, IndexError) as error:
+        raise SpecError("the server's k3s.yaml is no kubeconfig") from error
+    config = {
+        "apiVersion": "v1",
+        "kind": "Config",
+        "clusters": [{"name": cluster, "cluster": {**inner, "server": server}}],
+        "users": [{"name": cluster, "user": user}],
+        "contexts": [{"name": cluster, "context": {"cluster": cluster, "user": cluster}}],
+        "current-context": cluster,
+    }
+    return f"{kubeconfig_head(source, server, cluster)}\n{yaml.safe_dump(config, sort_keys=True)}"
+
+
+def kubeconfig_head(source: str, server: str, cluster: str) -> str:
+    """The first line; `source` is the SHA-256 of the server's k3s.yaml."""
+    return f"# rosops.fleet: {cluster} at {server}, from k3s.yaml sha256:{source}"
+
+
+def is_made_from(path: str, head: str) -> bool:
+    """Whether the file is there and its first line is `head`."""
+    try:
+        with Path(path).open(encoding="utf-8") as file:
+            return file.readline().rstrip("\n") == head
+    except OSError:
+        return False
+
+
+def keep(path: str, text: str, check: bool = False) -> bool:
+    """Write the file for its owner only, all at once, in a directory that is made likewise; whether that changes it."""
+    place = Path(path)
+    try:
+        if place.is_file() and place.read_text("utf-8") == text and place.stat().st_mode & 0o777 == 0o600:
+            return False
+        if not check:
+            place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            handle, temporary = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")  # mode 0600
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            Path(temporary).replace(place)
+    except OSError as error:
+        raise SpecError(f"the kubeconfig {path} cannot be written on the control node: {error.strerror}") from error
+    return True

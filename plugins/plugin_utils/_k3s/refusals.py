@@ -1,0 +1,41 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What cannot be mended on a host, found before anything is changed and all at once. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
+
+
+def refusals(now: Mapping[str, Any], variables: Mapping[str, Any], host: str) -> Iterator[str]:
+    """Sentences; `now` is what k3s_info found."""
+    role, servers, tokens = variables["k3s_role"], variables["k3s_server_hosts"], now["tokens"]
+    cluster = f"the cluster {variables['k3s_cluster']} runs with"
+    if tokens["server"] == "differs":
+        yield (
+            f"k3s_token is not the token that {cluster}. Its datastore is encrypted with that one. Take k3s_token "
+            "out of the inventory to keep it."
+        )
+    if tokens["agent"] == "differs":
+        yield (
+            f"k3s_agent_token is not the agents' token that {cluster}; agents that are off now would be locked out. "
+            "Take k3s_agent_token out of the inventory to keep it."
+        )
+    if "lost" in tokens.values():
+        yield (
+            "The host holds a cluster's datastore (/var/lib/rancher/k3s/server), but not that cluster's tokens in "
+            "/etc/rancher/k3s. Set k3s_token and k3s_agent_token to the cluster's, or run reset.yml for this host."
+        )
+    if now["other_service"]:
+        other = "agent" if role == "server" else "server"
+        yield f"It is a k3s {other} and is to become a {role}. Run reset.yml for this host first."
+    if (host in servers) != (role == "server"):
+        yield f"k3s_role is {role}, but k3s_server_hosts is {', '.join(servers)}."
+    if variables["k3s_install_source"] == "airgap" and not variables["k3s_airgap_dir"]:
+        yield "The install source airgap needs k3s_airgap_dir."
+    if now["machine"] not in MACHINES:
+        yield f"There is no k3s for the architecture {now['machine']}."

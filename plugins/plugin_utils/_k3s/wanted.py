@@ -1,0 +1,99 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What k3s is to be on a host: its configuration and the other files, out of the variables of the role k3s. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.unit import HEADER, environment_text, unit_text
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
+
+# k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address).
+SECRET_KEY = re.compile(r"secret|password|datastore-endpoint|token$")
+
+
+@dataclass(frozen=True)
+class File:
+    """A file of the host; one without content is not to be there."""
+
+    path: str
+    content: str
+    mode: str
+    secret: bool
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One host's part in its cluster."""
+
+    role: str
+    service: str
+    init: bool  # it starts the cluster; the others join it
+    url: str  # where members join, and what goes into the kubeconfig
+    files: tuple[File, ...]
+    tokens: tuple[str, ...]  # names of the token files that it has, below /etc/rancher/k3s
+    started_with: tuple[str, ...]  # if one of them is another one now, k3s must start again
+    kubeconfig: str  # its path on the control node; empty where this host gives none
+
+
+def wanted(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any]) -> Wanted:
+    """SpecError where a server is no host of the inventory."""
+    role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
+    init = role == "server" and servers[:1] == [host]
+    url = f"https://{variables['k3s_api_endpoint'] or address(servers[0], hostvars)}:6443"
+    config = _config(variables, init, url, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
+    service = SERVICES[role]
+    config_file, unit, registries, environment = (
+        f"{CONFIG_DIR}/config.yaml",
+        f"/etc/systemd/system/{service}.service",
+        f"{CONFIG_DIR}/registries.yaml",
+        f"{CONFIG_DIR}/environment",
+    )
+    tokens = (*(("token",) if role == "server" else ()), "agent-token")
+    token_files = [f"{CONFIG_DIR}/{name}" for name in tokens]
+    started_with = (config_file, unit, registries, environment, *token_files, BINARY)
+    secret = any(SECRET_KEY.search(key) for key in config)
+    path = variables["k3s_kubeconfig_path"]
+    return Wanted(
+        role=role,
+        service=service,
+        init=init,
+        url=url,
+        files=(
+            File(config_file, _yaml(config), "0600", secret),
+            File(unit, unit_text(role, service, started_with, variables), "0644", False),
+            File(registries, _yaml(variables["k3s_registries"]), "0600", True),
+            File(environment, environment_text(variables["k3s_environment"]), "0600", True),
+        ),
+        tokens=tokens,
+        started_with=started_with,
+        kubeconfig=str(Path(path).expanduser()) if init and path else "",
+    )
+
+
+def _config(variables: Mapping[str, Any], init: bool, url: str, own_address: str) -> dict[str, Any]:
+    """What differs between a cluster's first server, its other servers and its agents is seen at once."""
+    config: dict[str, Any] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
+    if variables["k3s_role"] == "server":
+        names = [own_address, variables["k3s_node_name"], variables["k3s_api_endpoint"], *variables["k3s_tls_sans"]]
+        config |= {
+            "write-kubeconfig-mode": "0600",
+            "disable": variables["k3s_disable"],
+            "tls-san": list(dict.fromkeys(name for name in names if name)),
+            "token-file": f"{CONFIG_DIR}/token",
+        }
+    config["agent-token-file" if variables["k3s_role"] == "server" else "token-file"] = f"{CONFIG_DIR}/agent-token"
+    joins: dict[str, Any] = {"cluster-init": True} if init else {"server": url}
+    return {key: value for key, value in {**config, **joins, **variables["k3s_config"]}.items() if value is not None}
+
+
+def _yaml(value: Mapping[str, Any]) -> str:
+    return HEADER + yaml.safe_dump(value, allow_unicode=True, default_flow_style=False) if value else ""

@@ -1,0 +1,43 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is asked of a host, from the variables of the role preflight. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
+
+API = 6443
+ETCD = (2379, 2380)
+
+
+def server_addresses(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any]) -> list[str]:
+    """Where the cluster's other servers are."""
+    return [address(server, hostvars) for server in variables["preflight_server_hosts"] if server != host]
+
+
+def look(variables: Mapping[str, Any], servers: Sequence[str]) -> dict[str, Any]:
+    """The options of preflight_info. A server talks to the others' etcd, too."""
+    role = variables["preflight_role"]
+    return {
+        "ports": variables[f"preflight_{role}_ports"],
+        "reach": [f"{server}:{port}" for server in servers for port in (API, *(ETCD if role == "server" else ()))],
+        "timeout": variables["preflight_timeout"],
+    }
+
+
+def requirements(variables: Mapping[str, Any], servers: Sequence[str]) -> dict[str, Any]:
+    """What findings are measured by."""
+    return {
+        "role": variables["preflight_role"],
+        "node_name": variables["preflight_node_name"],
+        "systems": variables["preflight_systems"],
+        "memory_mb": variables[f"preflight_{variables['preflight_role']}_memory_mb"],
+        "disk_mb": variables["preflight_disk_mb"],
+        "clock_offset": variables["preflight_clock_offset"],
+        "minimum_mtu": variables["preflight_minimum_mtu"],
+        "server_urls": [f"https://{server}:{API}" for server in servers],
+    }

@@ -1,0 +1,48 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What cannot be mended on a host."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals
+
+NOW: dict[str, Any] = {
+    "machine": "x86_64",
+    "other_service": False,
+    "tokens": {"server": "same", "agent": "same"},
+}
+VARIABLES: dict[str, Any] = {
+    "k3s_role": "server",
+    "k3s_cluster": "edge",
+    "k3s_server_hosts": ["edge1"],
+    "k3s_install_source": "release",
+    "k3s_airgap_dir": "",
+}
+
+
+def test_a_sound_host_is_not_refused() -> None:
+    assert list(refusals(NOW, VARIABLES, "edge1")) == []
+
+
+@pytest.mark.parametrize(
+    ("now", "variables", "words"),
+    [
+        ({"tokens": {"server": "differs", "agent": "same"}}, {}, "k3s_token is not the token that the cluster edge"),
+        ({"tokens": {"server": "same", "agent": "differs"}}, {}, "k3s_agent_token is not the agents' token"),
+        ({"tokens": {"server": "lost", "agent": "same"}}, {}, "not that cluster's tokens in /etc/rancher/k3s"),
+        ({"other_service": True}, {}, "It is a k3s agent and is to become a server"),
+        ({}, {"k3s_server_hosts": ["edge2", "edge3"]}, "k3s_role is server, but k3s_server_hosts is edge2, edge3"),
+        ({}, {"k3s_install_source": "airgap"}, "needs k3s_airgap_dir"),
+        ({"machine": "riscv64"}, {}, "no k3s for the architecture riscv64"),
+    ],
+)
+def test_each_is_named(now: dict[str, Any], variables: dict[str, Any], words: str) -> None:
+    (found,) = refusals({**NOW, **now}, {**VARIABLES, **variables}, "edge1")
+    assert words in found
+
+
+def test_all_are_found_at_once() -> None:
+    assert len(list(refusals({**NOW, "machine": "vax", "other_service": True}, VARIABLES, "edge1"))) == 2

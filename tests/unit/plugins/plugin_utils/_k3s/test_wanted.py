@@ -1,0 +1,97 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Configuration, unit and the other files of a cluster's first server, its other servers and its agents."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
+
+HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}, "robot1": {}}
+
+
+def part(host: str, **given: Any) -> Wanted:
+    defaults = {name: option.get("default") for name, option in role_options("k3s").items()}
+    role = "agent" if host == "robot1" else "server"
+    fleet = {"k3s_role": role, "k3s_cluster": "edge", "k3s_server_hosts": ["edge1", "edge2"], "k3s_node_name": host}
+    return wanted({**defaults, **fleet, "k3s_kubeconfig_path": "/kube/edge.yaml", **given}, host, HOSTVARS)
+
+
+def config(host: str, **given: Any) -> dict[str, Any]:
+    found: dict[str, Any] = yaml.safe_load(part(host, **given).files[0].content)
+    return found
+
+
+SERVER = {
+    "write-kubeconfig-mode": "0600",
+    "disable": ["traefik", "servicelb"],
+    "token-file": "/etc/rancher/k3s/token",
+    "agent-token-file": "/etc/rancher/k3s/agent-token",
+}
+
+
+def test_the_configuration_of_each_part() -> None:
+    assert config("edge1") == {**SERVER, "node-name": "edge1", "tls-san": ["10.0.0.1", "edge1"], "cluster-init": True}
+    join = {"server": "https://10.0.0.1:6443"}
+    assert config("edge2") == {**SERVER, "node-name": "edge2", "tls-san": ["edge2"], **join}
+    assert config("robot1") == {"node-name": "robot1", "token-file": "/etc/rancher/k3s/agent-token", **join}
+
+
+def test_the_operators_own_configuration_comes_last_and_null_takes_a_key_out() -> None:
+    found = config("robot1", k3s_config={"server": None, "node-ip": "10.0.0.9"}, k3s_node_ip="10.0.0.8")
+    assert found == {"node-name": "robot1", "token-file": "/etc/rancher/k3s/agent-token", "node-ip": "10.0.0.9"}
+
+
+def test_an_endpoint_in_front_of_the_servers_is_joined_and_in_the_certificate() -> None:
+    found = part("edge2", k3s_api_endpoint="api.lan", k3s_tls_sans=["more", "edge2"], k3s_node_ip="10.0.0.2,fd00::2")
+    assert found.url == "https://api.lan:6443"
+    assert yaml.safe_load(found.files[0].content)["tls-san"] == ["10.0.0.2", "edge2", "api.lan", "more"]
+
+
+@pytest.mark.parametrize(
+    ("key", "secret"),
+    [("etcd-s3-secret-key", True), ("datastore-endpoint", True), ("agent-token", True), ("token-file", False)],
+)
+def test_a_configuration_with_a_secret_is_not_shown(key: str, secret: bool) -> None:
+    assert part("robot1", k3s_config={key: "x"}).files[0].secret is secret
+
+
+def test_only_the_first_server_gives_a_kubeconfig() -> None:
+    assert [part(host).kubeconfig for host in HOSTVARS] == ["/kube/edge.yaml", "", ""]
+    assert part("edge1", k3s_kubeconfig_path="").kubeconfig == ""
+
+
+def test_files_that_nobody_asked_for_are_not_to_be_there() -> None:
+    empty = [file.path for file in part("robot1").files if not file.content]
+    assert empty == ["/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment"]
+
+
+def test_the_environment_is_sorted_and_quoted_and_secret() -> None:
+    file = part("robot1", k3s_environment={"b": 'q"', "A": 1, "C": True}).files[3]
+    assert file.content.splitlines()[1:] == ['A="1"', 'b="q\\""', 'C="True"']
+    assert file.secret
+
+
+def test_the_unit_records_what_it_starts_with() -> None:
+    agent = part("robot1", k3s_memory_high="700M")
+    unit = agent.files[1]
+    assert (unit.path, unit.mode) == ("/etc/systemd/system/k3s-agent.service", "0644")
+    record = (
+        'ExecStartPre=-/bin/sh -c \'stat -c "%%n %%i %%s %%Y" /etc/rancher/k3s/config.yaml '
+        "/etc/systemd/system/k3s-agent.service /etc/rancher/k3s/registries.yaml /etc/rancher/k3s/environment "
+        "/etc/rancher/k3s/agent-token /usr/local/bin/k3s >/run/rosops-fleet-k3s-agent.started 2>/dev/null'"
+    )
+    lines = unit.content.splitlines()
+    assert record in lines
+    assert lines[lines.index("Delegate=yes") + 1 :][:6] == [
+        "LimitNOFILE=1048576",
+        "LimitNPROC=infinity",
+        "LimitCORE=infinity",
+        "TasksMax=infinity",
+        "MemoryHigh=700M",
+        "# A robot that boots without its server's network goes on trying; the role has a time limit of its own.",
+    ]

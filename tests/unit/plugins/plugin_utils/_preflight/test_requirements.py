@@ -1,0 +1,46 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a host's part in the cluster makes it need."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
+    look,
+    requirements,
+    server_addresses,
+)
+
+HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {"ansible_host": "fd00::2"}}
+
+
+def variables(role: str, **given: Any) -> dict[str, Any]:
+    defaults = {name: option.get("default") for name, option in role_options("preflight").items()}
+    return {**defaults, "preflight_role": role, "preflight_server_hosts": ["edge1", "edge2"], **given}
+
+
+def test_a_server_reaches_the_others_api_and_etcd() -> None:
+    servers = server_addresses(variables("server"), "edge1", HOSTVARS)
+    assert servers == ["[fd00::2]"]
+    found = look(variables("server"), servers)
+    assert found["reach"] == ["[fd00::2]:6443", "[fd00::2]:2379", "[fd00::2]:2380"]
+    assert {"port": 2379, "protocol": "tcp"} in found["ports"]
+
+
+def test_an_agent_reaches_every_servers_api() -> None:
+    servers = server_addresses(variables("agent"), "robot1", HOSTVARS)
+    found = look(variables("agent", preflight_timeout=1.5), servers)
+    assert (found["reach"], found["timeout"]) == (["10.0.0.1:6443", "[fd00::2]:6443"], 1.5)
+    assert {"port": 6443, "protocol": "tcp"} not in found["ports"]
+    assert requirements(variables("agent"), servers)["server_urls"] == [
+        "https://10.0.0.1:6443",
+        "https://[fd00::2]:6443",
+    ]
+
+
+@pytest.mark.parametrize(("role", "minimum"), [("server", 900), ("agent", 400)])
+def test_memory_goes_by_the_part(role: str, minimum: int) -> None:
+    assert requirements(variables(role), [])["memory_mb"]["minimum"] == minimum
