@@ -10,6 +10,7 @@ from typing import Any
 from ansible.plugins.action import ActionBase
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 
@@ -43,7 +44,8 @@ def outcome(report: Report) -> dict[str, Any]:
         "_ansible_verbose_override": True,  # with -v, too: a whole fleet is nothing that anybody reads on a screen
     }
     if report.fleet is not None:
-        return {**result, **report.fleet.as_dict()}
+        remote = {image for robot in report.fleet.robots.values() for image in images(robot, "remote")}
+        return {**result, **report.fleet.as_dict(), "remote_images": sorted(remote)}
     lines = "\n".join(problem.line() for problem in report.problems)
     words = f"{count} error{'s' if count > 1 else ''} in the fleet's variables:"
     return {**result, "failed": True, "msg": f"{words}\n{lines}"}

@@ -74,6 +74,11 @@ hosts:
       whether it starts the cluster (C(init)), and the name of its C(node) there.
   returned: if there are no errors
   type: dict
+remote_images:
+  description: The images of the robots' remote pods.
+  returned: if there are no errors
+  type: list
+  elements: str
 edge_nodes:
   description: The names of the edge hosts' nodes.
   returned: if there are no errors

@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import A
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 
 display = Display()
 
@@ -60,7 +61,7 @@ class ClusterAction(ActionBase):  # type: ignore[misc] # ansible-core carries no
 
     def robot(self, known: Mapping[str, Any]) -> Robot:
         """The robot that the task's host is."""
-        return Robot.from_variables(Variables(self._templar, known), str(known["inventory_hostname"]))
+        return robot_from_vars(known)
 
     def say(self, known: Mapping[str, Any]) -> Any:
         """What prints a line while the task goes on."""
