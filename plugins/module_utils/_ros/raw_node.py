@@ -24,6 +24,7 @@ from .tcpros import decode_header, encode_header
 from .transport import MAX_HEADER, read_frame
 
 SEND_SECONDS = 5.0
+POLL = 1.0  # between looks at whether it is to stop
 READY_PATH = "/ready"
 
 
@@ -140,7 +141,7 @@ class Slave:
             self.server.register_function(function, method)
 
     def start(self) -> None:
-        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 1.0}, daemon=True).start()
+        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": POLL}, daemon=True).start()
         threading.Thread(target=self._accept, daemon=True).start()
 
     def stop(self) -> None:

@@ -37,6 +37,7 @@ TICK = 0.05
 LOOK = 0.1  # between looks at the master while goals are held
 CONNECT = 2.0
 AGAIN = 0.3  # between attempts to connect to the same publisher
+AWAY = 1.0  # before the next look at a master that does not answer
 INTRODUCE = 1.0  # between tellings of a server whose clients are still missing
 FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
@@ -273,7 +274,7 @@ class Forwarder(threading.Thread):
                 self.tick()
             except RosError as error:
                 self.log(f"the master is away: {error}")
-                time.sleep(1.0)
+                time.sleep(AWAY)
         self.finish()
 
     def tick(self) -> None:
