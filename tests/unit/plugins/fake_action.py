@@ -83,7 +83,8 @@ class FakeMaster:
     def _came(self, topic: str, uri: str) -> list[Any]:
         with self.lock:
             self.nodes[KEEPER] = uri
-            self.publishers.setdefault(topic, []).append(KEEPER)
+            known = self.publishers.setdefault(topic, [])
+            known += [KEEPER] if KEEPER not in known else []  # once, however often it says so
         self.introduce(topic)
         return [1, "", self.subscribers.get(topic, [])]
 
