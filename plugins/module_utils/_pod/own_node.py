@@ -4,7 +4,6 @@
 """The pod's own node: where it is, and what is said to it through its slave API.
 
 Only a process of this very pod is ever spoken to: a registration may be stale, and its address another node's by now.
-Runs on Python 3.8 with the standard library, in pods.
 """
 
 from __future__ import annotations
