@@ -83,10 +83,20 @@ class ExporterScene(Scene):
         made: Metrics = until(what, true, seconds)
         return made
 
+    def polls(self, more: int) -> Metrics:
+        """The scrape once there have been so many more polls, which is how the exporter's time passes."""
+        wanted = self.scrape()("ros_exporter_polls_total") + more
+
+        def true() -> Any:
+            found = self.scrape()
+            return found if found("ros_exporter_polls_total") >= wanted else None
+
+        made: Metrics = until(f"{more} polls", true)
+        return made
+
     def published(self, name: str, at: float) -> float:
         """How many messages the publisher itself says it had published at that time."""
-        lines: list[Mapping[str, Any]] = self.log(name)
-        before = [line for line in lines if line["at"] <= at][-1]
-        after = next(line for line in lines if line["at"] > at)
+        after = until("its next count", lambda: next((line for line in self.log(name) if line["at"] > at), None))
+        before: Mapping[str, Any] = [line for line in self.log(name) if line["at"] <= at][-1]
         part = (at - before["at"]) / (after["at"] - before["at"])
         return float(before["count"] + part * (after["count"] - before["count"]))

@@ -69,7 +69,6 @@ def test_the_rate_of_a_fast_topic_with_two_subscribers_and_none_of_our_own(scene
         time.sleep(max(0.0, began + number - time.monotonic()))
         scrapes.append(scene.scrape())
         met |= peers(scene, "/talker")
-    time.sleep(0.5)
     # the first ones may move the polls away from the scrapes
     first, last = scrapes[3], scrapes[-1]
     ours, theirs = between_polls(scene, first, last, "/talker")
@@ -111,10 +110,11 @@ def test_a_node_that_hangs_and_one_that_is_killed(scene: ExporterScene) -> None:
     assert down("ros_service_up", service="/trigger", node="/adder") == 0
     first = scene.scrape()
     waits = []
-    for _scrape in range(30):
-        waits.append(scene.scrape().seconds)
-        time.sleep(0.2)
-    last = scene.scrape()
+    last = first
+    while last("ros_exporter_polls_total") < first("ros_exporter_polls_total") + 4:
+        last = scene.scrape()
+        waits.append(last.seconds)
+        time.sleep(0.1)
     for why in ("timeout", "refused"):
         name = "ros_exporter_scrape_errors_total"
         assert last(name, reason=why) > first(name, reason=why), why
@@ -139,12 +139,10 @@ def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:
     scene.kill("master")
     away = scene.until("the master's end", "ros_master_up", 0)
     assert away.all("ros_node_up") == away.all("ros_topic_messages_total") == away.all("ros_topic_publishers") == []
-    time.sleep(2)
-    assert scene.scrape()("ros_exporter_scrape_errors_total", reason="refused") >= 2
+    until("two refusals", lambda: scene.scrape()("ros_exporter_scrape_errors_total", reason="refused") >= 2)
     scene.start_master()
     scene.until("the master", "ros_master_up", 1)
     last = scene.until("the nodes", "ros_node_up", 1, node="/talker")
-    time.sleep(0.2)
     ours, theirs = between_polls(scene, first, last, "/talker")
     assert ours == pytest.approx(theirs, rel=TOLERANCE)  # counted on, as nothing was lost
     said = scene.said("exporter")
@@ -156,9 +154,8 @@ def test_goals_of_an_action_without_subscribing(scene: ExporterScene) -> None:
     scene.start_exporter()
     scene.until("the action", "ros_action_goals", 0, action="/work", state="active")
     before = system_state(scene)
-    time.sleep(3)
+    found = scene.polls(3)
     assert system_state(scene) == before
-    found = scene.scrape()
     assert len(found.all("ros_action_goals", action="/work")) == 10
     assert found("ros_topic_connections", topic="/work/status", node="/worker", direction="out") == 0
     scene.start("client", "/boss", "/work", "1", "1", "4000")
@@ -178,11 +175,7 @@ def test_roscpps_counts(scene: ExporterScene) -> None:
     scene.until("the relay", "ros_topic_connections", 1, node="/relay", topic="/relayed", direction="out")
     scene.until("rosout", "ros_node_up", 1, node="/rosout")
     scene.until("its subscription", "ros_topic_connections", 1, node="/rosout", topic="/rosout", direction="in")
-    time.sleep(1.5)
-    first = scene.scrape()
-    time.sleep(10)
-    last = scene.scrape()
-    time.sleep(0.2)
+    first, last = scene.polls(2), scene.polls(6)
     began, ended = (found("ros_exporter_last_poll_timestamp_seconds") for found in (first, last))
     # what goes in, by the publisher; what goes out, by who gets it: with a queue of ten messages, a relay may drop some
     for topic, direction, other in (("/fast", "in", "/talker"), ("/relayed", "out", "/listener")):
@@ -234,7 +227,7 @@ def test_updates_are_metrics_and_lines(scene: ExporterScene, tmp_path: Path) -> 
     record.write_text(json.dumps({"updates": [{**entry, "outcome": "updated", "finished": time.time()}]}))
     found = scene.until("its end", "robot_update_info", 1, app="camera", outcome="updated", previous="a")
     assert found("robot_update_phase_seconds", app="camera", phase="surge") == 1.5
-    time.sleep(2)
+    scene.polls(2)
     lines = [json.loads(line) for line in scene.said("exporter").splitlines() if line.startswith("{")]
     assert [(line["event"], line["id"], line["outcome"]) for line in lines] == [
         ("update", "0123456789ab", "running"),

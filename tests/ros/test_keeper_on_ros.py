@@ -37,7 +37,7 @@ def test_a_restarted_master(scene: Scene) -> None:
     received = scene.log("/listener")[-1]["count"]
 
     scene.kill("master")
-    time.sleep(1.0)
+    until("the keeper to see it", lambda: "the master is away" in scene.said())
     scene.start_master()
     began = time.monotonic()
     scene.ros.calls([("setParam", "/tester", "/robot/name", "set since")])
@@ -97,14 +97,13 @@ def test_a_killed_node_is_removed_and_one_that_hangs_is_not(scene: Scene) -> Non
     until("the dead node's registrations to go", lambda: "/talker" not in scene.registered(), 40)
     took = time.monotonic() - began
     assert 5 <= took <= 30
-    # time for six looks at the one that hangs, its queue of connections filling up meanwhile
-    time.sleep(max(0.0, 60 - took))
+    # each look at the dead one was a look at the one that hangs, too
     assert "/hanging" in scene.registered()
     assert set(scene.registered()) == {*NODES, "/hanging"} - {"/talker", "/boss"}  # that one is done by now
     scene.kill("/hanging", signal.SIGCONT)
     scene.start("talker", "/talker_2")
     until("messages for who hung", lambda: scene.log("/hanging")[-1]["count"] > 500, 40)
-    print(f"\nkilled node removed after {took:.1f} s; one that hung for 60 s kept")
+    print(f"\nkilled node removed after {took:.1f} s; one that hung kept")
 
 
 def test_a_service_whose_earlier_provider_lives(scene: Scene) -> None:
@@ -130,9 +129,9 @@ def test_what_it_costs_at_idle(scene: Scene) -> None:
     names = [f"/{kind}_{number}" for kind in ("listener", "server") for number in range(10)]
     until("20 nodes", lambda: set(names) <= set(scene.registered()), 60)
     scene.until_recorded(*names)
-    time.sleep(3)
+    until("its parameters", lambda: _parameters(scene))  # it has nothing to learn any more
     began, used = time.monotonic(), cpu_seconds(keeper.pid)
-    time.sleep(40)
+    time.sleep(15)
     share = (cpu_seconds(keeper.pid) - used) / (time.monotonic() - began)
     status = Path(f"/proc/{keeper.pid}/status").read_text()
     rss = next(line.split()[1] for line in status.splitlines() if line.startswith("VmRSS"))

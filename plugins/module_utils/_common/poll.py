@@ -9,7 +9,7 @@ A probe is called without arguments and returns a `Seen`: a verdict and what was
 * `fail`: waiting cannot mend it; the poll ends at once,
 * `wait`: not yet.
 
-The clock and the sleep are handed in, so tests neither wait nor hope. Runs on Python 3.8 with the standard library.
+The clock and the sleep are handed in, so tests neither wait nor hope.
 """
 
 from __future__ import annotations

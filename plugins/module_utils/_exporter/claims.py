@@ -4,7 +4,7 @@
 """How much the persistent claims of one namespace hold on this node's disk, seldom and from a thread of its own.
 
 Looks at names and sizes only, under the directory of the storage class local-path:
-`pvc-<uid>_<namespace>_<claim>/...`. Runs on Python 3.8 with the standard library, in pods.
+`pvc-<uid>_<namespace>_<claim>/...`.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 """One look at a whole ROS graph for the exporter: the master, then all nodes, a few at a time.
 
 It registers nothing and subscribes to nothing. Its only data connections: the handshake that a service's client makes,
-and one message of an action's status topic. Runs on Python 3.8 with the standard library, in pods.
+and one message of an action's status topic.
 """
 
 from __future__ import annotations

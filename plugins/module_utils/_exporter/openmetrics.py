@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Metric families -> OpenMetrics text, which Prometheus, vmagent and the OpenTelemetry collector read. Pure.
 
-Format: https://prometheus.io/docs/specs/om/open_metrics_spec/. Runs on Python 3.8 with the standard library, in pods.
+Format: https://prometheus.io/docs/specs/om/open_metrics_spec/.
 """
 
 from __future__ import annotations

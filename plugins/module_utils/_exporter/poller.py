@@ -1,10 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The exporter's looks at the graph, in a thread of their own: a scrape takes the last snapshot and never waits.
-
-Runs on Python 3.8 with the standard library, in pods.
-"""
+"""The exporter's looks at the graph, in a thread of their own: a scrape takes the last snapshot and never waits."""
 
 from __future__ import annotations
 

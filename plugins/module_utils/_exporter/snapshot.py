@@ -4,7 +4,6 @@
 """What the exporter knows at one moment, and how it follows from the graph's answers. Pure.
 
 A snapshot is never changed: a scrape renders one while the next is being made.
-Runs on Python 3.8 with the standard library, in pods.
 """
 
 from __future__ import annotations

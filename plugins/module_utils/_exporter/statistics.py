@@ -4,7 +4,7 @@
 """Latency and drops out of the topic /statistics: only where it was asked for, as it has to be read all the time.
 
 Subscribers publish it when /enable_statistics was true as they started. Its messages come over connections that are
-not registered with the master. Runs on Python 3.8 with the standard library, in pods.
+not registered with the master.
 """
 
 from __future__ import annotations

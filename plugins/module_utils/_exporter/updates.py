@@ -4,7 +4,6 @@
 """The record of updates -> metrics, and one line of log for each that is new.
 
 The record is a file that others write (the ConfigMap `robot-updates`): what makes no sense in it is left out.
-Runs on Python 3.8 with the standard library, in pods.
 """
 
 from __future__ import annotations

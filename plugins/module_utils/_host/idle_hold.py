@@ -4,7 +4,7 @@
 """Hold back an action's new goals at a moment when none is under way. No I/O: the world is handed in.
 
 Between "idle" and the end of a server there is time for a goal to come. So goals are held first, and then it is looked
-again: one that slipped in before shows itself, and is left to finish. Runs on Python 3.8 with the standard library.
+again: one that slipped in before shows itself, and is left to finish.
 """
 
 from __future__ import annotations

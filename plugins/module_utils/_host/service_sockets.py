@@ -7,9 +7,7 @@ A client with a persistent proxy does not connect again by itself when the servi
 it before. The provider's pod runs on this host in a network namespace of its own, and its sockets stand in
 /proc/<pid>/net/tcp of any of its processes: the app itself is not touched. A client library listens for services and
 topics at the same port, so the connections that the node knows as its topics' are taken off. What is left and still
-there half a second later is no single call.
-
-Runs on Python 3.8 with the standard library. Other processes' namespaces can be read by root only.
+there half a second later is no single call. Other processes' namespaces can be read by root only.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run an app's readiness command, with an end. Runs on Python 3.8 with the standard library, in pods."""
+"""Run an app's readiness command, with an end."""
 
 from __future__ import annotations
 

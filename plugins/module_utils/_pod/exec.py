@@ -6,7 +6,7 @@
 A pod may be faster than its host with the Service of a new master. The kernel then tracks the first connection without
 the Service's translation, and all that it repeats of it, too: a node whose first look-up meets that moment hangs for
 127 s (tcp_syn_retries of tcp(7)). So it is looked with connections that are each a new one, and only then the process
-becomes the app's. A master that is away for long is the app's own business. Runs on Python 3.8, in pods.
+becomes the app's. A master that is away for long is the app's own business.
 """
 
 from __future__ import annotations

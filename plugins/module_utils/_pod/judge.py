@@ -4,7 +4,7 @@
 """Judge the own node's part of the graph: is it wholly connected, and does it give what its predecessor gave?
 
 Pure. `wait` is the verdict for everything that time may mend; `fail` is kept for what this revision itself
-contradicts. Runs on Python 3.8 with the standard library, in pods.
+contradicts.
 """
 
 from __future__ import annotations

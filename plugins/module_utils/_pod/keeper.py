@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The keeper at work: look at the master again and again, do what its memory says. Runs on Python 3.8, in pods."""
+"""The keeper at work: look at the master again and again, do what its memory says."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class Keeper:
         if need:
             calls = self._restore(need)
             if calls:
-                self.log(f"restored {said(calls)}")
+                self.log(f"restored {in_words(calls)}")
 
     def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
         if not need:
@@ -174,13 +174,13 @@ class Keeper:
         self.ros.apply(plan.calls)
         self.memory.bury(node, now)
         self.state = None
-        self.log(f"removed {said(plan.calls)}: {registrations.alive(entry, answer)}")
+        self.log(f"removed {in_words(plan.calls)}: {registrations.alive(entry, answer)}")
 
     def _revive(self, node: str, answer: Liveness) -> None:
         self.present = self._without_us(self.ros.snapshot())
         need = registrations.missing({node: self.memory.revive(node)}, self.present)
         calls = self._restore(need)
-        self.log(f"{node} is back, process {answer.pid}: restored {said(calls)}")
+        self.log(f"{node} is back, process {answer.pid}: restored {in_words(calls)}")
 
     # ---- parameters and the record
 
@@ -206,7 +206,7 @@ def replaced(answer: Liveness) -> Liveness:
     return answer if answer.verdict == registrations.DEAD else Liveness(registrations.DEAD, answer.reason)
 
 
-def said(calls: Iterable[Call]) -> str:
+def in_words(calls: Iterable[Call]) -> str:
     """Registrations in words, the first few."""
     words = [f"{call.node} {call.kind} {call.name}" for call in calls]
     more = f" and {len(words) - TOGETHER} more" if len(words) > TOGETHER else ""

@@ -4,7 +4,7 @@
 """What the keeper knows of one ROS graph and its parameters, and what follows from each look. Pure: time is told to it.
 
 It brings back a registration only if its node lives and has it by its own word, and takes one away only of a node that
-is gone for certain; see `registrations`. Runs on Python 3.8 with the standard library, in pods.
+is gone for certain; see `registrations`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the keeper must not forget, in files that are written whole or not at all. Runs on Python 3.8, in pods."""
+"""What the keeper must not forget, in files that are written whole or not at all."""
 
 from __future__ import annotations
 

@@ -4,7 +4,6 @@
 """The pod's own node: where it is, and what is said to it through its slave API.
 
 Only a process of this very pod is ever spoken to: a registration may be stale, and its address another node's by now.
-Runs on Python 3.8 with the standard library, in pods.
 """
 
 from __future__ import annotations
@@ -90,17 +89,16 @@ class OwnNode:
         self.uri = uri
         self.services = services
 
-    def _call(self, method: str, *args: Any) -> Any:
-        with Api(self.uri, CALLER, Deadline(TIMEOUT)) as api:
-            return api.call(method, *args)
+    def _api(self) -> Api:
+        return Api(self.uri, CALLER, Deadline(TIMEOUT))
 
     def process(self) -> int | None:
         """Its process id; None if it does not answer as a node does."""
         try:
-            found = self._call("getPid")
+            with self._api() as api:
+                return api.process()
         except Exception:  # whatever answers there is not our node
             return None
-        return found if isinstance(found, int) else None
 
     def unregister(self, ros: Ros1Client) -> None:
         """Take everything of it out of the master. That compares addresses, so nobody else's registration is meant."""
@@ -135,7 +133,8 @@ class OwnNode:
     def connections(self) -> int:
         """Open connections of clients to its services, which come to the same port as its topics' subscribers."""
         ports = {urlsplit(uri).port or 0 for uri in self.services.values()}
-        edges = connections(self._call("getBusInfo"))
+        with self._api() as api:
+            edges = connections(api.call("getBusInfo"))
         streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
         tables = [path.read_text("ascii") for path in (Path("/proc/net/tcp"), Path("/proc/net/tcp6")) if path.exists()]
         return max(0, established(tables, ports) - streams)
@@ -146,7 +145,7 @@ class OwnNode:
         Whoever ends within a process 1 that ends takes part in its end: Kubernetes would say that the hook has failed.
         """
         body = xmlrpc.client.dumps((CALLER, "stopped by rosops.fleet"), "shutdown").encode()
-        with contextlib.suppress(OSError), Api(self.uri, CALLER, Deadline(TIMEOUT)) as api:
+        with contextlib.suppress(OSError), self._api() as api:
             api.http.request("POST", api.path, body, {"Content-Type": "text/xml"})
             select.select([api.http.sock], [], [], REPLY)
 

@@ -4,7 +4,7 @@
 """The readiness probe: does the pod's own node answer, and does the app's own command agree?
 
 It asks the address that the start found and no master, so that a master that is away makes no app unready. By hand over
-a socket: xmlrpc.client would double the probe's price. Runs on Python 3.8 with the standard library, in pods.
+a socket: xmlrpc.client would double the probe's price.
 """
 
 from __future__ import annotations

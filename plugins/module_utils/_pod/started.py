@@ -3,8 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The startup probe: look until the pod's own node is wholly in the graph, and say why not where it is not.
 
-Kubernetes stops the old pod once this has passed, so it is what an update's losses depend on. Runs on Python 3.8 with
-the standard library, in pods.
+Kubernetes stops the old pod once this has passed, so it is what an update's losses depend on.
 """
 
 from __future__ import annotations
@@ -61,10 +60,10 @@ def started(  # noqa: PLR0913 - the clocks are the price of tests that never wai
         return Seen(WAIT if verdict == FAIL and patient else verdict, checks)
 
     ended: Polled = poll(probe, SECONDS, SLOW_INTERVAL if patient else INTERVAL, now=now, sleep=sleep)
-    return "" if ended.verdict == PASS else told(ended.last)
+    return "" if ended.verdict == PASS else message(ended.last)
 
 
-def told(checks: list[Check]) -> str:
+def message(checks: list[Check]) -> str:
     """One line; the same as long as nothing changes, so that Kubernetes counts an event instead of making new ones."""
     worst = overall([check.verdict for check in checks])
     how = "cannot become ready" if worst == FAIL else "not ready"

@@ -4,7 +4,7 @@
 """What the code in a pod knows: the app's settings, its contract, and what an earlier call left.
 
 Pods of the old and of the new revision share the settings, so the node's name comes from the pod's environment. The
-imports are few on purpose: the readiness probe is started every ten seconds. Runs on Python 3.8, in pods.
+imports are few on purpose: the readiness probe is started every ten seconds.
 """
 
 # importing pathlib would cost as much as all the rest of a call:

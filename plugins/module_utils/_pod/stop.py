@@ -4,8 +4,7 @@
 """The stop hook: end the pod's own node so that it leaves the graph, an action server only once it is idle.
 
 roscpp as process 1 of a container ignores SIGTERM, and no node unregisters when it is killed; the slave API's
-`shutdown` is what all nodes obey. Nothing here may keep a pod from being stopped. Runs on Python 3.8, in
-pods, with the standard library.
+`shutdown` is what all nodes obey. Nothing here may keep a pod from being stopped.
 """
 
 from __future__ import annotations

@@ -9,7 +9,6 @@ Layout, from std_msgs' and actionlib_msgs' definitions (see also `tcpros`):
     GoalID              time stamp, string id
     GoalStatusArray     Header header, GoalStatus[] status_list (md5sum 8b2b82f13216d0a8ea88bd3af735e619)
     GoalStatus          GoalID goal_id, uint8 status, string text; the states' names are graph.GOAL_STATES
-Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations

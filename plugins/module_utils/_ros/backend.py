@@ -4,7 +4,6 @@
 """What gate, probes and reports ask of a ROS system: the interface that each kind of ROS has a client for.
 
 `client.Ros1Client` is the one for ROS 1. Whoever asks knows the answers (`graph`) and nothing of how they came.
-Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ Both client libraries count per connection and from its beginning, in differing 
     both                                      sub [topic, [[id, bytes, messages, drops, connected], ..]]
 
 roscpp casts its counts to int32, so they wrap; it names one connection of a subscription only, the last one. rospy does
-not wrap: past 2^31-1 its whole call faults. Runs on Python 3.8 with the standard library, in pods.
+not wrap: past 2^31-1 its whole call faults.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@
 """Checks of nodes, services, actions, topics and edges: one condition judged, with its reason.
 
 Pure. `wait` is the verdict for everything that time may mend; `fail` only for what a living node itself contradicts.
-Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations

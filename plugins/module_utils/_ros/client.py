@@ -3,8 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ROS 1 graph over the network: what to ask the master, the nodes, topics and services.
 
-It reads and changes nothing: no registration, no parameter, no service call. Runs on Python 3.8 with the standard
-library, on hosts and in pods.
+It reads and changes nothing: no registration, no parameter, no service call.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the ROS graph must show: the options, their checks, and the conditions made of them.
 
-Pure. Runs on Python 3.8 with the standard library, on hosts and in pods.
+Pure.
 """
 
 from __future__ import annotations

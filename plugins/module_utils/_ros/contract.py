@@ -13,7 +13,7 @@ Left out, because their absence afterwards is no loss:
   they come and go by themselves;
 * edges over a renamed private topic to a node that is not renamed along: it goes on asking for the old name.
 
-Pure. Runs on Python 3.8 with the standard library, on hosts and in pods.
+Pure.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@
 
 Pure but for `look`, which asks the `Backend` that is handed in. `wait` is the verdict for everything that time may
 mend; `fail` only for what a living node itself contradicts.
-Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@
 
 Pure: nothing here opens a connection or knows XML-RPC. Replies come in as plain lists, as either client library gives
 them, from peers that may be wrong: a row that makes no sense is left out, never an exception.
-Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ROS 1 master's XML-RPC API, within one time-out for everything that is asked at once.
-
-Runs on Python 3.8 with the standard library, on hosts and in pods.
-"""
+"""The ROS 1 master's XML-RPC API, within one time-out for everything that is asked at once."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A minimal ROS 1 node: a slave API, and publications of raw messages. Only what the keeper needs.
-
-Runs on Python 3.8 with the standard library, in pods.
-"""
+"""A minimal ROS 1 node: a slave API, and publications of raw messages. Only what the keeper needs."""
 
 from __future__ import annotations
 
@@ -24,6 +21,7 @@ from .tcpros import decode_header, encode_header
 from .transport import MAX_HEADER, read_frame
 
 SEND_SECONDS = 5.0
+POLL = 1.0  # between looks at whether it is to stop
 READY_PATH = "/ready"
 
 
@@ -140,7 +138,7 @@ class Slave:
             self.server.register_function(function, method)
 
     def start(self) -> None:
-        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 1.0}, daemon=True).start()
+        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": POLL}, daemon=True).start()
         threading.Thread(target=self._accept, daemon=True).start()
 
     def stop(self) -> None:

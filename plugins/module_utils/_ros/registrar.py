@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Registrations over the network: read them, ask their nodes, make them and take them back.
 
-The only code that changes a ROS graph for somebody else. Runs on Python 3.8 with the standard library.
+The only code that changes a ROS graph for somebody else.
 """
 
 from __future__ import annotations

@@ -6,7 +6,6 @@
 A ROS 1 node registers once: a master that was restarted knows nobody, and a node that was killed stays registered for
 ever (wiki: ROS/Master_API). Whoever mends that must never touch a registration that is right: an address that a newer
 process of the same name registered is that one's, and a node that is only slow is not dead.
-Runs on Python 3.8 with the standard library, on hosts and in pods.
 """
 
 from __future__ import annotations

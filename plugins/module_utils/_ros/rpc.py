@@ -4,7 +4,7 @@
 """Asking peers that may be dead, hung or wrong: connections and XML-RPC calls, each with an end.
 
 A peer gets one deadline for everything that is asked of it, from the connection to the last byte. Peers are asked at
-the same time, and what they send is limited in size. Runs on Python 3.8 with the standard library.
+the same time, and what they send is limited in size.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
 All integers are little-endian. A frame is a uint32 length and that many bytes. A handshake header is a frame of fields,
 each a uint32 length and `name=value` (wiki: ROS/TCPROS, ROS/Connection Header). A message frame holds one message
 (wiki: msg): strings and lists are a uint32 count and their items, a time is two uint32. The peers are not trusted:
-every length is checked against what there is. Runs on Python 3.8 with the standard library.
+every length is checked against what there is.
 """
 
 from __future__ import annotations

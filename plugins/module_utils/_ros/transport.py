@@ -3,8 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Connections that carry ROS 1's data: a topic's messages, a service's handshake. None of them is registered.
 
-Nobody's list of subscribers changes, and no service is called. Runs on Python 3.8 with the standard library, on hosts
-and in pods.
+Nobody's list of subscribers changes, and no service is called.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Goal forwarding from outside: the keeper's XML-RPC calls hold, release and state. The only way into this package.
 
-docs/goal-forwarding.md is its manual. Runs on Python 3.8 with the standard library, in pods.
+docs/goal-forwarding.md is its manual.
 """
 
 from __future__ import annotations

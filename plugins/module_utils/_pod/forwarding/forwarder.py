@@ -1,10 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One action's hold on the network: what `rules` decides, done; docs/goal-forwarding.md tells how.
-
-Runs on Python 3.8 with the standard library, in pods.
-"""
+"""One action's hold on the network: what `rules` decides, done; docs/goal-forwarding.md tells how."""
 
 from __future__ import annotations
 
@@ -37,6 +34,7 @@ TICK = 0.05
 LOOK = 0.1  # between looks at the master while goals are held
 CONNECT = 2.0
 AGAIN = 0.3  # between attempts to connect to the same publisher
+AWAY = 1.0  # before the next look at a master that does not answer
 INTRODUCE = 1.0  # between tellings of a server whose clients are still missing
 FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
@@ -273,7 +271,7 @@ class Forwarder(threading.Thread):
                 self.tick()
             except RosError as error:
                 self.log(f"the master is away: {error}")
-                time.sleep(1.0)
+                time.sleep(AWAY)
         self.finish()
 
     def tick(self) -> None:

@@ -6,7 +6,7 @@
 From the hold on, every goal is seen here. One that a server lists in its status is that server's. The others are kept
 until a server is up that was not the one at the beginning, and forwarded to it in their order. actionlib's servers
 ignore a goal whose id they list already, so forwarding to one that got the goal directly a moment ago does no harm; it
-is avoided all the same. Runs on Python 3.8 with the standard library, in pods.
+is avoided all the same.
 """
 
 from __future__ import annotations

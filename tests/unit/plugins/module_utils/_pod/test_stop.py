@@ -8,7 +8,6 @@ from typing import Any, Callable
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as stop_command
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import established
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import StatusReading
 
 IDLE, ACTIVE, DONE = StatusReading(((), ())), StatusReading(((1,),)), StatusReading(((3,), (3,)))
@@ -178,19 +177,3 @@ def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     assert stop_command.main([]) == 0
     assert told[1:] == ["rosops.fleet: left to SIGTERM: node /x: not registered with the master"]
     assert capsys.readouterr().out == ""
-
-
-TABLE = """\
-  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
-   0: 0100007F:9F6B 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 3487123 1
-   1: 0100007F:9F6B 0100007F:BE2E 01 00000000:00000000 00:00000000 00000000     0        0 3487124 1
-   2: 0100007F:BE2E 0100007F:9F6B 01 00000000:00000000 00:00000000 00000000     0        0 3487125 1
-   3: 0100007F:9F6B 0100007F:BE30 06 00000000:00000000 03:00001000 00000000     0        0 0 3
-"""
-
-
-def test_established_counts_what_peers_hold_to_a_port() -> None:
-    assert established([TABLE], {0x9F6B}) == 1
-    assert established([TABLE, TABLE], {0x9F6B, 0xBE2E}) == 4
-    assert established([TABLE], {1}) == 0
-    assert established(["", "header only\n"], {1}) == 0

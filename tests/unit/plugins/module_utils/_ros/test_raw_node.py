@@ -11,6 +11,7 @@ from typing import Any, Callable, Iterator
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import TopicStream
 
@@ -22,7 +23,8 @@ HEADER = {
 
 
 @pytest.fixture
-def slave() -> Iterator[Slave]:
+def slave(monkeypatch: pytest.MonkeyPatch) -> Iterator[Slave]:
+    monkeypatch.setattr(raw_node, "POLL", 0.01)
     made = Slave("/me", "127.0.0.1", 0, "http://127.0.0.1:1/")
     made.register({"twice": lambda number: 2 * number})
     made.start()

@@ -1,0 +1,221 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pod's own node, where it is and what is said to it, on loopback."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from pathlib import Path
+from typing import Any, Iterator
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import own_node, state
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import (
+    CALLER,
+    OwnNode,
+    established,
+    find_node,
+    is_here,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+
+NODE, SETTINGS = "/arm", {"node": "/arm"}
+
+
+@pytest.fixture
+def peers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Peers]:
+    monkeypatch.setattr(state, "SCRATCH", str(tmp_path))
+    made = Peers()
+    yield made
+    made.close()
+
+
+class World:
+    """A master, and a node that it knows under NODE."""
+
+    def __init__(self, peers: Peers, monkeypatch: pytest.MonkeyPatch, **replies: Any) -> None:
+        self.peers = peers
+        self.told: list[tuple[Any, ...]] = []
+        node = {"getPid": [1, "", 7], "publisherUpdate": self.note("update"), **replies}
+        self.node = peers.api("node", node)
+        topics = [[["/arm/state", [NODE]], ["/work/status", [NODE]]], [["/work/goal", [NODE]]], [["/arm/home", [NODE]]]]
+        self.system: Any = [1, "", topics]
+        self.address = self.node
+        self.service = f"rosrpc://127.0.0.1:{peers.dead()}"
+        self.master = peers.api(
+            "master",
+            {
+                "getSystemState": lambda: self.system,
+                "lookupNode": lambda _name: [1, "", self.address],
+                "lookupService": lambda _name: [1, "", self.service],
+                **{f"unregister{kind}": self.note(kind) for kind in ("Publisher", "Subscriber", "Service")},
+            },
+            multicall=True,
+        )
+        monkeypatch.setenv("ROS_MASTER_URI", self.master)
+
+    def note(self, kind: str) -> Any:
+        def call(*words: Any) -> list[Any]:
+            self.told.append((kind, *words))
+            return [1, "", 1]
+
+        return call
+
+    def asked(self, label: str) -> list[str]:
+        return [method for name, method in self.peers.calls if name == label]
+
+    def own(self) -> OwnNode:
+        return OwnNode(NODE, self.node, {"/arm/home": self.service})
+
+    def ros(self) -> Ros1Client:
+        return Ros1Client(self.master, 2.0, CALLER)
+
+
+@pytest.fixture
+def world(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> World:
+    return World(peers, monkeypatch)
+
+
+# ---- where it is
+
+
+def test_it_is_where_the_master_says_and_the_next_call_asks_no_master(world: World) -> None:
+    node, why = find_node(SETTINGS)
+    assert (node and node.uri, node and node.services, why) == (world.node, {"/arm/home": world.service}, "")
+    world.peers.calls.clear()
+    again, _why = find_node(SETTINGS)
+    assert (again and again.uri, world.asked("master")) == (world.node, [])
+
+
+def test_another_process_at_its_old_address_is_not_it(world: World) -> None:
+    state.save_state(NODE, {"uri": world.node, "pid": 6, "services": {}})
+    node, _why = find_node(SETTINGS)
+    assert node is not None
+    assert world.asked("master")
+    assert state.load_state(NODE)["pid"] == 7
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"system": [1, "", [[], [], []]]}, "not registered with the master"),
+        ({"address": "http://127.0.0.1:9/"}, "registered, but down: nothing listens at"),
+        ({"system": [0, "no", 0]}, "is not one"),
+    ],
+)
+def test_where_it_is_not(world: World, change: dict[str, Any], words: str) -> None:
+    for name, value in change.items():
+        setattr(world, name, value)
+    node, why = find_node(SETTINGS)
+    assert node is None
+    assert words in why
+
+
+def test_a_node_of_another_pod_is_left_alone(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own_node, "is_here", lambda _uri: False)
+    assert find_node(SETTINGS) == (None, f"node {NODE}: registered from {world.node}, which is not this pod")
+
+
+@pytest.mark.parametrize(
+    ("uri", "here"),
+    [("http://127.0.0.1:1/", True), ("http://192.0.2.7:1/", False), ("http://", False), ("http://[:1", False)],
+)
+def test_only_an_address_of_ones_own_can_be_bound(uri: str, here: bool) -> None:
+    assert is_here(uri) is here
+
+
+# ---- what is said to it
+
+
+def test_it_is_taken_out_of_the_master_with_all_that_it_has(world: World) -> None:
+    world.own().unregister(world.ros())
+    assert sorted(world.told) == [
+        ("Publisher", "/arm/state", world.node),
+        ("Publisher", "/work/status", world.node),
+        ("Service", "/arm/home", world.service),
+        ("Subscriber", "/work/goal", world.node),
+    ]
+
+
+def test_no_master_to_take_it_out_of(world: World) -> None:
+    with pytest.raises(RosError, match="does not answer"):
+        world.own().unregister(Ros1Client("http://127.0.0.1:9/", 0.5, CALLER))
+
+
+def test_it_is_cut_off_from_who_sends_it_goals(world: World) -> None:
+    world.own().isolate("/work")
+    assert world.told == [("update", "/work/goal", [])]
+
+
+def test_its_actions_are_those_of_the_graph_or_what_was_expected(world: World) -> None:
+    assert world.own().actions(world.ros(), ["/other"]) == ["/work"]
+    assert world.own().actions(Ros1Client("http://127.0.0.1:9/", 0.5), ["/other"]) == ["/other"]
+
+
+def test_a_status_that_cannot_be_read_has_its_reason(world: World) -> None:
+    found = world.own().status(world.ros(), "/work")
+    assert (found.readings, found.error.startswith("refused:")) == ((), True)
+
+
+def test_a_node_that_does_not_answer_has_no_process(world: World) -> None:
+    assert world.own().process() == 7
+    for uri in (f"http://127.0.0.1:{world.peers.dead()}/", world.peers.api("odd", {"getPid": [1, "", "seven"]})):
+        assert OwnNode(NODE, uri, {}).process() is None
+
+
+def test_connections_of_clients_are_those_that_are_no_topics(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Services and topics have one port: two clients and one subscriber there are two calls."""
+    bus: list[list[Any]] = [[1, "/listener", "o", "TCPROS", "/arm/state", True]]
+    world = World(peers, monkeypatch, getBusInfo=lambda: [1, "", bus])
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        at = listener.getsockname()
+        world.service = f"rosrpc://127.0.0.1:{at[1]}"
+        ends = [socket.create_connection(at) for _end in range(3)]
+        accepted = [listener.accept()[0] for _end in range(3)]
+        assert world.own().connections() == 2
+        for end in (*ends, *accepted):
+            end.close()
+        assert world.own().connections() == 0
+
+
+def test_a_shutdown_does_not_wait_for_an_answer(peers: Peers) -> None:
+    """rospy answers when it has ended, or never."""
+    got, ended = threading.Event(), threading.Event()
+
+    def talk(sock: socket.socket) -> None:
+        data = b""
+        while b"</methodCall>" not in data:
+            data += sock.recv(65536) or b"</methodCall> that never came"
+        if b"<methodName>shutdown</methodName>" in data:
+            got.set()
+        ended.wait(30)
+
+    began = time.monotonic()
+    OwnNode(NODE, f"http://127.0.0.1:{peers.tcp(talk)}/", {}).shut_down()
+    assert time.monotonic() - began < 5
+    assert got.wait(5)
+    ended.set()
+
+
+def test_a_shutdown_of_what_is_gone_is_done(peers: Peers) -> None:
+    OwnNode(NODE, f"http://127.0.0.1:{peers.dead()}/", {}).shut_down()
+
+
+TABLE = """\
+  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
+   0: 0100007F:9F6B 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 3487123 1
+   1: 0100007F:9F6B 0100007F:BE2E 01 00000000:00000000 00:00000000 00000000     0        0 3487124 1
+   2: 0100007F:BE2E 0100007F:9F6B 01 00000000:00000000 00:00000000 00000000     0        0 3487125 1
+   3: 0100007F:9F6B 0100007F:BE30 06 00000000:00000000 03:00001000 00000000     0        0 0 3
+"""
+
+
+def test_established_counts_what_peers_hold_to_a_port() -> None:
+    assert established([TABLE], {0x9F6B}) == 1
+    assert established([TABLE, TABLE], {0x9F6B, 0xBE2E}) == 4
+    assert established([TABLE], {1}) == 0
+    assert established(["", "header only\n"], {1}) == 0
