@@ -41,9 +41,10 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
 
 
 def _look(task_vars: dict[str, Any], volumes: str) -> dict[str, Any]:
-    hostvars, names = HostVariables(task_vars["hostvars"]), task_vars["ansible_play_hosts_all"]
-    results = {host: hostvars[host].get(volumes, {}) for host in names}
-    hosts = members(names, Fleet.from_vars(task_vars), hostvars, results, os.environ)
+    hostvars = HostVariables(task_vars["hostvars"])
+    variables = {host: hostvars[host] for host in task_vars["ansible_play_hosts_all"]}
+    results = {host: own.get(volumes, {}) for host, own in variables.items()}
+    hosts = members(Fleet.from_vars(task_vars), variables, results, os.environ)
     asked, silent = clusters_of(hosts)
     answers = ask(asked)
     problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}

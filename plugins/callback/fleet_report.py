@@ -72,6 +72,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, write
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
     HIDDEN,
+    ReportFile,
     RunReport,
     TaskInfo,
     screen,
@@ -125,11 +126,11 @@ def secret_free(result: Any) -> dict[str, Any]:
     return data
 
 
-def paths_of(path: Path, report: dict[str, Any]) -> list[Path]:
+def paths_of(path: Path, report: ReportFile) -> list[Path]:
     """The run's file, and the last one of its playbook: a look at the fleet must not hide what its last update did."""
     if report["check_mode"]:
         return [path]
-    return [path, path.with_name(f"{path.stem}-{Path(str(report['playbook'])).stem}{path.suffix}")]
+    return [path, path.with_name(f"{path.stem}-{Path(report['playbook']).stem}{path.suffix}")]
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries no types
@@ -206,7 +207,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self._print(report)
         self._write(report)
 
-    def _print(self, report: dict[str, Any]) -> None:
+    def _print(self, report: ReportFile) -> None:
         check_mode = report["check_mode"]
         self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if check_mode else ""))
         colours = {word_of(outcome, check_mode): colour for outcome, colour in COLOURS.items()}
@@ -214,7 +215,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         for number, line in enumerate(screen(report, max(int(self._display.columns), 120))):
             self._display.display(line, color=(hosts[number] or None) if number < len(hosts) else None)
 
-    def _write(self, report: dict[str, Any]) -> None:
+    def _write(self, report: ReportFile) -> None:
         path = placed(str(self.get_option("path") or ""))
         if path is None:
             return

@@ -12,8 +12,9 @@ short_description: Hosts of a fleet, and what their clusters hold
 version_added: 0.1.0
 description:
   - Asks the cluster of every host of the play once, all clusters side by side, and returns rows for people.
-  - Everything runs on the control node, so once is enough (C(run_once)). A cluster whose servers are all unreachable is
-    not asked.
+  - The fleet is what M(rosops.fleet.fleet_config) found in this run. A cluster whose servers are all unreachable is not
+    asked.
+  - Everything runs on the control node, so once is enough (C(run_once)).
   - M(rosops.fleet.fleet_status) shows what this returns.
 options:
   volumes:
@@ -28,6 +29,7 @@ notes:
 extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:
+  - module: rosops.fleet.fleet_config
   - module: rosops.fleet.fleet_status
 author:
   - rosops.fleet contributors (@rosops)

@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Obj
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Row
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
 
@@ -29,9 +30,7 @@ class Member:
 
     name: str
     address: str
-    role: str
-    cluster: str
-    servers: Sequence[str]
+    part: Host
     kubeconfig: str = ""
     robot: Robot | None = None
     away: str | None = None
@@ -39,7 +38,7 @@ class Member:
     @property
     def graph(self) -> str:
         """Whose ROS graph the robot's is. A robot that is a cluster of its own shares with nobody."""
-        shared = self.robot is not None and self.robot.master.mode == "shared" and list(self.servers) != [self.name]
+        shared = self.robot is not None and self.robot.master.mode == "shared" and self.part.servers != (self.name,)
         return SHARED if shared else self.name
 
     def row(self) -> Row:
@@ -47,33 +46,27 @@ class Member:
             "name": self.name,
             "group": "robots" if self.robot else "edge",
             "address": self.address,
-            "role": self.role,
-            "cluster": self.cluster,
+            "role": self.part.role,
+            "cluster": self.part.cluster,
             "reachable": self.away is None,
             "reason": self.away or "",
         }
 
 
 def members(
-    hosts: Iterable[str],
-    fleet: Fleet,
-    hostvars: Mapping[str, Variables],
-    results: Mapping[str, Variables],
-    environ: Mapping[str, str],
+    fleet: Fleet, variables: Mapping[str, Variables], results: Mapping[str, Variables], environ: Mapping[str, str]
 ) -> list[Member]:
-    """The hosts of a run; `results` are those of a task that ran on all of them."""
+    """The hosts of a run, those that `variables` has; `results` are theirs of a task that ran on all of them."""
     return [
         Member(
-            host,
-            str(hostvars[host].get("ansible_host", host)),
-            fleet.hosts[host].role,
-            fleet.hosts[host].cluster,
-            fleet.hosts[host].servers,
-            kubeconfig_of(hostvars[host], fleet.hosts[host].cluster, environ),
-            fleet.robots.get(host),
-            message_of(results[host]) if results.get(host, {}).get("unreachable") else None,
+            name,
+            str(own.get("ansible_host", name)),
+            fleet.hosts[name],
+            kubeconfig_of(own, fleet.hosts[name].cluster, environ),
+            fleet.robots.get(name),
+            message_of(results[name]) if results.get(name, {}).get("unreachable") else None,
         )
-        for host in hosts
+        for name, own in variables.items()
     ]
 
 
@@ -95,11 +88,11 @@ def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]
     silent: dict[str, str] = {}
     by_name = {host.name: host for host in hosts}
     for host in by_name.values():
-        servers = [by_name[name] for name in host.servers if name in by_name]
+        servers = [by_name[name] for name in host.part.servers if name in by_name]
         if servers and all(server.away is not None for server in servers):
-            silent[host.cluster] = "its servers are unreachable"
+            silent[host.part.cluster] = "its servers are unreachable"
         else:
-            asked.setdefault(host.cluster, host.kubeconfig)
+            asked.setdefault(host.part.cluster, host.kubeconfig)
     return asked, silent
 
 
@@ -113,7 +106,7 @@ def graphs_to_read(hosts: Iterable[Member], services: Mapping[str, Sequence[Obje
     for host in hosts:
         if host.robot is None or host.away is not None or host.graph in taken:
             continue
-        uri = _master_uri(host.robot, services.get(host.cluster, ()))
+        uri = _master_uri(host.robot, services.get(host.part.cluster, ()))
         if uri:
             taken.add(host.graph)
             found[host.name] = {"robot": host.graph, "master_uri": uri}

@@ -25,31 +25,16 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import
     level,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.plots import plots, rate_words
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import SECTIONS, Columns, grid, words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import SECTIONS, Columns, columns, grid, words
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 UNFOLDED = 40  # a table of more rows is folded until somebody wants it
 LONG = 28  # characters of a word from which it may be broken anywhere
-NUMBERS = frozenset(
-    {
-        "restarts",
-        "publishes",
-        "subscribes",
-        "services",
-        "publishers",
-        "subscribers",
-        "connections",
-        "rate",
-        "size",
-        "used",
-        "changed",
-        "seconds",
-        "waited for idle",
-        "topics",
-        "messages/s",
-    }
-)
+NUMBERS = frozenset({
+    "restarts", "publishes", "subscribes", "services", "publishers", "subscribers", "connections", "rate", "size",
+    "used", "changed", "seconds", "waited for idle", "topics", "messages/s",
+})  # fmt: skip
 NAMES = frozenset({"app", "node", "topic", "claim", "step"})
 # What a terminal has no room for.
 MORE_COLUMNS: Mapping[str, Columns] = {"steps": [("phases, s", "phases"), ("id", "id")]}
@@ -58,18 +43,11 @@ COLUMNS: Mapping[tuple[str, str], Any] = {
     ("outcomes", "started"): lambda row: _when(str(row.get("started", ""))),
     ("topics", "rate"): lambda row: "" if row.get("rate") is None else rate_words(float(row["rate"])),
 }
-HOST_COLUMNS: Columns = [
-    ("host", "host"),
-    ("group", "group"),
-    ("state", "state"),
-    ("node", "node"),
-    ("master", "master"),
-    ("apps ready", "apps"),
-    ("ROS nodes up", "ros_nodes"),
-    ("topics", "topics"),
+HOST_COLUMNS = columns(
+    "host", "group", "state", "node", "master", ("apps ready", "apps"), ("ROS nodes up", "ros_nodes"), "topics",
     ("messages/s", lambda row: "" if row["messages"] is None else rate_words(row["messages"])[: -len(" Hz")]),
     ("last outcome", "outcome"),
-]
+)  # fmt: skip
 _MADE = re.compile(r'<time id="made"[^>]*>[^<]*</time>')
 # control characters, halves of surrogate pairs, and the two that are no characters at all
 _NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
@@ -109,8 +87,8 @@ def _rendered(status: Status, made: str, limit: str) -> str:
     environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
     off = hosts_off(status)
     sections = [
-        _section(key, _titled(title), columns, status[key], [level(key, row, off) for row in status[key]])
-        for title, key, columns in SECTIONS
+        _section(key, _titled(title), shown, status[key], [level(key, row, off) for row in status[key]])
+        for title, key, shown in SECTIONS
         if status.get(key) is not None and key != "problems"
     ]
     hosts = host_lines(status)
@@ -127,8 +105,8 @@ def _rendered(status: Status, made: str, limit: str) -> str:
     )
 
 
-def _section(key: str, title: str, columns: Columns, rows: Rows, levels: Sequence[str]) -> Section:
-    shown = [(header, COLUMNS.get((key, header), source)) for header, source in columns]
+def _section(key: str, title: str, given: Columns, rows: Rows, levels: Sequence[str]) -> Section:
+    shown = [(header, COLUMNS.get((key, header), source)) for header, source in given]
     headers, lines = grid([*shown, *MORE_COLUMNS.get(key, ())], rows)
     # the first column names a row, but for the robot, where many rows share that
     naming = 1 if headers[:1] == ["robot"] and headers[1] in NAMES else 0

@@ -9,7 +9,7 @@ Pure: the callback tells what happens and when, `finish` makes plain data of it,
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping
+from typing import Any, Iterable, Mapping, Sequence, TypedDict
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
@@ -31,6 +31,36 @@ CHANGED_KEPT = 100
 HIDDEN = "hidden by no_log"
 CORE_PREFIX = "Task failed: "  # ansible-core 2.19 puts it before every message of a plugin
 MESSAGE_KEPT = 4000  # a result is not a log
+
+
+class HostReport(TypedDict):
+    """A host in the report; the callback's documentation has its keys."""
+
+    host: str
+    groups: list[str]
+    outcome: str
+    reason: str
+    failed_task: str | None
+    changed: list[str]
+    ready: dict[str, Any] | None
+    rollout: dict[str, Any] | None
+    steps: list[Mapping[str, Any]]
+    counts: dict[str, int]
+
+
+class ReportFile(TypedDict):
+    """The report as it is written. Times are in seconds, but for `started`, which is in UTC."""
+
+    playbook: str
+    check_mode: bool
+    started: str
+    elapsed: float
+    outcomes: dict[str, int]
+    hosts: list[HostReport]
+    plays: list[dict[str, Any]]
+    stages: list[dict[str, Any]]
+    slowest_tasks: list[dict[str, Any]]
+    tasks: int
 
 
 @dataclass(frozen=True)
@@ -219,7 +249,14 @@ class RunReport:
         if self._plays and not self._plays[-1].ended:
             self._plays[-1].ended = now
 
-    def finish(self, stats: Mapping[str, Mapping[str, int]], now: float, **about: Any) -> dict[str, Any]:
+    def finish(
+        self,
+        stats: Mapping[str, Mapping[str, int]],
+        now: float,
+        playbook: str = "",
+        check_mode: bool = False,
+        started: str = "",
+    ) -> ReportFile:
         """The report as data. `stats` is Ansible's own summary per host: it knows what was rescued."""
         self._close(now)
         names = [name for name in self._hosts if name != "localhost" or name in stats]
@@ -228,7 +265,9 @@ class RunReport:
             hosts = [host for host in hosts if host["host"] != "localhost"]
         counts = {word: sum(host["outcome"] == word for host in hosts) for word in OUTCOMES}
         return {
-            **about,
+            "playbook": playbook,
+            "check_mode": check_mode,
+            "started": started,
             "elapsed": round(now - self._begun, 3),
             "outcomes": {word: count for word, count in counts.items() if count},
             "hosts": hosts,
@@ -238,7 +277,7 @@ class RunReport:
             "tasks": len(self._tasks),
         }
 
-    def _host_row(self, name: str, stats: Mapping[str, Mapping[str, int]]) -> dict[str, Any]:
+    def _host_row(self, name: str, stats: Mapping[str, Mapping[str, int]]) -> HostReport:
         host, counts = self._hosts[name], dict(stats.get(name) or {})
         outcome, reason = self._outcome(host, counts, stats)
         return {
@@ -319,15 +358,14 @@ def note_of(host: Mapping[str, Any]) -> str:
     return f"{host['failed_task']}: {first}" if host.get("failed_task") else first
 
 
-def screen(report: Mapping[str, Any], width: int = 120) -> list[str]:
+def screen(report: ReportFile, width: int = 120) -> list[str]:
     """The report in lines: a host each, then where the time went."""
-    check_mode = bool(report.get("check_mode"))
-    rows = [
+    rows: list[Sequence[Any]] = [
         [
             host["host"],
-            word_of(host["outcome"], check_mode),
+            word_of(host["outcome"], report["check_mode"]),
             _ready_cell(host),
-            (host.get("counts") or {}).get("changed", 0),
+            host["counts"].get("changed", 0),
             note_of(host),
         ]
         for host in report["hosts"]

@@ -30,6 +30,14 @@ def _node_state(row: Mapping[str, Any]) -> str:
     return f"{state}, {row['reason']}" if row.get("reason") else state
 
 
+def _host_state(row: Mapping[str, Any]) -> str:
+    return "up" if row.get("reachable", True) else f"offline {row.get('reason') or ''}"
+
+
+def _used(row: Mapping[str, Any]) -> str:
+    return size_words(row.get("used_bytes"))
+
+
 def _count(row: Mapping[str, Any]) -> str:
     return f"{row.get('ready', 0)}/{row.get('wanted', 1)}"
 
@@ -43,128 +51,41 @@ def _state(row: Mapping[str, Any]) -> str:
     return "up" if row.get("reachable") else f"down: {row.get('error') or 'no answer'}"
 
 
+WORKLOAD = (("node", "nodes"), "restarts", ("image", "images"), "note")
+
+
+def columns(*items: str | tuple[str, Any]) -> Columns:
+    """A word alone is the header and the key."""
+    return [(item, item) if isinstance(item, str) else item for item in items]
+
+
 # Title, key of the rows, columns.
 SECTIONS: Sequence[tuple[str, str, Columns]] = (
-    ("PROBLEMS", "problems", [("where", "where"), ("what", "what")]),
-    (
-        "HOSTS",
-        "hosts",
-        [
-            ("host", "name"),
-            ("group", "group"),
-            ("address", "address"),
-            ("role", "role"),
-            ("cluster", "cluster"),
-            ("state", lambda row: "up" if row.get("reachable", True) else f"offline {row.get('reason') or ''}"),
-        ],
-    ),
-    (
-        "NODES",
-        "nodes",
-        [
-            ("node", "name"),
-            ("state", _node_state),
-            ("version", "version"),
-            ("address", "address"),
-            ("roles", "roles"),
-            ("deploymentType", "placement"),
-            ("robot", "robot"),
-            ("other labels", "labels"),
-        ],
-    ),
-    ("PLACEMENT", "placement", [("node", "node"), ("deploymentType", "placement"), ("runs", "runs")]),
-    (
-        "ROS MASTERS",
-        "masters",
-        [
-            ("robot", "robot"),
-            ("ready", _count),
-            ("node", "nodes"),
-            ("restarts", "restarts"),
-            ("image", "images"),
-            ("note", "note"),
-        ],
-    ),
-    (
-        "APPS",
-        "apps",
-        [
-            ("robot", "robot"),
-            ("app", "name"),
-            ("placement", "placement"),
-            ("ready", _count),
-            ("node", "nodes"),
-            ("restarts", "restarts"),
-            ("image", "images"),
-            ("note", "note"),
-        ],
-    ),
-    (
-        "ROS NODES",
-        "ros_nodes",
-        [
-            ("robot", "robot"),
-            ("node", "name"),
-            ("state", _state),
-            ("publishes", "publications"),
-            ("subscribes", "subscriptions"),
-            ("services", lambda row: len(row.get("services") or [])),
-        ],
-    ),
-    (
-        "TOPICS",
-        "topics",
-        [
-            ("robot", "robot"),
-            ("topic", "name"),
-            ("type", "type"),
-            ("publishers", "publishers"),
-            ("subscribers", "subscribers"),
-            ("connections", "connections"),
-            ("rate", _rate),
-            ("note", "note"),
-        ],
-    ),
-    (
-        "CLAIMS",
-        "claims",
-        [
-            ("robot", "robot"),
-            ("claim", "name"),
-            ("state", "phase"),
-            ("class", "storage_class"),
-            ("size", "size"),
-            ("used", lambda row: size_words(row.get("used_bytes"))),
-        ],
-    ),
-    (
-        "LAST OUTCOMES",
-        "outcomes",
-        [
-            ("host", "host"),
-            ("outcome", "outcome"),
-            ("run", "playbook"),
-            ("started", "started"),
-            ("changed", "changed"),
-            ("note", "note"),
-        ],
-    ),
-    (
-        "LAST UPDATE STEPS",
-        "steps",
-        [
-            ("robot", "robot"),
-            ("step", "name"),
-            ("handoff", "handoff"),
-            ("outcome", "outcome"),
-            ("from", "from"),
-            ("to", "to"),
-            ("seconds", "seconds"),
-            ("waited for idle", "busy_wait"),
-            ("note", "note"),
-        ],
-    ),
-)
+    ("PROBLEMS", "problems", columns("where", "what")),
+    ("HOSTS", "hosts", columns(("host", "name"), "group", "address", "role", "cluster", ("state", _host_state))),
+    ("NODES", "nodes", columns(
+        ("node", "name"), ("state", _node_state), "version", "address", "roles", ("deploymentType", "placement"),
+        "robot", ("other labels", "labels"),
+    )),
+    ("PLACEMENT", "placement", columns("node", ("deploymentType", "placement"), "runs")),
+    ("ROS MASTERS", "masters", columns("robot", ("ready", _count), *WORKLOAD)),
+    ("APPS", "apps", columns("robot", ("app", "name"), "placement", ("ready", _count), *WORKLOAD)),
+    ("ROS NODES", "ros_nodes", columns(
+        "robot", ("node", "name"), ("state", _state), ("publishes", "publications"), ("subscribes", "subscriptions"),
+        ("services", lambda row: len(row.get("services") or [])),
+    )),
+    ("TOPICS", "topics", columns(
+        "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections", ("rate", _rate), "note",
+    )),
+    ("CLAIMS", "claims", columns(
+        "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size", ("used", _used),
+    )),
+    ("LAST OUTCOMES", "outcomes", columns("host", "outcome", ("run", "playbook"), "started", "changed", "note")),
+    ("LAST UPDATE STEPS", "steps", columns(
+        "robot", ("step", "name"), "handoff", "outcome", "from", "to", "seconds",
+        ("waited for idle", "busy_wait"), "note",
+    )),
+)  # fmt: skip
 OPTIONAL = frozenset({"note", "other labels", "id"})  # columns that go when nobody has anything in them
 # Sections that are worth a line only when there is something in them.
 ONLY_WITH_ROWS = frozenset({"problems", "outcomes", "steps"})

@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
     Member,
     clusters_of,
@@ -31,7 +32,8 @@ def found(
     *names: str, off: tuple[str, ...] = (), every: dict[str, Any] | None = None, **more: dict[str, Any]
 ) -> list[Member]:
     hostvars = {name: {**own, **(every or {}), **more.get(name, {})} for name, own in VARIABLES.items()}
-    return members(names or hostvars, fleet(GROUPS, hostvars), hostvars, dict.fromkeys(off, OFF), {})
+    run = {name: hostvars[name] for name in names or hostvars}
+    return members(fleet(GROUPS, hostvars), run, dict.fromkeys(off, OFF), {})
 
 
 def service(namespace: str, address: str, name: str = "ros-master") -> dict[str, Any]:
@@ -95,8 +97,8 @@ def test_servers_outside_of_the_limit_may_be_up() -> None:
 
 
 def test_one_server_that_answers_is_enough() -> None:
-    servers = ("a", "b", "c")
-    hosts = [Member(name, "", "server", "edge", servers, away=None if name == "c" else "off") for name in servers]
+    part = Host("server", "edge", ("a", "b", "c"), False, "")
+    hosts = [Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
     assert list(clusters_of(hosts)[0]) == ["edge"]
 
 
