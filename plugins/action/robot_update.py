@@ -133,12 +133,11 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
     def _say(self, text: str) -> None:
         display.display(f"[{self._host}] {text}")
 
-    def _edge_images(self) -> dict[str, str]:
+    def _edge_images(self) -> dict[str, list[str]]:
         """What the play before this one saw on the edge hosts; those that it did not see may be away."""
-        hostvars = self._vars["hostvars"]
-        edge = self._vars["groups"].get("edge", [])
-        seen = {name: hostvars[name].get("update_edge_listing") or {} for name in edge}
-        return {name: str(listing["stdout"]) for name, listing in seen.items() if "stdout" in listing}
+        hostvars, edge = self._vars["hostvars"], self._vars["groups"].get("edge", [])
+        seen = {name: (hostvars[name].get("images_brought") or {}).get("present") for name in edge}
+        return {name: list(present) for name, present in seen.items() if present}
 
     def _reach(self) -> None:
         try:

@@ -87,4 +87,9 @@ images:
   returned: success
   type: dict
   sample: {"docker.io/library/redis:7.4": "sha256:4b9a..."}
+present:
+  description: The full names of all images that the node has now; nothing where nothing was asked for.
+  returned: success, and where bringing one failed
+  type: list
+  elements: str
 """

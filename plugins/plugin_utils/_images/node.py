@@ -49,7 +49,7 @@ class Brought:
     """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
 
     `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
-    would pull has an empty ID in `after`.
+    would pull has an empty ID in `after`. `present` are all names that the node has now.
     """
 
     imported: tuple[str, ...] = ()
@@ -57,6 +57,7 @@ class Brought:
     problems: tuple[str, ...] = ()
     before: Mapping[str, str] = field(default_factory=dict)
     after: Mapping[str, str] = field(default_factory=dict)
+    present: tuple[str, ...] = ()
 
     @property
     def changed(self) -> bool:
@@ -103,8 +104,12 @@ class NodeImages:
             known = {ref: digest or there.images.get(ref, "") for ref, digest in plan.wanted.items()}
             after = Present(there.machine, {**there.images, **known})
         elif plan.bring or plan.pull:
-            self._import(plan.bring)
-            self._pull(plan.pull)
+            try:
+                self._import(plan.bring)
+                self._pull(plan.pull)
+            except ImagesError as error:  # whoever goes on without it has to know what there is
+                error.details["present"] = sorted(self.present().images)
+                raise
             after = self.present()
         return _brought(plan, there, after)
 
@@ -148,6 +153,7 @@ def _brought(plan: Plan, before: Present, after: Present) -> Brought:
         tuple(images_problems(plan.wanted, after.images)),
         {ref: before.images[ref] for ref in plan.wanted if ref in before.images},
         {ref: after.images[ref] for ref in plan.wanted if ref in after.images},
+        tuple(sorted(after.images)),
     )
 
 

@@ -93,7 +93,7 @@ class Settings:
     rate_seconds: float = 1.0
     check: bool = False
     code: Mapping[str, str] = field(default_factory=dict)  # what runs in the pods, file name -> content
-    edge_images: Mapping[str, str] = field(default_factory=dict)  # edge host -> what crictl lists there
+    edge_images: Mapping[str, Sequence[str]] = field(default_factory=dict)  # edge host -> names of images there
 
 
 @dataclass

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any, Iterable, Mapping, Sequence
+from typing import Any, Collection, Iterable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
@@ -41,8 +40,10 @@ class Gate:
     rest: Sequence[Mapping[str, str]]  # actions that have to be idle; `server` stands where the step replaces it
 
 
-def step_gate(step: Step, graph: Graph, maps: Iterable[Object] = (), images: Mapping[str, str] | None = None) -> Gate:
-    """`maps` are the robot's ConfigMaps, `images` is edge host -> what `crictl images -o json` says there."""
+def step_gate(
+    step: Step, graph: Graph, maps: Iterable[Object] = (), images: Mapping[str, Collection[str]] | None = None
+) -> Gate:
+    """`maps` are the robot's ConfigMaps, `images` is edge host -> full names of its images."""
     return Gate(
         step_contracts(step, graph, maps),
         [*_problems(step, graph), *_images_missing(step, images or {})],
@@ -106,9 +107,8 @@ def _actions_to_rest(step: Step, graph: Graph) -> list[dict[str, str]]:
     return found
 
 
-def _images_missing(step: Step, listings: Mapping[str, str]) -> list[str]:
+def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[str]:
     """Images of remote pods that an edge host lacks. A remote pod may be placed on any of them."""
-    present = {host: node_images(listing) for host, listing in listings.items()}
     problems = []
     for item in step.workloads:
         pod = item["spec"]["template"]["spec"]

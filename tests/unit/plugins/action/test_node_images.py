@@ -79,7 +79,7 @@ def test_the_node_is_looked_at_in_check_mode_too(check_mode: bool) -> None:
 def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
     def bring(images: NodeImages, archives: Any, names: Any, check: bool) -> Brought:
         assert (archives, names, check, images.directory) == ([], ["redis:7"], False, DIRECTORY)
-        return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"})
+        return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"}, (REDIS, "other"))
 
     result = run(action(), monkeypatch, bring)
     assert result == {
@@ -87,6 +87,7 @@ def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None
         "imported": ["/a.tar"],
         "pulled": [REDIS],
         "images": {REDIS: "sha256:1"},
+        "present": [REDIS, "other"],
         "diff": {"before": "", "after": f"{REDIS} sha256:1\n"},
     }
 

@@ -67,7 +67,9 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     node, said = Node(), list[str]()
     images = NodeImages(node, ROOM, rate_limit="2m", say=said.append)
     brought = images.bring([archive], ["redis:7"])
-    assert brought == Brought((archive["path"],), (REDIS,), (), before={}, after={APPS: ID, REDIS: "sha256:pulled"})
+    assert brought == Brought(
+        (archive["path"],), (REDIS,), (), before={}, after={APPS: ID, REDIS: "sha256:pulled"}, present=(APPS, REDIS)
+    )
     assert brought.changed
     assert node.calls == [
         "look",
