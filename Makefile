@@ -92,7 +92,7 @@ ruff: ## Python: style and mistakes
 .PHONY: mypy
 mypy: ## Python: types, those of hosts and pods for Python 3.8, too
 	mypy plugins
-	mypy --python-version 3.8 plugins/module_utils
+	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 
 .PHONY: yamllint
@@ -140,6 +140,10 @@ test-ros: ## Probes, stop hook, keeper and gates on real ROS nodes (skipped, wit
 .PHONY: test-browser
 test-browser: ## The status page in a headless browser (skipped, with the reason, where chromium is missing)
 	python -m pytest -n 0 -rs tests/browser
+
+.PHONY: mutation
+mutation: ## What mistakes in the code that decides would its tests not notice? (an hour; FILES="gate contract": some only)
+	python tests/tools/mutation.py $(FILES)
 
 .PHONY: sanity
 sanity: ## ansible-test sanity

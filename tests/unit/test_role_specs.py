@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import is_secret
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import OPAQUE, OPTIONS, STRICT_TEXT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import OPAQUE, is_secret
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import OPTIONS, STRICT_TEXT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import FLEET_VARIABLES
 from jinja2.nativetypes import NativeEnvironment
 

@@ -13,8 +13,6 @@ from typing import Any, Mapping
 
 Option = Mapping[str, Any]
 
-# Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
-OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries", "observability_alertmanager_config")
 # YAML takes 007 for a number; a token has to be written as the text it is.
 STRICT_TEXT = ("k3s_token", "k3s_agent_token")
 

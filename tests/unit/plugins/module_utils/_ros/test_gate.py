@@ -113,6 +113,11 @@ def test_of_one_publishers_topic_only_that_one_and_its_subscribers_are_asked() -
     assert set(asked(publishers=2)) == {"/talker_a", "/talker_b"}
 
 
+def test_of_a_topic_that_nobody_registered_nobody_is_asked() -> None:
+    topics = (TopicCondition("/nothing", "a/B", connected=True), TopicCondition("/none", publisher="/x", publishers=1))
+    assert questions(recorded_state(), Conditions(topics=topics)).nodes == {}
+
+
 def test_of_an_edge_its_ends_are_asked() -> None:
     edges = (EdgeCondition("/talker_a", "/chatter", DEAD), EdgeCondition("/nobody", "/chatter", "/relay"))
     wanted = questions(recorded_state(), Conditions(edges=edges))
@@ -573,6 +578,7 @@ class FakeRos:
         self.types: bool | None = None
         self.sampled: dict[str, float] = {}
         self.only: dict[str, Any] = {}
+        self.asked: list[tuple[MasterState, Questions]] = []
 
     def state(self, types: bool = False) -> MasterState:
         self.types = types
@@ -581,20 +587,23 @@ class FakeRos:
         return recorded_state()
 
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
-        del state, wanted
+        self.asked.append((state, wanted))
         return self.graph
 
     def rates(
         self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
     ) -> dict[str, Rate]:
-        del graph
+        assert graph is self.graph
         self.sampled, self.only = dict(seconds), dict(only or {})
         return dict.fromkeys(seconds, self.rate or Rate(error="none"))
 
 
 def test_a_look_that_passes() -> None:
     ros = FakeRos(healthy())
-    seen = look(ros, Conditions(nodes=("/relay",), topics=(TopicCondition("/chatter", connected=True),)))
+    wanted = Conditions(nodes=("/relay",), topics=(TopicCondition("/chatter", connected=True),))
+    seen = look(ros, wanted)
+    assert seen.checks[0] == Check("master", ros.uri, PASS, "answers")
+    assert ros.asked == [(recorded_state(), questions(recorded_state(), wanted))]
     assert (seen.verdict, [check.kind for check in seen.checks], seen.unmet) == (PASS, ["master", "node", "topic"], [])
     assert ros.types is False
 
@@ -664,6 +673,7 @@ def test_without_a_master_every_condition_is_unmet_and_named() -> None:
         ("absent", "/x"),
     ]
     assert "nothing listens" in str(seen.unmet[0])
+    assert {(check.verdict, check.reason) for check in seen.unmet[1:]} == {(WAIT, "not known without the master")}
 
 
 def test_a_check_as_data() -> None:
