@@ -1,86 +1,64 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the role observability: bring a cluster's stack to what the role's variables say, in the process of this task.
+"""For the role observability: bring a cluster's stack to what the role's variables say.
 
-Everything is built before anything is applied, so whatever is wrong with a dashboard or a setting is said first.
+Everything is built before anything is applied, so whatever is wrong with a dashboard or a setting is found first.
 """
 
 from __future__ import annotations
 
-import os
 import secrets
-from typing import Any
+from typing import Any, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import spec_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import nodes_off
 
-display = Display()
+Files = Mapping[str, Any]
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
-    _requires_connection = False
-    _supports_check_mode = True
+class ActionModule(ClusterAction):
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        spec, files, variables = self._given(known)
+        check = self._task.check_mode
+        with self.cluster(params) as kube:
+            admin = {"password": "", "version": ""}
+            if stack.has_grafana(spec):
+                there = kube.get(ref_of(stack.ADMIN_SECRET))
+                fresh = secrets.token_hex(20)
+                admin = stack.grafana_admin(there, variables["observability_grafana_admin_password"], fresh)
+            objects = stack.stack_objects(spec, files, admin["version"])
+            namespace, *rest = objects
+            done = kube.apply([namespace, *stack.stack_secrets(spec, admin), *rest], check)
+            done += kube.delete([ref_of(one) for one in stack.leftovers(spec)], check)
+            if not check:  # it made nothing that could be waited for
+                self._wait(kube, objects, Settings(variables["observability_ready_timeout"], say=self.say(known)))
+        return written(done)
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        auth, known = self.validate_argument_spec(argument_spec=AUTH_ARG_SPEC)[1], task_vars or {}
-        self._host = known.get("inventory_hostname", "")
-        try:
-            variables = role_variables("observability", self._templar, known)
-            spec = spec_of(variables)
-            base = known.get("inventory_dir") or ""
-            files = stack_files(variables["observability_dashboards"], base, spec["grafana"]["default_dashboards"])
-            stack.stack_objects(spec, files)
-            os.environ.update(self._environment())  # this process is of one task alone, as a module's would be
-            with Kube(auth) as kube:
-                written = self._apply(kube, spec, files, variables["observability_grafana_admin_password"])
-                result["changed"] = any(one.changed for one in written)
-                if self._task.diff:
-                    result["diff"] = diff_of(written)
-                if not self._task.check_mode:  # it made nothing that could be waited for
-                    self._wait(kube, stack.stack_objects(spec, files), variables["observability_ready_timeout"])
-        except FleetError as error:
-            result.update(failed=True, msg=str(error), **error.details)
-        return result
+    def foresee(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        spec, files, _variables = self._given(known)
+        return foreseen(stack.stack_objects(spec, files))
 
-    def _apply(self, kube: Kube, spec: dict[str, Any], files: dict[str, Any], password: str) -> list[Applied]:
-        check, admin = bool(self._task.check_mode), {"password": "", "version": ""}
-        if stack.has_grafana(spec):
-            there = kube.get(ref_of(stack.ADMIN_SECRET))
-            admin = stack.grafana_admin(there, password, secrets.token_hex(20))
-        kept = stack.stack_secrets(spec, admin)
-        objects = stack.stack_objects(spec, files, admin["version"])
-        written = kube.apply([stack.namespace_object(spec), *kept, *objects[1:]], check)
-        return written + kube.delete([ref_of(one) for one in stack.leftovers(spec)], check)
+    def _given(self, known: Mapping[str, Any]) -> tuple[Spec, Files, dict[str, Any]]:
+        variables = role_variables("observability", self._templar, known)
+        spec = spec_of(variables)
+        base = str(known.get("inventory_dir") or "")
+        files = stack_files(variables["observability_dashboards"], base, spec["grafana"]["default_dashboards"])
+        return spec, files, variables
 
-    def _wait(self, kube: Kube, objects: list[dict[str, Any]], timeout: float) -> None:
+    def _wait(self, kube: Kube, objects: list[dict[str, Any]], settings: Settings) -> None:
         off = nodes_off(kube.nodes())
         if off:
-            self._say(
-                f"{', '.join(off)}: off; what every host runs starts there when they are back, and is not waited for"
+            settings.say(
+                f"{', '.join(off)}: off; what runs on every host starts there when they are back, without a wait"
             )
         # a DaemonSet cannot be rolled out while a host of the cluster is off: that is no fault of the stack
         kinds = ("Deployment", "PersistentVolumeClaim", *(() if off else ("DaemonSet",)))
-        refs = parse_refs([one for one in objects if one["kind"] in kinds])
-        wait_for_rollout(kube, refs, Settings(timeout, say=self._say))
-
-    def _say(self, text: str) -> None:
-        display.display(f"[{self._host}] {text}")
-
-    def _environment(self) -> dict[str, str]:
-        """The task's `environment`, which a module would find in its own."""
-        found: dict[str, Any] = {}
-        self._compute_environment_string(found)
-        return {str(key): str(value) for key, value in found.items()}
+        wait_for_rollout(kube, parse_refs([one for one in objects if one["kind"] in kinds]), settings)
