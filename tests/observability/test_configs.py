@@ -16,7 +16,9 @@ from typing import Any, Iterator
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.filter.observability_objects import observability_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.stack import stack_objects
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 from loopback import eventually, free_port, program, running
 from watchers import Loki
 
@@ -41,8 +43,10 @@ PODS = {
 
 def rendered(profile: str, shipper: str = "otelcol") -> dict[str, str]:
     """File -> text, of every ConfigMap."""
-    spec = {**PROFILES[profile], "log_shipper": shipper}
-    maps = [one for one in observability_objects(spec) if one["kind"] == "ConfigMap"]
+    spec = full({**PROFILES[profile], "log_shipper": shipper})
+    maps = [
+        one for one in stack_objects(spec, stack_files([], "", default_dashboards=True)) if one["kind"] == "ConfigMap"
+    ]
     return {f"{one['metadata']['name']}/{name}": text for one in maps for name, text in one.get("data", {}).items()}
 
 

@@ -1,17 +1,19 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read the rules and dashboards that come with the role observability."""
+"""Read rules and dashboards: those that come with the role observability, and the inventory's own."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as _observability
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import Dashboard, checked
 
 # By the place of the code and not of the play: the role's tasks run inside other roles', too.
-FILES = Path(_observability.__file__).resolve().parents[2] / "roles" / "observability" / "files"
+FILES = Path(__file__).resolve().parents[3] / "roles" / "observability" / "files"
 
 
 def own_files(root: Path = FILES) -> dict[str, dict[str, str]]:
@@ -30,3 +32,38 @@ def folder(path: Path, suffix: str) -> dict[str, str]:
         return {file.name: file.read_text("utf-8") for file in found}
     except (OSError, UnicodeDecodeError) as error:
         raise SpecError(f"{path} cannot be read: {error}") from error
+
+
+def stack_files(paths: Sequence[str], base: str, default_dashboards: bool) -> dict[str, Any]:
+    """What the stack is built with: the role's files, and the dashboards of the inventory that lie at `paths`."""
+    files = own_files()
+    # theirs must not have the uid of one that is shown beside them
+    beside = [str(FILES / "dashboards" / name) for name in files["dashboards"]] if default_dashboards else []
+    users = read_dashboards(paths, beside, base)[len(beside) :] if paths else []
+    folders = {"Fleet": files["dashboards"], "Own": {f"{one.name}.json": one.json for one in users}}
+    return {**files, "dashboards": folders}
+
+
+def read_dashboards(paths: Sequence[str], own: Sequence[str] = (), base: str = "") -> list[Dashboard]:
+    """Read files and check them, all problems in one SpecError; relative `paths` start from `base`.
+
+    `own` ones come first, so that a user's duplicate is the one that is named.
+    """
+    wanted = list(
+        dict.fromkeys([*map(str, own), *(str(Path(base).expanduser() / Path(path).expanduser()) for path in paths)])
+    )
+    texts, missing = {}, []
+    for path in wanted:
+        try:
+            texts[path] = Path(path).read_text("utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else "is no text in UTF-8"
+            missing.append(f"  {path}: {reason}")
+    unread = "dashboards that cannot be read:\n" + "\n".join(missing) if missing else ""
+    try:
+        good = checked(texts.items())
+    except SpecError as error:
+        raise SpecError("\n".join(filter(None, [str(error), unread]))) from None
+    if unread:
+        raise SpecError(unread)
+    return good

@@ -51,8 +51,11 @@ printf %s "$ADMIN_VERSION" > {data}/.admin-version
 """.strip().format(data=DATA, admin=ADMIN_DIR)
 
 
-def grafana_objects(spec: Spec, dashboards: Mapping[str, Mapping[str, str]]) -> list[Object]:
-    """Grafana; `dashboards` is {folder: {file name: text}}, each of them a ConfigMap of its own."""
+def grafana_objects(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], admin_version: str) -> list[Object]:
+    """Grafana; `dashboards` is {folder: {file name: text}}, each of them a ConfigMap of its own.
+
+    `admin_version` is another one for every password.
+    """
     name, grafana = obs.GRAFANA, spec["grafana"]
     files = {"datasources.yml": yaml_text(datasources(spec)), "dashboards.yml": yaml_text(providers())}
     persistent = grafana["persistence"]["enabled"]
@@ -66,7 +69,7 @@ def grafana_objects(spec: Spec, dashboards: Mapping[str, Mapping[str, str]]) -> 
         made.config_map(name, name, spec, files),
         *maps,
         *([made.claim(name, spec, grafana["persistence"]["size"])] if persistent else []),
-        made.workload(name, spec, _pod(spec, dashboards, persistent), files),
+        made.workload(name, spec, _pod(spec, dashboards, persistent, admin_version), files),
         made.service(name, spec, open_port),
         *(made.allow_list(name, spec) if open_port is not None else []),
     ]
@@ -80,9 +83,9 @@ def map_name(folder: str, file: str) -> str:
     )
 
 
-def _pod(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], persistent: bool) -> Object:
+def _pod(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], persistent: bool, admin_version: str) -> Object:
     name, image = obs.GRAFANA, spec["images"]["grafana"]
-    version = {"name": "ADMIN_VERSION", "value": spec["grafana"]["admin_version"]}
+    version = {"name": "ADMIN_VERSION", "value": admin_version}
     settings = [{"name": key, "value": value} for key, value in SETTINGS.items()]
     own = [
         {"name": "data", "mountPath": DATA},

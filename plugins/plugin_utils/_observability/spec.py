@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The role's variables as one complete spec, and what follows: who runs, which images, how much is kept. Pure."""
+"""The role's variables as one spec, and what follows: who runs, which images, how much is kept. Pure."""
 
 from __future__ import annotations
 
@@ -9,49 +9,61 @@ from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 
 Spec = Mapping[str, Any]
 
-DEFAULTS: dict[str, Any] = {
-    "profile": obs.STANDALONE,
-    "robot": "",  # the robot whose own cluster this is; empty: the shared one
-    "remote_nodes": [],
-    "node_exporter": True,
-    "log_shipper": "otelcol",
-    "log_queue_size": "256Mi",
-    "storage_class": "",
-    "allowed_networks": [],
-    "overrides": {},
+# What the parts of the stack read, and the role's variable that it comes from, without `observability_`. Its default is
+# the role's own.
+VARIABLES: dict[str, Any] = {
+    "profile": "profile",
+    "robot": "robot",  # the robot whose own cluster this is; empty: the shared one
+    "remote_nodes": "remote_nodes",
+    "node_exporter": "node_exporter",
+    "log_shipper": "log_shipper",
+    "log_queue_size": "log_queue_size",
+    "storage_class": "storage_class",
+    "allowed_networks": "allowed_networks",
+    "overrides": "overrides",
     "prometheus": {
-        "enabled": True,
-        "scrape_interval": "10s",
-        "evaluation_interval": "10s",
-        "retention": "7d",
-        "size": "8Gi",
+        "enabled": "prometheus_enabled",
+        "scrape_interval": "scrape_interval",
+        "evaluation_interval": "evaluation_interval",
+        "retention": "prometheus_retention",
+        "size": "prometheus_size",
     },
-    "loki": {"enabled": True, "retention": "7d", "persistence": {"enabled": True, "size": "5Gi"}},
+    "loki": {
+        "enabled": "loki_enabled",
+        "retention": "loki_retention",
+        "persistence": {"enabled": "loki_persistence", "size": "loki_size"},
+    },
     "grafana": {
-        "enabled": True,
-        "default_dashboards": True,
-        "service_type": "NodePort",
-        "node_port": 30300,
-        "persistence": {"enabled": True, "size": "2Gi"},
-        "admin_version": "",
+        "enabled": "grafana_enabled",
+        "default_dashboards": "default_dashboards",
+        "service_type": "grafana_service_type",
+        "node_port": "grafana_node_port",
+        "persistence": {"enabled": "grafana_persistence", "size": "grafana_size"},
     },
-    "alertmanager": {"enabled": False, "config": {}},
-    "hub": {"url": "", "metrics_port": 30090, "logs_port": 30100, "window": "24h"},
-    "store": {"size": "1Gi"},
+    "alertmanager": {"enabled": "alertmanager_enabled", "config": "alertmanager_config"},
+    "hub": {
+        "url": "hub_url",
+        "metrics_port": "hub_metrics_port",
+        "logs_port": "hub_logs_port",
+        "window": "out_of_order_window",
+    },
+    "store": {"size": "store_size"},
     "images": {
-        "prometheus": "prom/prometheus:v3.2.1",
-        "loki": "grafana/loki:3.4.6",
-        "grafana": "grafana/grafana:11.5.2",
-        "alertmanager": "prom/alertmanager:v0.28.1",
-        "node_exporter": "prom/node-exporter:v1.9.1",
-        "otelcol": "otel/opentelemetry-collector-k8s:0.145.0",
-        "promtail": "grafana/promtail:3.4.6",
-        "vmagent": "victoriametrics/vmagent:v1.115.0",
+        name: f"{name}_image"
+        for name in (
+            "prometheus",
+            "loki",
+            "grafana",
+            "alertmanager",
+            "node_exporter",
+            "otelcol",
+            "promtail",
+            "vmagent",
+        )
     },
 }
 
@@ -61,31 +73,17 @@ RETENTION_PART = 0.8
 # vmagent drops the oldest once its queue is this part of its claim; the rest is for its open file.
 STORE_PART = 0.9
 
-_WHOLE = ("overrides", "remote_nodes", "allowed_networks")
 
-
-def complete_spec(spec: Spec) -> dict[str, Any]:
-    """Every key filled in; null stands for the default."""
-    unknown = sorted(set(spec) - set(DEFAULTS))
-    if unknown:
-        raise SpecError(f"unknown keys: {', '.join(unknown)}")
-    # null in the spec would remove a key: here it means that nothing was said
-    full = deep_merge(DEFAULTS, _said({key: value for key, value in spec.items() if key not in _WHOLE}))
-    for key in _WHOLE:
-        full[key] = spec[key] if spec.get(key) is not None else DEFAULTS[key]
-    # Alertmanager's own file: a null in it is its author's
-    full["alertmanager"]["config"] = (spec.get("alertmanager") or {}).get("config") or {}
-    return full
-
-
-def _said(value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        return value
-    return {key: _said(item) for key, item in value.items() if item is not None}
+def spec_of(variables: Mapping[str, Any], part: Mapping[str, Any] = VARIABLES) -> dict[str, Any]:
+    """The role's variables, all of them and of their specs' types, as the one input of what follows."""
+    return {
+        key: spec_of(variables, name) if isinstance(name, Mapping) else variables[f"observability_{name}"]
+        for key, name in part.items()
+    }
 
 
 def runs(spec: Spec) -> dict[str, bool]:
-    """Which parts of the stack run; spec is complete."""
+    """Which parts of the stack run."""
     robot = spec["profile"] == obs.ROBOT
     loki = not robot and spec["loki"]["enabled"]
     prometheus = not robot and spec["prometheus"]["enabled"]
@@ -102,7 +100,7 @@ def runs(spec: Spec) -> dict[str, bool]:
 
 
 def images(spec: Spec) -> list[str]:
-    """The images of what runs, sorted, each once; spec is complete."""
+    """The images of what runs, sorted, each once: for a registry or an archive of one's own."""
     keys = {name: name.replace("-", "_") for name in obs.WORKLOADS} | {obs.SHIPPER: spec["log_shipper"]}
     return sorted({spec["images"][keys[name]] for name, wanted in runs(spec).items() if wanted})
 

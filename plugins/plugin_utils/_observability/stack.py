@@ -29,45 +29,46 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promet
     vmagent_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.shipper import shipper_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import complete_spec, images, runs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import runs
 
 Spec = Mapping[str, Any]
 Object = dict[str, Any]
 
 
-def observability_objects(spec: Spec, files: Mapping[str, Any] | None = None) -> list[Object]:
-    """All objects but the Secrets: what is in them may be shown."""
-    full, wanted, given = complete_spec(spec), runs(complete_spec(spec)), files or {}
-    found = [_namespace(full)]
+ADMIN_SECRET = {
+    "apiVersion": "v1",
+    "kind": "Secret",
+    "metadata": {"name": obs.ADMIN_SECRET, "namespace": obs.NAMESPACE},
+}
+
+
+def stack_objects(spec: Spec, files: Mapping[str, Any], admin_version: str = "") -> list[Object]:
+    """All objects but the Secrets: what is in them may be shown. Grafana is restarted for another `admin_version`."""
+    wanted = runs(spec)
+    found = [namespace_object(spec)]
     if wanted[obs.PROMETHEUS]:
-        found += prometheus_objects(full, given.get("rules") or {})
+        found += prometheus_objects(spec, files.get("rules") or {})
     if wanted[obs.LOKI]:
-        found += loki_objects(full, given.get("loki_rules") or {})
+        found += loki_objects(spec, files.get("loki_rules") or {})
     if wanted[obs.ALERTMANAGER]:
-        found += alertmanager_objects(full)
+        found += alertmanager_objects(spec)
     if wanted[obs.VMAGENT]:
-        found += vmagent_objects(full)
+        found += vmagent_objects(spec)
     if wanted[obs.NODE_EXPORTER]:
-        found += node_exporter_objects(full)
+        found += node_exporter_objects(spec)
     if wanted[obs.SHIPPER]:
-        found += shipper_objects(full)
+        found += shipper_objects(spec)
     if wanted[obs.GRAFANA]:
-        dashboards = dict(given.get("dashboards") or {})
-        if not full["grafana"]["default_dashboards"]:
+        dashboards = dict(files.get("dashboards") or {})
+        if not spec["grafana"]["default_dashboards"]:
             dashboards.pop("Fleet", None)
-        found += grafana_objects(full, dashboards)
+        found += grafana_objects(spec, dashboards, admin_version)
     return found
 
 
-def observability_images(spec: Spec) -> list[str]:
-    """The images that this spec's stack needs, for a registry or an archive of one's own."""
-    return images(complete_spec(spec))
-
-
-def observability_leftovers(spec: Spec) -> list[Object]:
+def leftovers(spec: Spec) -> list[Object]:
     """Objects of parts that no longer run: to be deleted. Never a claim or a Secret: data is its owner's to delete."""
-    full = complete_spec(spec)
-    wanted = runs(full)
+    wanted = runs(spec)
     found: list[Object] = []
     for name in (name for name, on in wanted.items() if not on):
         found.append(_reference("apps/v1", obs.WORKLOADS[name], name))
@@ -84,43 +85,48 @@ def observability_leftovers(spec: Spec) -> list[Object]:
                 _reference("rbac.authorization.k8s.io/v1", f"ClusterRole{kind}", wide) for kind in ("Binding", "")
             ]
             found.append(_reference("v1", "ServiceAccount", name))
-    if not full["allowed_networks"]:
+    if not spec["allowed_networks"]:
         opened = (obs.GRAFANA, obs.PROMETHEUS, obs.LOKI)
         found += [_reference("networking.k8s.io/v1", "NetworkPolicy", name) for name in opened if wanted[name]]
     return [item for item in found if item["metadata"]["name"]]
 
 
-def observability_secrets(spec: Spec, admin: Mapping[str, str] | None = None) -> list[Object]:
+def stack_secrets(spec: Spec, admin: Mapping[str, str]) -> list[Object]:
     """Grafana's password, `{password, version}`, and Alertmanager's configuration."""
-    full = complete_spec(spec)
-    wanted = runs(full)
+    wanted = runs(spec)
     found = []
-    if wanted[obs.GRAFANA] and admin:
+    if wanted[obs.GRAFANA] and admin["password"]:
         secret = {"user": "admin", "password": admin["password"], "version": admin["version"]}
-        meta = made.metadata(obs.ADMIN_SECRET, obs.GRAFANA, full)
+        meta = made.metadata(obs.ADMIN_SECRET, obs.GRAFANA, spec)
         data = {key: base64.b64encode(str(value).encode()).decode() for key, value in secret.items()}
         found.append({"apiVersion": "v1", "kind": "Secret", "metadata": meta, "data": data})
     if wanted[obs.ALERTMANAGER]:
-        found.append(alertmanager_secret(full))
+        found.append(alertmanager_secret(spec))
     return found
 
 
-def grafana_admin(secrets: Any, given: str, fresh: str) -> dict[str, str]:
+def has_grafana(spec: Spec) -> bool:
+    """Whether there is a Grafana, and with it a password."""
+    return runs(spec)[obs.GRAFANA]
+
+
+def grafana_admin(secret: Mapping[str, Any] | None, given: str, fresh: str) -> dict[str, str]:
     """The password that holds: the given one, else the one that the cluster has, else a fresh one.
 
-    `secrets` is what the cluster has under the Secret's name, `fresh` is random text: its first eight characters become
+    `secret` is what the cluster has, `fresh` is random text: its first eight characters become
     the version of a password that is new, the rest the password where none is given.
     """
     if len(fresh) < 24:
         raise SpecError("needs at least 24 random characters")
-    there = (secrets[0].get("data") or {}) if secrets else {}
+    there = (secret or {}).get("data") or {}
     known = {key: base64.b64decode(there.get(key, "")).decode() for key in ("password", "version")}
     if known["password"] and given in ("", known["password"]) and known["version"]:
         return known
     return {"password": given or known["password"] or fresh[8:], "version": fresh[:8]}
 
 
-def _namespace(spec: Spec) -> Object:
+def namespace_object(spec: Spec) -> Object:
+    """The stack's namespace."""
     labels = {
         "app.kubernetes.io/managed-by": names.MANAGER,
         # the hosts' files and network are what node exporter and log shipper are about

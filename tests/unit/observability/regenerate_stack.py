@@ -17,7 +17,8 @@ HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = {
@@ -26,7 +27,7 @@ FILES = {
     "dashboards": {"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}},
 }
 SPECS: dict[str, dict[str, Any]] = {
-    "standalone": {"remote_nodes": ["edge1"], "grafana": {"admin_version": "v1"}, "alertmanager": {"enabled": True}},
+    "standalone": {"remote_nodes": ["edge1"], "alertmanager": {"enabled": True}},
     "robot": {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}},
     "hub": {"profile": "hub", "remote_nodes": ["edge1"], "allowed_networks": ["192.0.2.0/24"]},
     "promtail": {
@@ -41,8 +42,8 @@ SPECS: dict[str, dict[str, Any]] = {
 def built(spec: dict[str, Any]) -> list[dict[str, Any]]:
     """All objects of a spec, the Secrets last."""
     return [
-        *observability.observability_objects(spec, FILES),
-        *observability.observability_secrets(spec, ADMIN),
+        *stack.stack_objects(full(spec), FILES, ADMIN["version"]),
+        *stack.stack_secrets(full(spec), ADMIN),
     ]
 
 

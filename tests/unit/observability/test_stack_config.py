@@ -29,7 +29,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promet
     KUBELET,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promtail import promtail_config
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import complete_spec
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
 ROBOT = {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}}
 LOKI = "http://loki.observability:3100"
@@ -39,7 +39,7 @@ def maps(spec: dict[str, Any]) -> dict[str, Any]:
     """Every YAML file in the ConfigMaps, parsed."""
     return {
         file: yaml.safe_load(text)
-        for one in observability.observability_objects(spec, {})
+        for one in observability.stack_objects(full(spec), {})
         if one["kind"] == "ConfigMap"
         for file, text in one["data"].items()
     }
@@ -103,7 +103,7 @@ def test_every_file_parses(spec: dict[str, Any]) -> None:
 
 
 def test_intervals_and_jobs() -> None:
-    config = prometheus_config(complete_spec({"alertmanager": {"enabled": True}}))
+    config = prometheus_config(full({"alertmanager": {"enabled": True}}))
     assert config["global"] == {"scrape_interval": "10s", "evaluation_interval": "10s"}
     names = [one["job_name"] for one in config["scrape_configs"]]
     assert len(names) == len(set(names))
@@ -114,14 +114,14 @@ def test_intervals_and_jobs() -> None:
 
 
 def test_a_robot_reads_nothing_that_prometheus_alone_knows() -> None:
-    config = vmagent_config(complete_spec(ROBOT))
+    config = vmagent_config(full(ROBOT))
     assert set(config) == {"global", "scrape_configs"}
     assert set(config["global"]) == {"scrape_interval"}
     assert {"kubelet", "apiserver"} & {one["job_name"] for one in config["scrape_configs"]} == set()
 
 
 def test_an_apps_pod_by_annotation() -> None:
-    labels = relabelled(job(prometheus_config(complete_spec({})), "apps")["relabel_configs"], POD)
+    labels = relabelled(job(prometheus_config(full({})), "apps")["relabel_configs"], POD)
     assert labels is not None
     assert labels["__address__"] == "10.42.1.7:9400"
     assert shown(labels) == WHOSE
@@ -136,11 +136,11 @@ def test_an_apps_pod_by_annotation() -> None:
     ],
 )
 def test_pods_that_are_no_apps_target(change: dict[str, str]) -> None:
-    assert relabelled(job(prometheus_config(complete_spec({})), "apps")["relabel_configs"], {**POD, **change}) is None
+    assert relabelled(job(prometheus_config(full({})), "apps")["relabel_configs"], {**POD, **change}) is None
 
 
 def test_the_ros_exporter_keeps_its_own_labels() -> None:
-    found = job(prometheus_config(complete_spec({})), "ros-exporter")
+    found = job(prometheus_config(full({})), "ros-exporter")
     exporter = {**POD, "__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter", "__address__": "10.42.1.7:11511"}
     assert found["honor_labels"]
     assert shown(relabelled(found["relabel_configs"], exporter))["app"] == "ros-exporter"
@@ -166,7 +166,7 @@ def test_a_host() -> None:
         "__meta_kubernetes_node_label_rosops_fleet_robot": "robot1",
         "__meta_kubernetes_node_label_deploymentType": "local",
     }
-    found = relabelled(job(prometheus_config(complete_spec({})), "node-exporter")["relabel_configs"], node)
+    found = relabelled(job(prometheus_config(full({})), "node-exporter")["relabel_configs"], node)
     assert shown(found) == {"node": "robot1", "instance": "robot1", "robot": "robot1", "placement": "local"}
 
 
@@ -191,7 +191,7 @@ def test_containers(series: dict[str, str], robot: str, wanted: dict[str, str]) 
 
 
 def test_cadvisor_keeps_pods_and_the_whole_host() -> None:
-    rules = job(prometheus_config(complete_spec({})), "cadvisor")["metric_relabel_configs"]
+    rules = job(prometheus_config(full({})), "cadvisor")["metric_relabel_configs"]
     memory = {"__name__": "container_memory_working_set_bytes"}
     pod = {**memory, "namespace": "robot-r1", "pod": "a-1", "container": "", "id": "/kubepods/x"}
     assert relabelled(rules, pod) is not None
@@ -239,7 +239,7 @@ def test_the_parts_of_a_log_files_path() -> None:
 
 
 def test_both_shippers_and_loki_agree_on_the_labels() -> None:
-    spec = complete_spec({"remote_nodes": ["edge1"]})
+    spec = full({"remote_nodes": ["edge1"]})
     limits = loki_config(spec)["limits_config"]
     indexed = limits["otlp_config"]["resource_attributes"]
     assert indexed["ignore_defaults"]
@@ -255,13 +255,13 @@ def test_both_shippers_and_loki_agree_on_the_labels() -> None:
 
 
 def test_no_dollar_that_a_shipper_would_expand() -> None:
-    spec = complete_spec({"remote_nodes": ["edge1"]})
+    spec = full({"remote_nodes": ["edge1"]})
     assert "$" not in json.dumps(otelcol_config(spec, LOKI))
     assert json.dumps(promtail_config(spec, LOKI)).count("$") == 1  # the host's name
 
 
 def test_the_collector_loses_nothing() -> None:
-    config = otelcol_config(complete_spec({}), LOKI)
+    config = otelcol_config(full({}), LOKI)
     exporter, receiver = config["exporters"]["otlphttp"], config["receivers"]["filelog"]
     assert exporter["sending_queue"]["storage"] in config["service"]["extensions"]
     assert receiver["storage"] in config["service"]["extensions"]
@@ -274,12 +274,12 @@ def test_the_collector_loses_nothing() -> None:
 
 def test_the_collector_does_not_tell_when_it_read_a_line() -> None:
     """Loki would keep that with each line: no two would be alike in labels, and one that is read twice would be two."""
-    [statements] = otelcol_config(complete_spec({}), LOKI)["processors"]["transform"]["log_statements"]
+    [statements] = otelcol_config(full({}), LOKI)["processors"]["transform"]["log_statements"]
     assert statements == {"context": "log", "statements": ["set(log.observed_time_unix_nano, 0)"]}
 
 
 def test_a_robots_own_cluster_names_the_robot() -> None:
-    spec = complete_spec(ROBOT)
+    spec = full(ROBOT)
     assert {"type": "add", "field": "resource.robot", "value": "robot2"} in otelcol_config(spec, LOKI)["receivers"][
         "filelog"
     ]["operators"]
@@ -289,11 +289,11 @@ def test_a_robots_own_cluster_names_the_robot() -> None:
 @pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "24h")])
 def test_a_hub_takes_late_samples(profile: str, window: str | None) -> None:
     spec = {"profile": profile}
-    config = prometheus_config(complete_spec(spec))
+    config = prometheus_config(full(spec))
     assert config.get("storage", {}).get("tsdb", {}).get("out_of_order_time_window") == window
     deployment = next(
         one
-        for one in observability.observability_objects(spec, {})
+        for one in observability.stack_objects(full(spec), {})
         if (one["kind"], one["metadata"]["name"]) == ("Deployment", "prometheus")
     )
     args = deployment["spec"]["template"]["spec"]["containers"][0]["args"]
@@ -301,7 +301,7 @@ def test_a_hub_takes_late_samples(profile: str, window: str | None) -> None:
 
 
 def test_loki_keeps_and_takes_as_long_as_it_is_told() -> None:
-    config = loki_config(complete_spec({"loki": {"retention": "14d"}}))
+    config = loki_config(full({"loki": {"retention": "14d"}}))
     assert config["compactor"]["retention_enabled"] is True
     assert config["limits_config"]["retention_period"] == "14d"
     assert config["limits_config"]["reject_old_samples_max_age"] == "14d"

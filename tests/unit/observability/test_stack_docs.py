@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import DEFAULTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability_schema import SEED
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -42,25 +41,3 @@ def test_the_page_is_up_to_date() -> None:
 
 def test_every_key_of_the_dissertation_has_its_variable() -> None:
     assert set(tool.keys(ROLE)) == set(leaves(SEED, "observability"))
-
-
-def test_images_and_sizes_are_the_specs() -> None:
-    """The filters' defaults, which tests use, and the role's are the same."""
-    for part, image in DEFAULTS["images"].items():
-        assert ROLE[f"observability_{part}_image"] == image
-    assert ROLE["observability_prometheus_size"] == DEFAULTS["prometheus"]["size"]
-    assert ROLE["observability_store_size"] == DEFAULTS["store"]["size"]
-    assert ROLE["observability_log_queue_size"] == DEFAULTS["log_queue_size"]
-    assert ROLE["observability_out_of_order_window"] == DEFAULTS["hub"]["window"]
-    assert ROLE["observability_hub_metrics_port"] == DEFAULTS["hub"]["metrics_port"]
-    assert ROLE["observability_hub_logs_port"] == DEFAULTS["hub"]["logs_port"]
-    assert ROLE["observability_grafana_node_port"] == DEFAULTS["grafana"]["node_port"]
-    known = tool.keys(ROLE)
-    for key, value in {
-        "observability.prometheus.retention": DEFAULTS["prometheus"]["retention"],
-        "observability.loki.retention": DEFAULTS["loki"]["retention"],
-        "observability.loki.persistence.size": DEFAULTS["loki"]["persistence"]["size"],
-        "observability.grafana.persistence.size": DEFAULTS["grafana"]["persistence"]["size"],
-        "observability.grafana.service_type": DEFAULTS["grafana"]["service_type"],
-    }.items():
-        assert known[key][1] == value

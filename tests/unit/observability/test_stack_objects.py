@@ -17,7 +17,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.grafana import map_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import bytes_of as size_in_bytes
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import complete_spec, retention_size
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import images, retention_size
+from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
 HERE = Path(__file__).resolve().parent
 UNITS = {"MB": 2**20}
@@ -51,7 +52,7 @@ def hashes(spec: dict[str, Any], files: dict[str, Any] | None = None) -> dict[st
     """The hash of every pod's configuration, by workload."""
     return {
         one["metadata"]["name"]: one["spec"]["template"]["metadata"]["annotations"][HASH]
-        for one in observability.observability_objects(spec, files or stack.FILES)
+        for one in observability.stack_objects(full(spec), files or stack.FILES)
         if one["kind"] in ("Deployment", "DaemonSet")
     }
 
@@ -78,37 +79,31 @@ def test_no_object_twice(name: str) -> None:
 def test_retention_by_size_is_below_the_claim(size: str) -> None:
     text = retention_size(size)
     assert 0 < int(text[:-2]) * UNITS[text[-2:]] <= 0.85 * size_in_bytes(size)
-    objects = observability.observability_objects({"prometheus": {"size": size}}, stack.FILES)
+    objects = observability.stack_objects(full({"prometheus": {"size": size}}), stack.FILES)
     args = pod_of(objects, "Deployment", "prometheus")["containers"][0]["args"]
     assert f"--storage.tsdb.retention.size={text}" in args
     assert find(objects, "PersistentVolumeClaim", "prometheus")["spec"]["resources"]["requests"]["storage"] == size
 
 
 def test_the_seeds_values_are_the_defaults() -> None:
-    full = complete_spec({})
-    assert full["prometheus"] == {
+    spec = full({})
+    assert spec["prometheus"] == {
         "enabled": True,
         "scrape_interval": "10s",
         "evaluation_interval": "10s",
         "retention": "7d",
         "size": "8Gi",
     }
-    assert full["loki"] == {"enabled": True, "retention": "7d", "persistence": {"enabled": True, "size": "5Gi"}}
-    assert full["grafana"]["service_type"] == "NodePort"
-    assert full["grafana"]["persistence"] == {"enabled": True, "size": "2Gi"}
-
-
-def test_null_is_the_default_and_an_unknown_key_an_error() -> None:
-    assert complete_spec({"prometheus": {"retention": None}, "overrides": None}) == complete_spec({})
-    with pytest.raises(SpecError, match="grafanna"):
-        complete_spec({"grafanna": {}})
+    assert spec["loki"] == {"enabled": True, "retention": "7d", "persistence": {"enabled": True, "size": "5Gi"}}
+    assert spec["grafana"]["service_type"] == "NodePort"
+    assert spec["grafana"]["persistence"] == {"enabled": True, "size": "2Gi"}
 
 
 def test_secrets_are_in_secrets_only() -> None:
     config = {"receivers": [{"name": "x", "webhook_configs": [{"url": "https://hush.example.org"}]}]}
     spec = {"alertmanager": {"enabled": True, "config": config}}
-    assert "hush" not in json.dumps(observability.observability_objects(spec, stack.FILES))
-    secrets = observability.observability_secrets(spec, {"password": "hush", "version": "1"})
+    assert "hush" not in json.dumps(observability.stack_objects(full(spec), stack.FILES))
+    secrets = observability.stack_secrets(full(spec), {"password": "hush", "version": "1"})
     assert {one["metadata"]["name"] for one in secrets} == {"grafana-admin", "alertmanager"}
     for one in secrets:
         assert "hush" in " ".join(base64.b64decode(value).decode() for value in one["data"].values())
@@ -116,7 +111,9 @@ def test_secrets_are_in_secrets_only() -> None:
 
 def test_a_null_in_alertmanagers_file_stays() -> None:
     config = {"route": {"receiver": "x", "routes": None}}
-    secret = observability.observability_secrets({"alertmanager": {"enabled": True, "config": config}})[0]
+    secret = observability.stack_secrets(full({"alertmanager": {"enabled": True, "config": config}}), {"password": ""})[
+        0
+    ]
     assert yaml.safe_load(base64.b64decode(secret["data"]["alertmanager.yml"])) == config
 
 
@@ -137,15 +134,15 @@ def encode(text: str) -> str:
     ],
 )
 def test_the_password_is_stable(there: tuple[str, str] | None, given: str, password: str) -> None:
-    secrets = [] if there is None else [{"data": {"password": encode(there[0]), "version": encode(there[1])}}]
-    admin = observability.grafana_admin(secrets, given, "VERSION1" + "RANDOM-" * 4)
+    secret = None if there is None else {"data": {"password": encode(there[0]), "version": encode(there[1])}}
+    admin = observability.grafana_admin(secret, given, "VERSION1" + "RANDOM-" * 4)
     kept = there is not None and there[1] != "" and given in ("", there[0])
     assert admin == {"password": password, "version": there[1] if kept and there else "VERSION1"}
 
 
 def test_a_new_password_restarts_grafana_alone() -> None:
     def templates(version: str) -> dict[str, Any]:
-        objects = observability.observability_objects({"grafana": {"admin_version": version}}, stack.FILES)
+        objects = observability.stack_objects(full({}), stack.FILES, version)
         return {
             one["metadata"]["name"]: one["spec"]["template"]
             for one in objects
@@ -185,14 +182,14 @@ def test_no_sub_path_so_that_changes_arrive() -> None:
 
 
 def test_without_rules_and_dashboards() -> None:
-    objects = observability.observability_objects({}, {})
+    objects = observability.stack_objects(full({}), {})
     assert find(objects, "ConfigMap", "prometheus-rules")["data"] == {}
     volumes = {one["name"]: one for one in pod_of(objects, "Deployment", "grafana")["volumes"]}
     assert volumes["dashboards-fleet"] == {"name": "dashboards-fleet", "emptyDir": {}}
 
 
 def test_default_dashboards_can_be_left_out() -> None:
-    objects = observability.observability_objects({"grafana": {"default_dashboards": False}}, stack.FILES)
+    objects = observability.stack_objects(full({"grafana": {"default_dashboards": False}}), stack.FILES)
     maps = [one["metadata"]["name"] for one in objects if one["kind"] == "ConfigMap"]
     assert [name for name in maps if "dashboard" in name] == ["own-dashboard-my-robot"]
 
@@ -207,7 +204,7 @@ def test_names_of_dashboards(file: str, name: str) -> None:
 
 def test_images_of_each_profile() -> None:
     short = {
-        name: {image.rpartition("/")[2].partition(":")[0] for image in observability.observability_images(spec)}
+        name: {image.rpartition("/")[2].partition(":")[0] for image in images(full(spec))}
         for name, spec in stack.SPECS.items()
     }
     shipper = "opentelemetry-collector-k8s"
@@ -227,13 +224,13 @@ def test_the_image_list_is_what_runs(name: str) -> None:
         pod = one["spec"]["template"]["spec"] if one["kind"] in ("Deployment", "DaemonSet") else {}
         for container in [*pod.get("initContainers", []), *pod.get("containers", [])]:
             used.add(container["image"])
-    assert sorted(used) == observability.observability_images(stack.SPECS[name])
+    assert sorted(used) == images(full(stack.SPECS[name]))
 
 
 @pytest.mark.parametrize("name", stack.SPECS)
 def test_leftovers_are_never_data_and_never_what_is_wanted(name: str) -> None:
     wanted = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS[name])}
-    left = {(one["kind"], one["metadata"]["name"]) for one in observability.observability_leftovers(stack.SPECS[name])}
+    left = {(one["kind"], one["metadata"]["name"]) for one in observability.leftovers(full(stack.SPECS[name]))}
     assert not wanted & left
     assert not {kind for kind, _name in left} & {"PersistentVolumeClaim", "Secret", "Namespace"}
 
@@ -242,7 +239,7 @@ def test_from_hub_to_robot_nothing_runs_on() -> None:
     kept = ("PersistentVolumeClaim", "Secret", "Namespace")
     hub = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS["hub"]) if one["kind"] not in kept}
     robot = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS["robot"])}
-    left = observability.observability_leftovers(stack.SPECS["robot"])
+    left = observability.leftovers(full(stack.SPECS["robot"]))
     gone = hub - robot - {(one["kind"], one["metadata"]["name"]) for one in left}
     assert {name for kind, name in gone if "dashboard" not in name} == set()
 
@@ -254,7 +251,7 @@ def test_no_shipper_where_nobody_takes_lines() -> None:
 
 def test_a_robots_profile_needs_a_hub() -> None:
     with pytest.raises(SpecError, match="observability_hub_url"):
-        observability.observability_objects({"profile": "robot", "robot": "r1"})
+        observability.stack_objects(full({"profile": "robot", "robot": "r1"}), {})
 
 
 def test_a_host_that_is_off_does_not_hold_up_the_others() -> None:
@@ -271,7 +268,7 @@ def test_where_it_runs() -> None:
 
 
 def test_open_ports_and_who_may_reach_them() -> None:
-    plain, hub = observability.observability_objects({}), stack.built(stack.SPECS["hub"])
+    plain, hub = observability.stack_objects(full({}), {}), stack.built(stack.SPECS["hub"])
     ports = {
         one["metadata"]["name"]: one["spec"]["ports"][0].get("nodePort") for one in hub if one["kind"] == "Service"
     }
@@ -291,7 +288,7 @@ def test_overrides_come_last() -> None:
     patch = {
         "spec": {"template": {"spec": {"containers": [{"name": "loki", "resources": {"limits": {"memory": "1Gi"}}}]}}}
     }
-    objects = observability.observability_objects({"overrides": {"loki": patch}}, stack.FILES)
+    objects = observability.stack_objects(full({"overrides": {"loki": patch}}), stack.FILES)
     container = pod_of(objects, "Deployment", "loki")["containers"][0]
     assert container["resources"]["limits"] == {"memory": "1Gi"}
     assert container["image"].startswith("grafana/loki")

@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.filter.ros_exporter_objects import FilterModule
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
     app_files,
     exporter_files,
@@ -42,12 +41,6 @@ def test_python_3_8_and_its_library_are_enough(name: str) -> None:
             modules = [item.module or ""]
         for module in modules:
             assert module.partition(".")[0] in sys.stdlib_module_names, f"{name} imports {module}"
-
-
-def test_the_filter() -> None:
-    config, deployment = FilterModule().filters()["ros_exporter_objects"]({"robot": "r1"}, interval=5)
-    assert set(FILES) == set(config["data"])
-    assert deployment["spec"]["template"]["spec"]["containers"][0]["args"][:2] == ["--interval", "5"]
 
 
 @pytest.fixture

@@ -1,20 +1,17 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Filter dashboards_checked: users' dashboards, with all errors at once."""
+"""Users' dashboards, with all errors at once."""
 
 from __future__ import annotations
 
-import importlib
 import json
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any
 
 import pytest
-import yaml
-from ansible.errors import AnsibleFilterError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import dashboards as _dashboards
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import LARGEST, checked
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import read_dashboards
 
 
 def page(uid: Any = "arm", title: Any = "Arm", **more: Any) -> str:
@@ -99,37 +96,24 @@ def test_the_size_is_that_of_the_configmap_to_the_byte() -> None:
     assert f"is {LARGEST + 1} bytes" in line
 
 
-@pytest.fixture(name="dashboards_checked")
-def _dashboards_checked() -> Callable[..., list[dict[str, str]]]:
-    module = importlib.import_module("ansible_collections.rosops.fleet.plugins.filter.dashboards_checked")
-    found: Callable[..., list[dict[str, str]]] = module.FilterModule().filters()["dashboards_checked"]
-    return found
-
-
-def test_the_filter_reads_files_from_a_base_and_puts_the_own_first(dashboards_checked: Any, tmp_path: Path) -> None:
+def test_it_reads_files_from_a_base_and_puts_the_own_first(tmp_path: Path) -> None:
     (tmp_path / "own.json").write_text(page("rosops-a", "A"), "utf-8")
     (tmp_path / "arm.json").write_text(page(), "utf-8")
     own = [str(tmp_path / "own.json")]
-    found = dashboards_checked(["arm.json", "arm.json"], own=own, base=str(tmp_path))
-    assert [(one["name"], one["uid"], one["title"]) for one in found] == [
+    found = read_dashboards(["arm.json", "arm.json"], own=own, base=str(tmp_path))
+    assert [(one.name, one.uid, one.title) for one in found] == [
         ("rosops-a", "rosops-a", "A"),
         ("arm", "arm", "Arm"),
     ]
-    assert set(found[0]) == set(_dashboards.Dashboard._fields)
     (tmp_path / "arm.json").write_text(page("rosops-a"), "utf-8")
-    with pytest.raises(AnsibleFilterError, match=r"arm\.json: uid: 'rosops-a' is the uid of .*own\.json"):
-        dashboards_checked(["arm.json"], own=own, base=str(tmp_path))
+    with pytest.raises(SpecError, match=r"arm\.json: uid: 'rosops-a' is the uid of .*own\.json"):
+        read_dashboards(["arm.json"], own=own, base=str(tmp_path))
 
 
-def test_the_filter_tells_what_cannot_be_read_with_the_rest(dashboards_checked: Any, tmp_path: Path) -> None:
+def test_it_tells_what_cannot_be_read_with_the_rest(tmp_path: Path) -> None:
     (tmp_path / "latin.json").write_bytes(b'{"uid": "\xe4"}')
     (tmp_path / "bad.json").write_text("{", "utf-8")
-    with pytest.raises(AnsibleFilterError) as raised:
-        dashboards_checked(["gone.json", "latin.json", "bad.json"], base=str(tmp_path))
+    with pytest.raises(SpecError) as raised:
+        read_dashboards(["gone.json", "latin.json", "bad.json"], base=str(tmp_path))
     for part in ("gone.json: No such file", "latin.json: is no text in UTF-8", "bad.json: is no JSON"):
         assert part in str(raised.value)
-
-
-def test_the_filter_is_documented() -> None:
-    module = importlib.import_module("ansible_collections.rosops.fleet.plugins.filter.dashboards_checked")
-    assert set(yaml.safe_load(module.DOCUMENTATION)["options"]) == {"_input", "own", "base"}

@@ -1,0 +1,64 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the role observability: bring a cluster's stack to what the role's variables say.
+
+Everything is built before anything is applied, so whatever is wrong with a dashboard or a setting is found first.
+"""
+
+from __future__ import annotations
+
+import secrets
+from typing import Any, Mapping
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import nodes_off
+
+Files = Mapping[str, Any]
+
+
+class ActionModule(ClusterAction):
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        spec, files, variables = self._given(known)
+        check = self._task.check_mode
+        with self.cluster(params) as kube:
+            admin = {"password": "", "version": ""}
+            if stack.has_grafana(spec):
+                there = kube.get(ref_of(stack.ADMIN_SECRET))
+                fresh = secrets.token_hex(20)
+                admin = stack.grafana_admin(there, variables["observability_grafana_admin_password"], fresh)
+            objects = stack.stack_objects(spec, files, admin["version"])
+            namespace, *rest = objects
+            done = kube.apply([namespace, *stack.stack_secrets(spec, admin), *rest], check)
+            done += kube.delete([ref_of(one) for one in stack.leftovers(spec)], check)
+            if not check:  # it made nothing that could be waited for
+                self._wait(kube, objects, Settings(variables["observability_ready_timeout"], say=self.say(known)))
+        return written(done)
+
+    def foresee(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        spec, files, _variables = self._given(known)
+        return foreseen(stack.stack_objects(spec, files))
+
+    def _given(self, known: Mapping[str, Any]) -> tuple[Spec, Files, dict[str, Any]]:
+        variables = role_variables("observability", self._templar, known)
+        spec = spec_of(variables)
+        base = str(known.get("inventory_dir") or "")
+        files = stack_files(variables["observability_dashboards"], base, spec["grafana"]["default_dashboards"])
+        return spec, files, variables
+
+    def _wait(self, kube: Kube, objects: list[dict[str, Any]], settings: Settings) -> None:
+        off = nodes_off(kube.nodes())
+        if off:
+            settings.say(
+                f"{', '.join(off)}: off; what runs on every host starts there when they are back, without a wait"
+            )
+        # a DaemonSet cannot be rolled out while a host of the cluster is off: that is no fault of the stack
+        kinds = ("Deployment", "PersistentVolumeClaim", *(() if off else ("DaemonSet",)))
+        wait_for_rollout(kube, parse_refs([one for one in objects if one["kind"] in kinds]), settings)

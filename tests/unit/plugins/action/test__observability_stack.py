@@ -1,0 +1,95 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The stack of a cluster: what is applied in which order, what is taken away, and what is waited for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.action import _observability_exporter, _observability_stack
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+
+READY = {"metadata": {"name": "edge1"}, "status": {"conditions": [{"type": "Ready", "status": "True"}]}}
+OFF = {"metadata": {"name": "robot1"}, "status": {"conditions": [{"type": "Ready", "status": "Unknown"}]}}
+DEFAULTS = {name: option.get("default") for name, option in role_options("observability").items()}
+CLAIMS = "/api/v1/namespaces/observability/persistentvolumeclaims"
+
+
+class Task(Protocol):
+    def __call__(self, check: bool = False, **given: Any) -> dict[str, Any]: ...
+
+
+@pytest.fixture(name="stack")
+def _stack(server: Server, api: dict[str, Any]) -> Task:
+    """The task, with settings in place of the role's defaults."""
+    server.lists["/api/v1/nodes"] = [READY]
+    return lambda check=False, **given: run(_observability_stack, api, {**DEFAULTS, **given}, check)
+
+
+@pytest.fixture(name="waited", autouse=True)
+def _waited(monkeypatch: pytest.MonkeyPatch) -> list[set[str]]:
+    """The kinds that each wait was for."""
+    found: list[set[str]] = []
+    wait = lambda _kube, refs, _settings: found.append({ref.kind for ref in refs})  # noqa: E731 - shorter than a class
+    monkeypatch.setattr(_observability_stack, "wait_for_rollout", wait)
+    return found
+
+
+def test_all_of_it_is_applied_once_and_waited_for(server: Server, stack: Task, waited: list[set[str]]) -> None:
+    first = stack(observability_grafana_admin_password="hush")  # noqa: S106 - nobody's
+    assert first["changed"]
+    assert server.writes[0].endswith("/namespaces/observability")
+    assert server.writes[1].endswith("/secrets/grafana-admin")
+    assert waited == [{"Deployment", "DaemonSet", "PersistentVolumeClaim"}]
+    assert "aHVza" not in str(first["diff"])
+    second = stack()  # the password is the cluster's from now on
+    assert (second["changed"], second["diff"]) == (False, [])
+
+
+def test_check_mode_writes_nothing_and_waits_for_nothing(server: Server, stack: Task, waited: list[set[str]]) -> None:
+    assert stack(check=True)["changed"]
+    assert (server.find("/api/v1/namespaces/observability"), waited) == (None, [])
+
+
+def test_what_every_host_runs_is_not_waited_for_while_one_is_off(
+    server: Server, stack: Task, waited: list[set[str]]
+) -> None:
+    server.lists["/api/v1/nodes"].append(OFF)
+    stack()
+    assert waited == [{"Deployment", "PersistentVolumeClaim"}]
+
+
+def test_a_part_that_is_switched_off_is_taken_away_but_not_its_claim(server: Server, stack: Task) -> None:
+    stack()
+    deployment = "/apis/apps/v1/namespaces/observability/deployments/loki"
+    assert server.find(deployment)
+    assert stack(observability_loki_enabled=False)["changed"]
+    assert server.find(deployment) is None
+    assert server.find(f"{CLAIMS}/loki")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"observability_profile": "robot"}, "observability_hub_url"),
+        ({"observability_dashboards": ["/none.json"]}, "/none.json: No such file"),
+        ({"observability_profile": "king"}, "observability_profile"),
+    ],
+)
+def test_a_wrong_setting_is_told_before_anything_is_applied(
+    server: Server, stack: Task, given: dict[str, Any], words: str
+) -> None:
+    result = stack(**given)
+    assert (result["failed"], server.writes) == (True, [])
+    assert words in result["msg"]
+
+
+def test_without_a_cluster_check_mode_names_what_would_be_there(tmp_path: Path) -> None:
+    none = {"kubeconfig": str(tmp_path / "edge.yaml")}
+    assert "Deployment observability/grafana\n" in run(_observability_stack, none, DEFAULTS, True)["diff"]["after"]
+    robot = {**DEFAULTS, "fleet": {"robots": {}}, "ros_apps": []}
+    assert "Deployment robot-robot1/ros-exporter\n" in run(_observability_exporter, none, robot, True)["diff"]["after"]
