@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 from typing import Any, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import OPAQUE
-
+# Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
+OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries", "observability_alertmanager_config")
 # k3s_token, k3s_agent_token, password, identity_token, auth; but not k3s_token_file and the like, which are paths
 _SECRET_KEY = re.compile(r"(?:^|_)(?:token|password|passwd|secret|secret_key)$|^auth$", re.IGNORECASE)
 
