@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import OPAQUE, is_secret
 from jinja2.nativetypes import NativeEnvironment
 
@@ -31,18 +32,6 @@ def load(path: Path) -> dict[str, Any]:
     return (yaml.safe_load(path.read_text("utf-8")) or {}) if path.exists() else {}
 
 
-def entry_points(role: str) -> dict[str, dict[str, Any]]:
-    specs: dict[str, dict[str, Any]] = load(ROLES / role / "meta" / "argument_specs.yml")["argument_specs"]
-    return specs
-
-
-def options(role: str) -> dict[str, dict[str, Any]]:
-    """All options of a role's entry points."""
-    return {
-        name: option for entry in entry_points(role).values() for name, option in (entry.get("options") or {}).items()
-    }
-
-
 def rendered(value: Any) -> Any:
     """A default that is a template, where nothing that it refers to is set."""
     return TEMPLATES.from_string(value).render(observability={}) if isinstance(value, str) and "{{" in value else value
@@ -60,7 +49,7 @@ def test_defaults_are_the_specs(role: str) -> None:
     to have a value of the right type.
     """
     defaults = load(ROLES / role / "defaults" / "main.yml")
-    known = options(role)
+    known = role_options(role)
     required = {name for name, option in known.items() if option.get("required")}
     assert set(defaults) == set(known) - required
     specified = {name: known[name].get("default") for name in defaults}
@@ -72,7 +61,7 @@ def test_defaults_are_the_specs(role: str) -> None:
 @pytest.mark.parametrize("role", NAMES)
 def test_defaults_have_the_type_of_the_spec(role: str) -> None:
     for name, value in load(ROLES / role / "defaults" / "main.yml").items():
-        kind = options(role)[name]["type"]
+        kind = role_options(role)[name]["type"]
         if kind != "raw" and not (isinstance(value, str) and "{{" in value):
             assert isinstance(value, PYTHON_TYPES[kind]), name
             assert kind == "bool" or not isinstance(value, bool), name
@@ -80,6 +69,6 @@ def test_defaults_have_the_type_of_the_spec(role: str) -> None:
 
 @pytest.mark.parametrize("role", NAMES)
 def test_secrets_are_marked(role: str) -> None:
-    for name, option in options(role).items():
+    for name, option in role_options(role).items():
         if is_secret(name) or name in OPAQUE[1:]:
             assert option.get("no_log") is True, name

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 from typing import Any, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_specs import Option, role_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
 
 Schema = Mapping[str, Any]
 
@@ -192,7 +192,7 @@ LENIENT: dict[str, Schema] = {
 @functools.cache
 def variables() -> dict[str, Schema]:
     """The schema of each of the fleet's variables."""
-    return {**{name: schema_of(option, name) for name, option in role_options().items()}, **OWN}
+    return {**{name: schema_of(option, name) for name, option in all_options().items()}, **OWN}
 
 
 def host_schema() -> Schema:

@@ -4,15 +4,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate import role_specs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import all_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import schema_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_specs import role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import (
     FORMS,
     OWN,
@@ -43,9 +40,9 @@ def formats(schema: Any) -> set[str]:
 
 
 def test_every_form_is_of_a_value_that_there_is() -> None:
-    known = {path for name, option in role_options().items() for path in paths(option, name)}
+    known = {path for name, option in all_options().items() for path in paths(option, name)}
     assert set(FORMS) <= known
-    assert set(OWN).isdisjoint(role_options())
+    assert set(OWN).isdisjoint(all_options())
 
 
 def test_every_format_is_known_and_used() -> None:
@@ -100,9 +97,3 @@ def test_what_the_validation_needs(name: str) -> None:
 @pytest.mark.parametrize("name", ["k3s_token", "k3s_kubeconfig_path", "node_name", "update_to", "ros_app"])
 def test_what_it_leaves_to_the_role(name: str) -> None:
     assert not needed(name)
-
-
-def test_without_the_roles_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(role_specs, "ROLES", tmp_path)
-    with pytest.raises(SpecError, match="the collection is not whole"):
-        role_specs.role_options.__wrapped__()
