@@ -9,26 +9,11 @@ ansible.builtin.validate_argument_spec reads them the same way.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-import yaml
 from ansible.module_utils.common.arg_spec import ArgumentSpecValidator
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-
-# By the place of the code and not of the play: a role's tasks run inside other roles, too.
-ROLES = Path(__file__).resolve().parents[3] / "roles"
-
-
-def role_options(role: str) -> dict[str, Any]:
-    """The options of the role's entry point main, as its argument spec has them."""
-    text = (ROLES / role / "meta" / "argument_specs.yml").read_text(encoding="utf-8")
-    options: dict[str, Any] = yaml.load(text, Loader=_LOADER)["argument_specs"]["main"]["options"]  # noqa: S506
-    return options
-
-
-# C's is ten times as fast, and as safe
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 
 
 def role_variables(role: str, templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:

@@ -131,11 +131,6 @@ def _positive_quantity(text: str) -> bool:
     return value is not None and value > 0
 
 
-def _networks(text: str) -> bool:
-    """One network, or an IPv4 and an IPv6 one with a comma, as k3s takes them."""
-    return all(_parses(ipaddress.ip_network, part) for part in text.split(","))
-
-
 def _matching(pattern: str, longest: int = 253) -> Callable[[str], bool]:
     compiled = re.compile(pattern, re.ASCII)
     return lambda text: len(text) <= longest and compiled.fullmatch(text) is not None
@@ -174,16 +169,11 @@ FORMS: dict[str, Form] = {
     "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),
     "host-path": Form(safe_host_path, HOST_PATHS),
     "mount-path": Form(mount_path, "an absolute path other than /, without '..', ':' or blanks"),
-    "absolute-path": Form(clean_path, "an absolute path without '..', ':' or blanks"),
-    "file-mode": Form(_matching(r"0?[0-7]{3}"), 'an octal mode in quotes such as "0600"'),
-    "duration": Form(_matching(r"(?:[0-9]+(?:\.[0-9]+)?(?:ms|s|m|h))+"), "a duration such as 500ms, 30s, 5m or 1h30m"),
     "retention": Form(
         _matching(r"(?:[0-9]+(?:ms|[smhdwy]))+"), "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"
     ),
     "hub-url": Form(hub_url, "http://<host> or https://<host>, without a port and a path"),
     "network": Form(lambda text: "/" in text and _parses(ipaddress.ip_network, text), "a network such as 192.0.2.0/24"),
-    "address": Form(lambda text: _parses(ipaddress.ip_address, text), "an IP address"),
-    "networks": Form(_networks, "a network such as 10.42.0.0/16"),
     "label-value": Form(
         _matching(r"(?:[A-Za-z0-9](?:[-\w.]*[A-Za-z0-9])?)?", 63), "at most 63 letters, digits, -, _ and ."
     ),

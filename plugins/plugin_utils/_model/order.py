@@ -13,13 +13,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 
 def in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
     """The keys, each after its needs, which are keys, too; within that in the order given. SpecError for a circle."""
+    if members := circle(needs):
+        raise SpecError(f"these depend on each other in a circle: {' needs '.join([*members, members[0]])}")
     place = {name: number for number, name in enumerate(needs)}
     sorter = graphlib.TopologicalSorter(needs)
-    try:
-        sorter.prepare()
-    except graphlib.CycleError as error:
-        circle = " needs ".join(reversed(error.args[1]))
-        raise SpecError(f"these depend on each other in a circle: {circle}") from None
+    sorter.prepare()
     found: list[str] = []
     ready: set[str] = set()
     while sorter.is_active():
@@ -29,3 +27,14 @@ def in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
         sorter.done(first)
         found.append(first)
     return found
+
+
+def circle(needs: Mapping[str, Iterable[str]]) -> list[str]:
+    """The members of one circle, each needing the next, first the first as given; empty if there is none."""
+    try:
+        graphlib.TopologicalSorter(needs).prepare()
+    except graphlib.CycleError as error:
+        members: list[str] = error.args[1][:0:-1]  # its first one stands at its end again
+        start = members.index(min(members, key=list(needs).index))
+        return [*members[start:], *members[:start]]
+    return []

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-import graphlib
-from typing import Iterator, Mapping, Sequence
+from typing import Iterator, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import circle
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 
@@ -42,19 +42,7 @@ def _circles(apps: Mapping[str, tuple[str, App]]) -> Iterator[Problem]:
             if other in apps and other != name:
                 (inside[name].append(other) if unit[other] == unit[name] else between[unit[name]].append(unit[other]))
     for needs in (inside, between):
-        circle = _circle(needs)
-        if circle:
-            member = next(name for name in apps if circle[0] in (name, unit[name]))
-            found = f"makes a circle: {' needs '.join([*circle, circle[0]])}"
+        if members := circle(needs):
+            member = next(name for name in apps if members[0] in (name, unit[name]))
+            found = f"makes a circle: {' needs '.join([*members, members[0]])}"
             yield Problem(f"{apps[member][0]}.depends_on", found, "an order in which the apps can be updated")
-
-
-def _circle(needs: Mapping[str, Sequence[str]]) -> list[str]:
-    """The members of one circle, beginning with the first in the order of `needs`; empty if there is none."""
-    try:
-        graphlib.TopologicalSorter(needs).prepare()
-    except graphlib.CycleError as error:
-        circle: list[str] = error.args[1][:0:-1]  # its first is repeated at its end, and each needs the one before it
-        start = circle.index(min(circle, key=list(needs).index))
-        return [*circle[start:], *circle[:start]]
-    return []

@@ -28,7 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot impor
     robot_problems,
     robot_warnings,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import HOST
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import host_schema
 
 IMPLICIT_HOST = "localhost"
 
@@ -54,7 +54,8 @@ def check_fleet(given: Any) -> Report:
     problems += topology_problems(groups, modes)
     problems += _name_problems(groups)
     problems += _group_problems(groups, hosts)
-    wrong = [problem for name in hosts for problem in schema_problems(hosts[name], HOST, f"hosts.{name}")]
+    schema = host_schema()
+    wrong = [problem for name in hosts for problem in schema_problems(hosts[name], schema, f"hosts.{name}")]
     problems += wrong
     problems += _token_problems(groups, modes, hosts)
     problems += observability_problems(groups, modes, hosts, wrong)

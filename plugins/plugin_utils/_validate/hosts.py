@@ -11,8 +11,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import ROLE_VARIABLES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import VARIABLES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import needed
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
 
 # Names with these beginnings are ours and nobody else's, so a near miss is a misspelling. `robot_`, `ros_` and `node_`
 # are not on the list: an inventory may well have a robot_model of its own.
@@ -52,7 +52,7 @@ def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], proble
                 # a variable may be templated piece by piece, as it is read
                 picked[str(name)] = _read(str(name), variables[name], seen)
             except Exception as error:  # the templar raises a dozen kinds for an undefined or malformed template
-                if name in ROLE_VARIABLES:
+                if not needed(str(name)):
                     continue  # such a value may rest on what only the role's own play knows; the role will look at it
                 reason = str(error).split("\n", maxsplit=1)[0]
                 problems.append(
@@ -75,6 +75,7 @@ def _copied(value: Any) -> Any:
 
 def is_ours(name: str) -> bool:
     """Whether a variable is one of the collection's, or looks like a misspelt one."""
-    if name in VARIABLES:
+    known = known_variables()
+    if name in known:
         return True
-    return name.startswith(OWN_PREFIXES) and nearest_name(name, VARIABLES, MISSPELT) is not None
+    return name.startswith(OWN_PREFIXES) and nearest_name(name, known, MISSPELT) is not None

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""JSON Schema (2020-12) of the fleet's own variables. Formats are those of _formats.FORMS.
+"""JSON Schema (2020-12) of the variables: keys, types and choices from the argument specs, and forms from here.
 
 Every mapping is closed: a key that nobody reads is a mistake that nobody would see. `x-allowed` holds the words for an
 operator where the schema's own would not be understood.
@@ -9,194 +9,226 @@ operator where the schema's own would not be understood.
 
 from __future__ import annotations
 
+import functools
 from typing import Any, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability_schema import OBSERVABILITY_VARIABLES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.role_variables import ROLE_VARIABLES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
 
 Schema = Mapping[str, Any]
 
 
-def text(form: str | None = None) -> dict[str, Any]:
-    """A text, of a form where one is named."""
+def text(form: str | None = None) -> Schema:
+    """A text, of a form (formats.FORMS) where one is named."""
     return {"type": "string", "format": form} if form else {"type": "string", "minLength": 1}
 
 
-def one_of(*choices: str) -> dict[str, Any]:
-    """One of some words."""
-    return {"enum": list(choices)}
-
-
-def listing(items: Schema, least: int = 0) -> dict[str, Any]:
-    """A list of the like."""
-    return {"type": "array", "items": items, "minItems": least}
-
-
-def mapping(properties: Mapping[str, Schema], *required: str) -> dict[str, Any]:
-    """A mapping of these keys and no other."""
-    return {
-        "type": "object",
-        "properties": dict(properties),
-        "required": list(required),
-        "additionalProperties": False,
-    }
-
-
-def table(keys: str, values: Schema) -> dict[str, Any]:
+def table(keys: str, values: Schema) -> Schema:
     """A mapping of free keys of one form."""
     return {"type": "object", "propertyNames": {"format": keys}, "additionalProperties": values}
 
 
-FLAG: Schema = {"type": "boolean"}
-FREE: Schema = {"type": "object"}
-QUANTITY: Schema = {
-    "anyOf": [text("quantity"), {"type": "number", "minimum": 0}],
-    "x-allowed": "a Kubernetes quantity such as 500m, 256Mi or 2",
-}
-SIZE: Schema = {
-    "anyOf": [text("size"), {"type": "number", "exclusiveMinimum": 0}],
-    "x-allowed": "a Kubernetes quantity above zero such as 500Mi or 1Gi",
-}
-RESOURCES: Schema = table("resource-name", QUANTITY)
+def either(allowed: str, *schemas: Schema) -> Schema:
+    """One of several schemas, with words for all of them."""
+    return {"anyOf": list(schemas), "x-allowed": allowed}
 
 
-def number(low: float, above: bool = False) -> dict[str, Any]:
+def number(low: float, above: bool = False) -> Schema:
     """A number from `low` on, or above it."""
     return {"type": "number", "exclusiveMinimum" if above else "minimum": low}
 
 
-def whole(low: int, high: int = 86400) -> dict[str, Any]:
+def whole(low: int, high: int = 86400) -> Schema:
     """A whole number; a day is the longest time that makes sense in seconds."""
     return {"type": "integer", "minimum": low, "maximum": high}
 
 
-def named(properties: Mapping[str, Schema]) -> dict[str, Any]:
-    """A graph name, alone or with conditions on it."""
-    return {
-        "anyOf": [text("graph-name"), mapping({"name": text("graph-name"), **properties}, "name")],
-        "x-allowed": "a ROS name or a mapping with the key name",
-    }
+def named(**properties: Schema) -> Schema:
+    """A graph name, alone or in a mapping with conditions on it."""
+    closed = {"type": "object", "required": ["name"], "additionalProperties": False}
+    mapping = {**closed, "properties": {"name": text("graph-name"), **properties}}
+    return either("a ROS name or a mapping with the key name", text("graph-name"), mapping)
 
 
-TOPIC: Schema = mapping(
-    {
-        "name": text("graph-name"),
-        "type": text("ros-type"),
-        "publishers": whole(0),
-        "subscribers": whole(0),
-        "connected": FLAG,
-        "min_rate": number(0, above=True),
-    },
-    "name",
+FLAG: Schema = {"type": "boolean"}
+QUANTITIES: Schema = table(
+    "resource-name",
+    either("a Kubernetes quantity such as 500m, 256Mi or 2", text("quantity"), number(0)),
+)
+SIZE: Schema = either("a Kubernetes quantity above zero such as 500Mi or 1Gi", text("size"), number(0, above=True))
+NODE_PORT: Schema = whole(30000, 32767)
+COMMAND: Schema = either(
+    "a command as text, or as a list of texts",
+    text(),
+    {"type": "array", "items": {"type": "string"}, "minItems": 1},
 )
 
-READINESS: Schema = mapping(
-    {
-        "command": {
-            "anyOf": [text(), listing({"type": "string"}, 1)],
-            "x-allowed": "a command as text, or as a list of texts",
-        },
-        "nodes": FLAG,
-        "topics": listing(TOPIC),
-        "services": listing(named({})),
-        "actions": listing(named({"state": one_of("up", "idle")})),
-        "absent": listing(text("graph-name")),
-        "timeout": number(0, above=True),
-        "interval": number(0, above=True),
-        "consecutive": whole(1, 1000),
-    }
-)
-
-APP: Schema = mapping(
-    {
-        "name": text("app-name"),
-        "image": text("image"),
-        "command": listing({"type": "string"}, 1),
-        "args": listing({"type": "string"}),
-        "env": table("env-name", {"type": ["string", "number", "boolean"]}),
-        "placement": one_of("local", "remote"),
-        "scope": one_of("robot", "fleet"),
-        "pattern": one_of("pubsub", "service", "action"),
-        "handoff": one_of("overlap", "drain", "replace"),
-        "node_name": text("node-name"),
-        "private_names": listing(text("private-name")),
-        "volumes": listing(
-            mapping({"name": text("volume-name"), "mount_path": text("mount-path"), "read_only": FLAG}, "name")
-        ),
-        "readiness": READINESS,
-        "hooks": FLAG,
-        "depends_on": listing(text("app-name")),
-        "update": mapping(
-            {
-                "group": text("app-name"),
-                "idle": listing(text("graph-name")),
-                "on_busy": one_of("wait", "defer", "force"),
-            }
-        ),
-        "drain_deadline": whole(0),
-        "termination_grace_period": whole(1),
-        "resources": mapping({"requests": RESOURCES, "limits": RESOURCES}),
-        "devices": listing(text("device")),
-        "host_network": FLAG,
-        "host_paths": listing(
-            mapping({"path": text("host-path"), "mount_path": text("mount-path"), "read_only": FLAG}, "path")
-        ),
-        "overrides": FREE,
-    },
-    "name",
-    "image",
-)
-
-VOLUME: Schema = mapping(
-    {
-        "name": text("volume-name"),
-        "size": SIZE,
-        "storage_class": text("dns-name"),
-        "mountPath": text("mount-path"),
-        "access_mode": one_of("ReadWriteOnce", "ReadWriteOncePod", "ReadWriteMany", "ReadOnlyMany"),
-    },
-    "name",
-)
-
-PULL_SECRET: Schema = {
-    **mapping(
-        {"name": text("dns-name"), "registry": text(), "username": text(), "password": text()},
-        "name",
-    ),
-    "dependentRequired": {"registry": ["username", "password"], "username": ["registry"], "password": ["registry"]},
-}
-
-TAINT: Schema = mapping(
-    {
-        "key": text("label-name"),
-        "value": text("label-value"),
-        "effect": one_of("NoSchedule", "PreferNoSchedule", "NoExecute"),
-    },
-    "key",
-    "effect",
-)
-
-FLEET_VARIABLES: dict[str, Schema] = {
+# Variables that are no role's.
+OWN: dict[str, Schema] = {
     "fleet_kubeconfig_dir": text(),
-    "robot_mode": one_of("agent", "standalone"),
-    "ros_apps": listing(APP),
-    "persistent_storage": mapping({"volumes": listing(VOLUME)}),
-    "ros_master_mode": one_of("robot", "shared", "external"),
-    "ros_master_image": text("image"),
-    # empty is the roles' default and says the same as leaving them out
-    "ros_master_uri": {"anyOf": [text("master-uri"), {"const": ""}], "x-allowed": "http://<host>:<port>"},
-    "ros_master_placement": {**one_of("", "local", "remote"), "x-allowed": "local or remote"},
-    "ros_master_goal_forwarding": FLAG,
-    "ros_master_overrides": FREE,
-    "node_labels": table("label-name", text("label-value")),
-    "node_taints": listing(TAINT),
-    "robot_namespace_quota": RESOURCES,
-    "robot_namespace_limits": mapping(
-        dict.fromkeys(("default", "defaultRequest", "max", "min", "maxLimitRequestRatio"), RESOURCES)
-    ),
-    "robot_namespace_pull_secrets": listing(PULL_SECRET),
-    **OBSERVABILITY_VARIABLES,
+    "robot_mode": {"enum": ["agent", "standalone"]},
 }
 
-VARIABLES: dict[str, Schema] = {**ROLE_VARIABLES, **FLEET_VARIABLES}
-HOST: Schema = mapping(VARIABLES)
+# What an argument spec cannot say, by the path of the value. With a type of its own a form stands for what the spec
+# says, else it adds to that.
+FORMS: dict[str, Schema] = {
+    "ros_apps[].name": text("app-name"),
+    "ros_apps[].image": text("image"),
+    "ros_apps[].command": {"minItems": 1},
+    "ros_apps[].env": table("env-name", {"type": ["string", "number", "boolean"]}),
+    "ros_apps[].node_name": text("node-name"),
+    "ros_apps[].private_names[]": text("private-name"),
+    "ros_apps[].volumes[].name": text("volume-name"),
+    "ros_apps[].volumes[].mount_path": text("mount-path"),
+    "ros_apps[].readiness.command": COMMAND,
+    "ros_apps[].readiness.topics[].name": text("graph-name"),
+    "ros_apps[].readiness.topics[].type": text("ros-type"),
+    "ros_apps[].readiness.topics[].publishers": whole(0),
+    "ros_apps[].readiness.topics[].subscribers": whole(0),
+    "ros_apps[].readiness.topics[].min_rate": number(0, above=True),
+    "ros_apps[].readiness.services[]": named(),
+    "ros_apps[].readiness.actions[]": named(state={"enum": ["up", "idle"]}),
+    "ros_apps[].readiness.absent[]": text("graph-name"),
+    "ros_apps[].readiness.timeout": number(0, above=True),
+    "ros_apps[].readiness.interval": number(0, above=True),
+    "ros_apps[].readiness.consecutive": whole(1, 1000),
+    "ros_apps[].depends_on[]": text("app-name"),
+    "ros_apps[].update.group": text("app-name"),
+    "ros_apps[].update.idle[]": text("graph-name"),
+    "ros_apps[].drain_deadline": whole(0),
+    "ros_apps[].termination_grace_period": whole(1),
+    "ros_apps[].resources.requests": QUANTITIES,
+    "ros_apps[].resources.limits": QUANTITIES,
+    "ros_apps[].devices[]": text("device"),
+    "ros_apps[].host_paths[].path": text("host-path"),
+    "ros_apps[].host_paths[].mount_path": text("mount-path"),
+    "persistent_storage.volumes[].name": text("volume-name"),
+    "persistent_storage.volumes[].size": SIZE,
+    "persistent_storage.volumes[].storage_class": text("dns-name"),
+    "persistent_storage.volumes[].mountPath": text("mount-path"),
+    "ros_master_image": text("image"),
+    # empty is the roles' default and says the same as leaving it out
+    "ros_master_uri": either("http://<host>:<port>", text("master-uri"), {"const": ""}),
+    "ros_master_placement": {"x-allowed": "local or remote"},
+    "ros_master_goal_forwarding": FLAG,
+    "node_labels": table("label-name", text("label-value")),
+    "node_taints[].key": text("label-name"),
+    "node_taints[].value": text("label-value"),
+    "robot_namespace_quota": QUANTITIES,
+    **dict.fromkeys(
+        [
+            f"robot_namespace_limits.{key}"
+            for key in ("default", "defaultRequest", "max", "min", "maxLimitRequestRatio")
+        ],
+        QUANTITIES,
+    ),
+    "robot_namespace_pull_secrets[]": {
+        "dependentRequired": {"registry": ["username", "password"], "username": ["registry"], "password": ["registry"]}
+    },
+    "robot_namespace_pull_secrets[].name": text("dns-name"),
+    **dict.fromkeys([f"robot_namespace_pull_secrets[].{key}" for key in ("registry", "username", "password")], text()),
+    **dict.fromkeys(
+        (
+            "observability.prometheus.scrape_interval",
+            "observability.prometheus.evaluation_interval",
+            "observability.prometheus.retention",
+            "observability.loki.retention",
+            "observability_scrape_interval",
+            "observability_evaluation_interval",
+            "observability_prometheus_retention",
+            "observability_loki_retention",
+            "observability_out_of_order_window",
+        ),
+        text("retention"),
+    ),
+    **dict.fromkeys(
+        (
+            "observability.grafana.persistence.size",
+            "observability.loki.persistence.size",
+            "observability_prometheus_size",
+            "observability_loki_size",
+            "observability_grafana_size",
+            "observability_store_size",
+            "observability_log_queue_size",
+        ),
+        SIZE,
+    ),
+    **dict.fromkeys(
+        ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port"), NODE_PORT
+    ),
+    **dict.fromkeys(
+        [
+            f"observability_{part}_image"
+            for part in (
+                "prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "promtail", "vmagent",
+            )
+        ],
+        text("image"),
+    ),
+    "observability_hub_url": either(
+        "http://<host> or https://<host>, without a port and a path", text("hub-url"), {"const": ""}
+    ),
+    "observability_allowed_networks[]": text("network"),
+}  # fmt: skip
+
+# What is inside a mapping has the type that YAML gave it.
+STRICT: dict[str, Schema] = {
+    "str": {"type": "string"},
+    "path": {"type": "string"},
+    "raw": {},
+    "int": {"type": "integer"},
+    "float": {"type": "number"},
+    "bool": FLAG,
+}
+# A variable that `-e name=value` gives is a text, so Ansible's own conversions are followed.
+LENIENT: dict[str, Schema] = {
+    **STRICT,
+    "str": {"type": ["string", "number"]},
+    "int": either("a whole number", {"type": "integer"}, {"type": "string", "pattern": "^-?[0-9]+$"}),
+    "float": either("a number", {"type": "number"}, {"type": "string", "pattern": r"^-?[0-9]+(\.[0-9]+)?$"}),
+    "bool": either("true or false", FLAG, {"enum": ["true", "false", "yes", "no", "on", "off", "1", "0", 1, 0]}),
+}
+
+
+@functools.cache
+def variables() -> dict[str, Schema]:
+    """The schema of each of the fleet's variables."""
+    return {**{name: schema_of(option, name) for name, option in all_options().items()}, **OWN}
+
+
+def host_schema() -> Schema:
+    """The schema of one host's variables."""
+    return {"type": "object", "properties": variables(), "additionalProperties": False}
+
+
+def schema_of(option: Option, path: str) -> Schema:
+    """An option of an argument spec as JSON Schema, with the forms at and below its path."""
+    form = FORMS.get(path, {})
+    return form if {"type", "anyOf"} & set(form) else {**_plain_schema(option, path), **form}
+
+
+def needed(name: str) -> bool:
+    """Whether the validation itself has to read a variable: it has a form, or robots are made of it."""
+    return (
+        name in OWN
+        or name.startswith(("ros_master_", "robot_namespace_"))
+        or any(path == name or path.startswith((f"{name}.", f"{name}[")) for path in FORMS)
+    )
+
+
+def _plain_schema(option: Option, path: str) -> Schema:
+    kind = option.get("type", "str")
+    if kind == "list":
+        return {"type": "array", "items": schema_of({**option, "type": option.get("elements", "raw")}, f"{path}[]")}
+    if "choices" in option:
+        return {"enum": list(option["choices"])}
+    if kind != "dict":
+        # YAML takes 007 for a number; a secret has to be written as the text it is
+        return (STRICT if "." in path or option.get("no_log") else LENIENT)[kind]
+    if "options" not in option:
+        return {"type": "object"}
+    return {
+        "type": "object",
+        "properties": {name: schema_of(inner, f"{path}.{name}") for name, inner in option["options"].items()},
+        "required": [name for name, inner in option["options"].items() if inner.get("required")],
+        "additionalProperties": False,
+    }

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability_schema import SEED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 TOOL = CHECKOUT / "tests" / "tools" / "observability_docs.py"
@@ -40,4 +40,4 @@ def test_the_page_is_up_to_date() -> None:
 
 
 def test_every_key_of_the_dissertation_has_its_variable() -> None:
-    assert set(tool.keys(ROLE)) == set(leaves(SEED, "observability"))
+    assert set(tool.keys(ROLE)) == set(leaves(variables()["observability"], "observability"))

@@ -10,7 +10,8 @@ import pytest
 from ansible.parsing.dataloader import DataLoader
 from ansible.template import Templar, trust_as_template
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options, role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 
 REQUIRED = {"k3s_role": "server", "k3s_cluster": "edge", "k3s_server_hosts": ["edge1"]}
 

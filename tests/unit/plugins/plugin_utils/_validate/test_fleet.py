@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects, storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import Report, check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import APP, FLEET_VARIABLES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 
 GOLDEN = Path(__file__).resolve().parents[3] / "golden" / "cases"
@@ -189,9 +189,9 @@ def test_no_value_anywhere_makes_it_crash(oddity: Any) -> None:
     for group in ("edge", "robots", "k3s_server", "all"):
         check_fleet({**good, "groups": {**table.GROUPS, group: oddity}})
     check_fleet({**good, "hosts": {"robot1": oddity}})
-    for variable in FLEET_VARIABLES:
+    for variable in variables():
         check_fleet({**good, "hosts": {"robot1": {**good["hosts"]["robot1"], variable: oddity}}})
-    for key in APP["properties"]:
+    for key in variables()["ros_apps"]["items"]["properties"]:
         for value in (oddity, [oddity], {"spec": oddity}, {"topics": oddity}, {"requests": oddity}):
             check(copy.deepcopy({key: value}) if not isinstance(oddity, type(object())) else {key: value})
 
@@ -286,10 +286,7 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
             ["http://a:1", "http://1.2.3.4:11311/"],
             ["a:1", "http://a", "http://1.2.3:1", "http://a:0", "http://:1"],
         ),
-        ("duration", ["30s", "1h30m", "500ms"], ["", "30", "s", "1 h"]),
-        ("file-mode", ["0600", "644"], ["", "0999", "06000", "rw"]),
         ("env-name", ["A", "_a1"], ["", "1A", "A-B", "A B"]),
-        ("networks", ["10.42.0.0/16", "10.42.0.0/16,fd00::/48"], ["", "10.42.0.1/16", "x"]),
     ],
 )
 def test_forms(form: str, good: list[str], bad: list[str]) -> None:

@@ -1,0 +1,41 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The roles' argument specs, which are the only table of their variables."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any, Mapping
+
+from ansible.module_utils.common.yaml import yaml_load
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+
+Option = Mapping[str, Any]
+# By the place of the code and not of the play: playbooks of somebody else validate, too.
+ROLES = Path(__file__).resolve().parents[3] / "roles"
+
+
+@functools.cache
+def entry_points(role: str) -> Mapping[str, Mapping[str, Any]]:
+    """A role's entry points by name; SpecError for a role that there is not."""
+    try:
+        text = (ROLES / role / "meta" / "argument_specs.yml").read_text("utf-8")
+    except OSError as error:
+        raise SpecError(f"the collection is not whole: {error}") from error
+    specs: Mapping[str, Mapping[str, Any]] = yaml_load(text)["argument_specs"]
+    return specs
+
+
+def role_options(role: str) -> dict[str, Option]:
+    """The options of all entry points of a role, by variable."""
+    return {
+        name: option for entry in entry_points(role).values() for name, option in (entry.get("options") or {}).items()
+    }
+
+
+def all_options() -> dict[str, Option]:
+    """The options of all roles, by variable."""
+    roles = sorted(path.name for path in ROLES.iterdir() if path.is_dir()) if ROLES.is_dir() else []
+    return {name: option for role in roles for name, option in role_options(role).items()}

@@ -1,0 +1,99 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The schema of the variables: what comes from the argument specs, and what is added to them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import all_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import schema_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import (
+    FORMS,
+    OWN,
+    host_schema,
+    needed,
+    schema_of,
+    variables,
+)
+
+
+def paths(option: Any, path: str) -> set[str]:
+    """An option's path and those below it, as forms are named."""
+    found = {path}
+    if option["type"] == "list":
+        found |= {f"{path}[]"}
+    inside = f"{path}[]" if option["type"] == "list" else path
+    for name, inner in (option.get("options") or {}).items():
+        found |= paths(inner, f"{inside}.{name}")
+    return found
+
+
+def formats(schema: Any) -> set[str]:
+    """The formats that a schema names."""
+    if isinstance(schema, dict):
+        own = {schema["format"]} if isinstance(schema.get("format"), str) else set()
+        return own.union(*(formats(value) for value in schema.values()))
+    return set().union(*(formats(item) for item in schema)) if isinstance(schema, list) else set()
+
+
+def test_every_form_is_of_a_value_that_there_is() -> None:
+    known = {path for name, option in all_options().items() for path in paths(option, name)}
+    assert set(FORMS) <= known
+    assert set(OWN).isdisjoint(all_options())
+
+
+def test_every_format_is_known_and_used() -> None:
+    used = formats(host_schema())
+    assert used <= set(KNOWN)
+    assert set(KNOWN) - used == {"robot-name", "host-name"}  # of the groups' hosts, which are no variables
+
+
+def wrong(name: str, value: Any) -> bool:
+    return bool(schema_problems({name: value}, host_schema(), "h"))
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("k3s_start_timeout", [5, "5"], ["five", 5.5, True, None]),
+        ("update_rate_tolerance", [0.1, 1, "0.1"], ["some", True]),
+        ("node_name", ["n", 7], [True, []]),
+        ("k3s_token", ["t"], [7, True]),
+        ("observability_enabled", [True, "yes", 0], ["perhaps", 2]),
+        ("observability_profile", ["hub"], ["cloud"]),
+        ("images_refs", [[], ["a"]], ["a", [[]]]),
+        ("k3s_config", [{}, {"anything": 1}], ["text"]),
+        ("images_archives", [[{"path": "a"}]], [[{}], [{"path": "a", "other": 1}], [{"path": 5}]]),
+        ("preflight_clock_offset", [{"maximum": 1, "recommended": 0.5}], [{"maximum": 1}, {"maximum": "1"}]),
+        ("robot_mode", ["agent"], ["cloud", None]),
+        ("fleet_kubeconfig_dir", ["/k"], ["", 5]),
+        ("ros_master_placement", ["", "local"], ["edge"]),
+        ("ros_apps", [[]], [[{"name": "a", "image": "i", "hooks": "yes"}], [{"name": "a"}]]),
+        ("nobodys", [], [1]),
+    ],
+)
+def test_types_of_a_variable(name: str, good: list[Any], bad: list[Any]) -> None:
+    assert [value for value in good if wrong(name, value)] == []
+    assert [value for value in bad if not wrong(name, value)] == []
+
+
+def test_a_form_adds_to_the_spec_or_stands_in_its_place() -> None:
+    option = {"type": "list", "elements": "str"}
+    assert schema_of(option, "ros_apps[].command") == {
+        "type": "array", "items": {"type": "string"}, "minItems": 1,
+    }  # fmt: skip
+    assert schema_of({"type": "raw"}, "ros_master_image") == FORMS["ros_master_image"]
+
+
+@pytest.mark.parametrize("name", ["ros_apps", "robot_mode", "ros_master_mode", "node_taints", "observability_hub_url"])
+def test_what_the_validation_needs(name: str) -> None:
+    assert needed(name)
+    assert name in variables()
+
+
+@pytest.mark.parametrize("name", ["k3s_token", "k3s_kubeconfig_path", "node_name", "update_to", "ros_app"])
+def test_what_it_leaves_to_the_role(name: str) -> None:
+    assert not needed(name)
