@@ -34,3 +34,8 @@ def fleet(groups: Mapping[str, Sequence[str]], hostvars: Mapping[str, Mapping[st
     """The fleet of an inventory's groups and variables."""
     robots = {name: Robot.from_variables(hostvars[name], name) for name in groups["robots"]}
     return Fleet(robots, fleet_topology(groups, hostvars), tuple(groups["edge"]))
+
+
+def fleet_of(*robots: Robot) -> dict[str, Any]:
+    """The variables that an action plugin finds once the fleet of these robots was validated."""
+    return {"fleet": Fleet({one.name: one for one in robots}, {}, ()).as_dict()}

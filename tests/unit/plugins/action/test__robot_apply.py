@@ -10,13 +10,13 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.action import _robot_apply
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
 SECRET = {"name": "pull", "registry": "r.example", "username": "u", "password": "hunter2"}
-VARIABLES: dict[str, Any] = {
-    "robot_namespace_pull_secrets": [SECRET],
-    "persistent_storage": {"volumes": [{"name": "data"}]},
-    "ros_apps": [{"name": "talker", "image": "apps:1.0", "pattern": "pubsub"}],
-}
+ROBOT = robot(
+    {"name": "talker", "image": "apps:1.0", "pattern": "pubsub"}, volumes=[{"name": "data"}], pull_secrets=[SECRET]
+)
+VARIABLES: dict[str, Any] = {**fleet_of(ROBOT), "robot_namespace_pull_secrets": [SECRET]}
 CLAIMS = "/api/v1/namespaces/robot-robot1/persistentvolumeclaims"
 
 
@@ -63,3 +63,15 @@ def test_check_mode_on_bare_hosts(part: str) -> None:
     result = apply({"kubeconfig": "/nowhere/edge.yaml"}, part, check_mode=True)
     assert result["changed"]
     assert "there is no cluster yet; would create" in result["msg"]
+
+
+def test_the_exporter_is_a_part_too(server: Server, api: dict[str, Any]) -> None:
+    apply(api, "namespace")
+    assert named(apply(api, "exporter", statistics=True)) == ["ConfigMap ros-exporter", "Deployment ros-exporter"]
+    assert "statistics" in str(server.find("/apis/apps/v1/namespaces/robot-robot1/deployments/ros-exporter"))
+
+
+def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
+    failed = run(_robot_apply, {**api, "part": "apps"}, {})
+    assert failed["failed"]
+    assert "import the playbook rosops.fleet.validate" in failed["msg"]

@@ -10,8 +10,9 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.action import _robot_ready
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
-EXTERNAL = {"ros_master_mode": "external", "ros_master_uri": "http://192.0.2.1:11311"}
+EXTERNAL = fleet_of(robot(master={"mode": "external", "uri": "http://192.0.2.1:11311"}))
 GRAPH = {"verdict": "pass", "ready": True, "changed": False}
 
 
@@ -39,7 +40,7 @@ def test_a_master_of_its_own(server: Server, api: dict[str, Any], asked: list[Ma
     spec = {"clusterIP": "10.43.0.7", "ports": [{"port": 11311}]}
     server.put("/api/v1/namespaces/robot-robot1/services/ros-master", {"metadata": {}, "spec": spec})
     app = {"name": "talker", "image": "a:1", "pattern": "service", "readiness": {"timeout": 7, "services": ["/s"]}}
-    result = run(_robot_ready, api, {"ros_apps": [app]})
+    result = run(_robot_ready, api, fleet_of(robot(app)))
     assert {"verdict": "pass", "changed": False}.items() <= result.items()
     assert {"Deployment robot-robot1/ros-master", "Deployment robot-robot1/talker"} <= set(result["rollout"]["objects"])
     [call] = asked
@@ -54,7 +55,7 @@ def test_an_external_master(api: dict[str, Any], asked: list[Mapping[str, Any]])
 
 
 def test_a_master_that_was_never_applied(api: dict[str, Any], asked: list[Mapping[str, Any]]) -> None:
-    result = run(_robot_ready, api, {})
+    result = run(_robot_ready, api, fleet_of(robot()))
     assert result["failed"]
     assert "Run the stage master" in result["msg"]
     assert not asked

@@ -11,13 +11,15 @@ import sys
 from pathlib import Path
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.filter.ros_exporter_objects import FilterModule
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
     app_files,
     exporter_files,
     relative_imports,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import Outside, part_objects
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 FILES = exporter_files()
 CONFIG_MAP_LIMIT = 1 << 20
@@ -45,7 +47,7 @@ def test_python_3_8_and_its_library_are_enough(name: str) -> None:
 
 
 def test_the_filter() -> None:
-    config, deployment = FilterModule().filters()["ros_exporter_objects"]({"robot": "r1"}, interval=5)
+    config, deployment = part_objects("exporter", robot(), Outside(exporter=Settings(interval=5)))
     assert set(FILES) == set(config["data"])
     assert deployment["spec"]["template"]["spec"]["containers"][0]["args"][:2] == ["--interval", "5"]
 
