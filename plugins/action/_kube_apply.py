@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
 
 
 class ActionModule(ClusterAction):
@@ -18,7 +18,7 @@ class ActionModule(ClusterAction):
     }
 
     def work(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
-        with self.cluster(params) as kube:
+        with Kube(params) as kube:
             if params["state"] == "absent":
                 return written(kube.delete([ref_of(obj) for obj in params["objects"]], self._task.check_mode))
             return written(kube.apply(params["objects"], self._task.check_mode))

@@ -31,7 +31,7 @@ class ActionModule(ClusterAction):
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         ref, node, check = Ref("Node", params["name"], "", "v1"), _node(params), self._task.check_mode
-        with self.cluster(params) as kube:
+        with Kube(params) as kube:
             if check and kube.get(ref) is None:
                 return self.foresee(params, known)
             # Applying a node that is not there would create one: the wait comes first.

@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Re
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import MASTER_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import awaited_objects
@@ -28,9 +29,9 @@ class ActionModule(ClusterAction):
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         if self._task.check_mode:
             return {"changed": False, "skipped": True, "msg": "check mode made nothing that could be waited for"}
-        robot = self.robot(known)
+        robot = robot_from_vars(known)
         refs = parse_refs(awaited_objects(robot))
-        with self.cluster(params) as kube:
+        with Kube(params) as kube:
             settings = Settings(timeout=params["timeout"], say=self.say(known))
             rollout = wait_for_rollout(kube, refs, settings) if refs else {"objects": [], "elapsed": 0.0}
             conditions = {"master_uri": _master_uri(kube, robot), **graph_conditions(robot)}

@@ -26,7 +26,7 @@ from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC, NoClusterError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
@@ -85,6 +85,8 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
         try:
             refusal = ledger.refusal(params["failure_budget"], len(self._vars["ansible_play_hosts_all"]))
             outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
+        except NoClusterError as error:
+            outcome = RobotOutcome(UNCHANGED if self._task.check_mode else FAILED, f"nothing was touched: {error}")
         except FleetError as error:
             outcome = RobotOutcome(FAILED, f"nothing was touched: {error}")
         except Exception:  # a defect of ours counts as a failure of the robot, and is seen as what it is

@@ -13,9 +13,7 @@ from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC, NoClusterError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, Kube, ref_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
 
 display = Display()
 
@@ -56,13 +54,6 @@ class ClusterAction(ActionBase):  # type: ignore[misc] # ansible-core carries no
         """The task's result in check mode, where there is no cluster yet."""
         return {"changed": False, "skipped": True, "msg": "there is no cluster yet"}
 
-    def cluster(self, params: Mapping[str, Any], patience: float = PATIENCE) -> Kube:
-        return Kube(params, patience)
-
-    def robot(self, known: Mapping[str, Any]) -> Robot:
-        """The robot that the task's host is."""
-        return robot_from_vars(known)
-
     def say(self, known: Mapping[str, Any]) -> Any:
         """What prints a line while the task goes on."""
         return lambda text: display.display(f"[{known.get('inventory_hostname', '')}] {text}")
@@ -71,22 +62,6 @@ class ClusterAction(ActionBase):  # type: ignore[misc] # ansible-core carries no
         found: dict[str, Any] = {}
         self._compute_environment_string(found)
         return {str(key): str(value) for key, value in found.items()}
-
-
-class Variables(Mapping[str, Any]):
-    """A host's variables as its tasks see them, each templated when it is asked for."""
-
-    def __init__(self, templar: Any, known: Mapping[str, Any]) -> None:
-        self._templar, self._known = templar, known
-
-    def __getitem__(self, name: str) -> Any:
-        return self._templar.template(self._known[name])
-
-    def __iter__(self) -> Any:
-        return iter(self._known)
-
-    def __len__(self) -> int:
-        return len(self._known)
 
 
 def written(done: Sequence[Applied]) -> dict[str, Any]:

@@ -6,31 +6,15 @@
 from __future__ import annotations
 
 import functools
-from typing import Any, Callable, Mapping
+from typing import Any, Callable
 
 from ansible.errors import AnsibleFilterError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 
 
 def filter_module(**functions: Callable[..., Any]) -> dict[str, Callable[..., Any]]:
     """The functions by their filter names, each failing the way Ansible reports best."""
     return {name: _guarded(name, function) for name, function in functions.items()}
-
-
-def robot_of(ctx: Mapping[str, Any]) -> Robot:
-    """The robot that a filter is given: what `Robot.as_dict` made, or its variables under their short names."""
-    if "name" in ctx:
-        return Robot.from_dict(ctx)
-    master = ctx.get("master") or {}
-    variables = {
-        "robot_mode": ctx.get("mode"),
-        "ros_apps": ctx.get("apps"),
-        "persistent_storage": {"volumes": ctx.get("volumes")},
-        **{f"ros_master_{key}": value for key, value in master.items()},
-        **{f"robot_namespace_{key}": ctx.get(key) for key in ("quota", "limits", "pull_secrets")},
-    }
-    return Robot.from_variables(variables, str(ctx["robot"]))
 
 
 def _guarded(name: str, function: Callable[..., Any]) -> Callable[..., Any]:

@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any, Callable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files, exporter_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
     namespace_objects,
@@ -21,38 +23,50 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 
 # Read once in Ansible's main process, which imports the actions: the workers of all robots have it then.
 CODE = app_files()
-PullSecrets = Sequence[Mapping[str, Any]]
 
 
-def _namespace(robot: Robot, secrets: PullSecrets) -> list[Object]:
-    return [*namespace_objects(robot), *pull_secret_objects(robot, secrets)]
+@dataclass(frozen=True)
+class Outside:
+    """What is no part of a robot but of its objects: the items of robot_namespace_pull_secrets, settings."""
+
+    pull_secrets: Sequence[Mapping[str, Any]] = ()
+    exporter: Settings = field(default_factory=Settings)
 
 
-def _storage(robot: Robot, _secrets: PullSecrets) -> list[Object]:
+def _namespace(robot: Robot, outside: Outside) -> list[Object]:
+    return [*namespace_objects(robot), *pull_secret_objects(robot, outside.pull_secrets)]
+
+
+def _storage(robot: Robot, _outside: Outside) -> list[Object]:
     return storage_objects(robot)
 
 
-def _master(robot: Robot, _secrets: PullSecrets) -> list[Object]:
+def _master(robot: Robot, _outside: Outside) -> list[Object]:
     """With the code that its keeper runs, so that the part is whole without the apps."""
     made = master_objects(robot)
     return [*code_maps(robot, CODE), *made] if made else []
 
 
-def _apps(robot: Robot, _secrets: PullSecrets) -> list[Object]:
+def _apps(robot: Robot, _outside: Outside) -> list[Object]:
     return app_objects(robot, CODE)
 
 
-PARTS: dict[str, Callable[[Robot, PullSecrets], list[Object]]] = {
+def _exporter(robot: Robot, outside: Outside) -> list[Object]:
+    return exporter_objects(robot, exporter_files(), outside.exporter)
+
+
+PARTS: dict[str, Callable[[Robot, Outside], list[Object]]] = {
     "namespace": _namespace,
     "storage": _storage,
     "master": _master,
     "apps": _apps,
+    "exporter": _exporter,
 }
 
 
-def part_objects(part: str, robot: Robot, secrets: PullSecrets = ()) -> list[Object]:
-    """The objects of one part; `secrets` are the credentials of robot_namespace_pull_secrets."""
-    return PARTS[part](robot, secrets)
+def part_objects(part: str, robot: Robot, outside: Outside | None = None) -> list[Object]:
+    """The objects of one part."""
+    return PARTS[part](robot, outside or Outside())
 
 
 def awaited_objects(robot: Robot) -> list[Object]:

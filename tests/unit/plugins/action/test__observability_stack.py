@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.action import _observability_exporter, _observability_stack
+from ansible_collections.rosops.fleet.plugins.action import _observability_stack
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -91,5 +91,3 @@ def test_a_wrong_setting_is_told_before_anything_is_applied(
 def test_without_a_cluster_check_mode_names_what_would_be_there(tmp_path: Path) -> None:
     none = {"kubeconfig": str(tmp_path / "edge.yaml")}
     assert "Deployment observability/grafana\n" in run(_observability_stack, none, DEFAULTS, True)["diff"]["after"]
-    robot = {**DEFAULTS, "fleet": {"robots": {}}, "ros_apps": []}
-    assert "Deployment robot-robot1/ros-exporter\n" in run(_observability_exporter, none, robot, True)["diff"]["after"]

@@ -65,6 +65,12 @@ def test_check_mode_on_bare_hosts(part: str) -> None:
     assert "there is no cluster yet; would create" in result["msg"]
 
 
+def test_the_exporter_is_a_part_too(server: Server, api: dict[str, Any]) -> None:
+    apply(api, "namespace")
+    assert named(apply(api, "exporter", statistics=True)) == ["ConfigMap ros-exporter", "Deployment ros-exporter"]
+    assert "statistics" in str(server.find("/apis/apps/v1/namespaces/robot-robot1/deployments/ros-exporter"))
+
+
 def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
     failed = run(_robot_apply, {**api, "part": "apps"}, {})
     assert failed["failed"]
