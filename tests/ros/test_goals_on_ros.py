@@ -251,7 +251,7 @@ def test_switched_off_a_step_waits_until_the_server_is_idle_and_says_so(scene: S
     server = Server(scene)
     until("the server", lambda: SERVER in scene.registered())
     scene.start("client", "/boss", ACTION, "1000", "1", "1500")
-    until("a goal", server.executed)
+    until("a goal", lambda: any("start" in line for line in server.executed()))
     result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
     assert (result["verdict"], result["held"], result["changed"]) == ("pass", [], False)
     assert "goal forwarding is switched off" in result["reason"]
