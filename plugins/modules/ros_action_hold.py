@@ -97,7 +97,9 @@ verdict:
   type: str
   sample: pass
 reason:
-  description: What the last look saw of the actions that are not idle, or what keeps it from being seen.
+  description:
+    - What the last look saw of the actions that are not idle, or what keeps it from being seen.
+    - Of goals that cannot be held, why. That is a warning, too, and no failure.
   returned: always
   type: str
   sample: "action /arm/move: 1 goal active"
@@ -184,12 +186,12 @@ def release(keeper: KeeperCalls, actions: list[str], check_mode: bool) -> dict[s
 
 
 def result_of(ended: Held) -> dict[str, Any]:
-    """What the module returns of a hold: every check of the last look that is not met, in words."""
+    """What the module returns of a hold; its reason is every unmet check of the last look, and what is not held."""
     last: Look = ended.last
     return {
         "changed": bool(ended.held),
         "verdict": ended.verdict,
-        "reason": "; ".join(check.reason for check in last.unmet),
+        "reason": "; ".join([*(check.reason for check in last.unmet), *ended.problems]),
         "held": list(ended.held),
         "called_off": ended.called_off,
         "elapsed": round(ended.elapsed, 3),

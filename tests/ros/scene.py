@@ -71,7 +71,7 @@ class Scene:
         self._start("master", PYTHON, "/usr/bin/rosmaster", "--core", "-p", str(self.port), "-t", "2", "-w", "16")
         until("the master", lambda: xmlrpc.client.ServerProxy(self.uri).getPid("/tester"))
 
-    def start_keeper(self) -> subprocess.Popen[bytes]:
+    def start_keeper(self, *options: str) -> subprocess.Popen[bytes]:
         code = self.directory / "hooks"
         code.mkdir(exist_ok=True)
         for name, text in app_files().items():
@@ -79,7 +79,7 @@ class Scene:
         process = self._start(
             "keeper",
             *(os.environ.get("KEEPER_PYTHON", PYTHON), "-I", "-S", str(code / "run.py"), "keeper"),
-            *("--record", str(self.directory / "record"), "--port", str(self.keeper_port)),
+            *("--record", str(self.directory / "record"), "--port", str(self.keeper_port), *options),
         )
         until("the keeper", self.keeper_api.state)
         return process

@@ -245,6 +245,20 @@ def test_a_step_lets_go_when_it_is_called_off(scene: Scene, run: Run) -> None:
     judge(server, end_clients(scene, "boss"))
 
 
+def test_switched_off_a_step_waits_until_the_server_is_idle_and_says_so(scene: Scene, run: Run) -> None:
+    scene.start_master()
+    scene.start_keeper("--goal-forwarding", "off")
+    server = Server(scene)
+    until("the server", lambda: SERVER in scene.registered())
+    scene.start("client", "/boss", ACTION, "1000", "1", "1500")
+    until("a goal", lambda: any("start" in line for line in server.executed()))
+    result = run(ros_action_hold, actions=STEP, keeper_uri=scene.keeper_uri, timeout=20)
+    assert (result["verdict"], result["held"], result["changed"]) == ("pass", [], False)
+    assert "goal forwarding is switched off" in result["reason"]
+    assert any("end" in line for line in server.executed())
+    assert held(scene) == {}
+
+
 def test_a_busy_server_is_not_held(scene: Scene, run: Run) -> None:
     server = begin(scene)
     scene.start("client", "/slow", ACTION, "9000", "0", "8000")

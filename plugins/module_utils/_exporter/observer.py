@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any, Callable, Iterable
 
 from .._common.errors import RefusalError, RosError
-from .._ros import bus_stats, graph
+from .._ros import bus_stats, graph, replies
 from .._ros.graph import MasterState
 from .._ros.master import Master
 from .._ros.rpc import Api, Deadline, in_parallel
@@ -46,7 +46,7 @@ class Observer(Master):
 
     def graph(self) -> MasterState:
         """The registrations; raises what went wrong, as it came."""
-        return graph.master_state(graph.unwrap(self.within(lambda api: api.raw("getSystemState", CALLER))))
+        return replies.master_state(replies.unwrap(self.within(lambda api: api.raw("getSystemState", CALLER))))
 
     def errands(self, state: MasterState) -> list[Errand]:
         """Every registered node with what there is to ask it; those that were late last time come last."""
@@ -114,9 +114,9 @@ class Observer(Master):
         """The process id, which tells that it lives; without one of the others only that part is unknown."""
         with Api(uri, CALLER, Deadline(self.timeout)) as api:
             pid = api.process()
-            info, why_info = _tried(lambda: graph.unwrap(api.raw("getBusInfo", CALLER)))
+            info, why_info = _tried(lambda: replies.unwrap(api.raw("getBusInfo", CALLER)))
             stats, why_stats = _tried(lambda: bus_stats.stats(api.raw("getBusStats", CALLER)))
-        links = tuple(link for link in graph.connections(info) if link.peer != CALLER) if why_info is None else None
+        links = tuple(link for link in replies.connections(info) if link.peer != CALLER) if why_info is None else None
         errors = tuple(why for why in (why_info, why_stats) if why)
         return NodeReply(uri, pid, stats, links, own_connections(info), errors=errors)
 

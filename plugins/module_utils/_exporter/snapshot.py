@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Mapping
 
 from .._common.errors import RefusalError, RosError
-from .._ros import bus_stats, graph
+from .._ros import bus_stats, graph, replies
 from .._ros.bus_stats import Counted, Flow, Stats
 from .._ros.graph import MasterState
 
@@ -107,7 +107,7 @@ def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
 
 def next_poll(state: MasterState, answers: Mapping[str, NodeReply], memory: History) -> tuple[GraphMetrics, History]:
     """The graph of this poll, and what the next one has to know."""
-    doubtful = graph.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
+    doubtful = replies.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
     up, errors = {}, dict(memory.errors)
     counted, counts = dict(memory.counted), {}
     for name, answer in answers.items():

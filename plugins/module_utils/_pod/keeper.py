@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import RosError
 from .._ros import registrations
-from .._ros.graph import MasterState, master_state
+from .._ros.graph import MasterState
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
+from .._ros.replies import master_state
 from . import keeper_memory
 from .keeper_record import Record
 
@@ -84,16 +86,7 @@ class Keeper:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then."""
         state = master_state(system)
         known = self.state
-        changed = (
-            known is None
-            or anew
-            or (state.publishers, state.subscribers, state.services)
-            != (
-                known.publishers,
-                known.subscribers,
-                known.services,
-            )
-        )
+        changed = known is None or anew or state != replace(known, types={})  # which were not asked for
         if changed or now - self.looked_up >= ADDRESSES:
             self.state = self.ros.state(types=True)
             self.present = self._without_us(self.ros.snapshot(self.state))

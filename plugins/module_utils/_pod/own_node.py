@@ -19,7 +19,8 @@ from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
-from .._ros.graph import Node, Questions, StatusReading, connections
+from .._ros.graph import Node, Questions, StatusReading
+from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, reason, tell_publishers
 from .state import load_state, save_state
 

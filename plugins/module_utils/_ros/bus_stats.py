@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping, Tuple
 
-from . import graph
+from . import replies
 
 OUT, IN = "out", "in"
 WRAP = 1 << 32
@@ -57,7 +57,7 @@ class Counted:
 
 def stats(reply: Any) -> Stats:
     """A raw reply of either library; RosError where it is neither."""
-    publishers, subscribers = graph.bus_stats(reply)
+    publishers, subscribers = replies.bus_stats(reply)
     bare = not (reply and isinstance(reply[0], int))
     links: dict[Link, Count] = {}
     flows = set()

@@ -14,20 +14,9 @@ from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
-from .graph import (
-    BUSY_STATES,
-    Graph,
-    MasterState,
-    NodeAnswer,
-    Questions,
-    Rate,
-    ServiceProbe,
-    StatusReading,
-    action_of,
-    build,
-    shared_uris,
-)
+from .graph import BUSY_STATES, Graph, MasterState, Questions, Rate, ServiceProbe, StatusReading, action_of
 from .master import Master
+from .replies import NodeAnswer, build, shared_uris
 from .rpc import Api, Deadline, TimedSocket, in_parallel, reason
 from .streams import count_messages
 from .transport import greet, read_states, subscribe, subscribe_status

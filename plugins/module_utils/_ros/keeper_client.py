@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from .._common.errors import RosError
-from .graph import unwrap
+from .replies import unwrap
 from .rpc import Api, Deadline, reason
 
 TIMEOUT = 4.0  # it connects to all of an action's clients before it says that it holds their goals

@@ -10,7 +10,8 @@ import os
 from typing import Any, Callable, Iterable, Sequence, TypeVar
 
 from .._common.errors import RosError
-from .graph import MasterState, master_state
+from .graph import MasterState
+from .replies import master_state
 from .rpc import Api, Deadline, Request, address_of, in_parallel, reason
 
 _Result = TypeVar("_Result")

@@ -15,9 +15,10 @@ from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
 from . import registrations
-from .graph import MasterState, topic_types
+from .graph import MasterState
 from .master import Master
 from .registrations import ALIVE, DEAD, SUBSCRIBER, UNKNOWN, Call, Entry, Liveness
+from .replies import topic_types
 from .rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .transport import greet
 

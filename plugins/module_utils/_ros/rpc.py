@@ -20,7 +20,7 @@ from typing import Any, Callable, Mapping, Sequence, Tuple, TypeVar
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
-from .graph import unwrap
+from .replies import unwrap
 
 MAX_REPLY = 4 * 1024 * 1024  # XML of one reply: a graph of 10,000 registrations is about 1 MB
 MASTER = "/master"  # the caller id that the master itself uses towards nodes

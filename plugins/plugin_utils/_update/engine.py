@@ -255,6 +255,8 @@ class Engine:
             raise BusyError(seen.reason)
         if seen.verdict == FAIL:
             raise NotReadyError(f"the actions cannot be looked at: {seen.reason}")
+        if seen.verdict == PASS and seen.reason:  # a goal that comes now may be lost
+            self.say(f"{now.step.name}: {seen.reason}")
 
     def _apply(self, now: _Now, gate: decide.Gate) -> None:
         if self.settings.check:

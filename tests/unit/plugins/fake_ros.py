@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, Callable, Iterator
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, NodeAnswer, master_state
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, master_state
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import decode_header
 
 RECORDED = Path(__file__).resolve().parents[1] / "fixtures" / "ros"

@@ -9,12 +9,11 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     MasterState,
-    NodeAnswer,
     Questions,
     Rate,
     ServiceProbe,
-    build,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 
 OWN, SUBSCRIBER, PUBLISHER = "/talker_0a1b2c3d", "/listener", "/source"
 URI = "http://127.0.0.1:40001/"

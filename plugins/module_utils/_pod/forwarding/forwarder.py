@@ -21,9 +21,9 @@ from ..._ros.actionlib import (
     encode_cancel,
     goal_id,
 )
-from ..._ros.graph import connections
 from ..._ros.raw_node import Slave
 from ..._ros.registrar import Registrar
+from ..._ros.replies import connections
 from ..._ros.rpc import Api, Deadline, reason, tell_publishers
 from ..._ros.streams import TopicStream
 from . import rules

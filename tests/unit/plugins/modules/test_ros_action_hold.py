@@ -101,6 +101,7 @@ def test_a_keeper_that_cannot_is_a_warning(run: Run, monkeypatch: pytest.MonkeyP
     result = run(keeper_uri=KEEPER)
     assert (result["changed"], result["verdict"]) == (False, PASS)
     assert warned == ["goals of /work are not held: nothing listens there"]
+    assert result["reason"] == warned[0]
 
 
 def test_release_lets_go_what_is_held_and_nothing_else(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,8 @@ import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate, build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 

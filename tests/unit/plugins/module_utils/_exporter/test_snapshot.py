@@ -27,7 +27,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot im
     reason,
     watched,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import bus_stats, graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import bus_stats
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import connections
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
 
 STATE = recorded_state()
@@ -39,7 +40,7 @@ def answers(**changes: Any) -> dict[str, NodeReply]:
             replies["lookupNode"][2],
             replies["getPid"][2],
             bus_stats.stats(replies["getBusStats"]),
-            graph.connections(replies["getBusInfo"][2]),
+            connections(replies["getBusInfo"][2]),
         )
         for name, replies in recorded("nodes").items()
     }

@@ -24,14 +24,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.service_sockets
     tcp_rows,
     topic_ends,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    Connection,
-    Graph,
-    NodeAnswer,
-    ServiceProbe,
-    build,
-    master_state,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, ServiceProbe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build, master_state
 
 POD, PORT = "10.42.1.9", 40133
 HEADER = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"

@@ -9,7 +9,8 @@ from typing import Any, Callable
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, NodeAnswer, Rate, ServiceProbe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, Rate, ServiceProbe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     OWN,
     PUBLISHER,

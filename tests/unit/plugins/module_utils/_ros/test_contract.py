@@ -8,13 +8,8 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import EdgeCondition, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, is_tool, record, renamed
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    Extras,
-    Rate,
-    ServiceProbe,
-    StatusReading,
-    build,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras, Rate, ServiceProbe, StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded_answers, recorded_state
 
 OLD, NEW = "/temperature_1a2b3c4d", "/temperature_5e6f7a8b"

@@ -20,13 +20,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import eval
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     MasterState,
-    NodeAnswer,
     Questions,
     Rate,
     ServiceProbe,
     StatusReading,
-    build,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 
 HUNG = NodeAnswer("http://h:1/", error="no answer from http://h:1/ within 2 s")
