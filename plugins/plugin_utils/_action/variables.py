@@ -8,6 +8,7 @@ ansible.builtin.validate_argument_spec reads them the same way.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,7 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs imp
 
 def role_variables(role: str, templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
     """Every variable of the role by its name, templated, of its spec's type; SpecError names all that have another."""
-    options = role_options(role)
+    options = copy.deepcopy(role_options(role))  # Ansible's validator writes into the defaults
     given = templar.template({name: task_vars[name] for name in options if name in task_vars})
     checked = ArgumentSpecValidator(options).validate(plain(given))
     if checked.error_messages:
