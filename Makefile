@@ -193,8 +193,8 @@ bench-ready: ## How fast ros_ready answers
 	python benchmarks/bench_ready.py
 
 .PHONY: bench-site
-bench-site: ## Wall time of site.yml on bare, ready and changed hosts
-	python benchmarks/bench_site.py
+bench-site: ## What site.yml and update.yml cost, in seconds and processor time (BENCH="--before DIR --rounds 3": beside another checkout)
+	python benchmarks/bench_site.py $(BENCH)
 
 .PHONY: clean
 clean: lab-down ## Remove what make wrote into the checkout; the cache stays

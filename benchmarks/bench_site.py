@@ -1,12 +1,17 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Wall time of site.yml: on bare hosts, on ready hosts, and after one app's image changed.
+"""What runs of the playbooks cost: wall time, and processor time of the control node.
 
     make bench-site
+    make bench-site BENCH="--before ../earlier --rounds 3"
 
-It brings up a lab of its own, runs the playbook three times, and removes the lab. A run that fails is an error. The
-last line printed is the result as JSON; the exit status is 1 where a limit is missed. Logs and reports of the runs are
-kept in reports/bench-site/.
+On a lab of its own, removed at the end: site.yml on bare hosts; then, in every round, site.yml and update.yml with
+nothing to do, and an update of one app on one robot. With another checkout (`--before`, set up like this one) both take
+turns on the same lab, the other one first. Each turn begins with a site.yml that is not measured, so that the fleet
+is at rest with the version at hand.
+
+A run that fails is an error. The last line printed is the result as JSON; the exit status is 1 where a limit is missed.
+Logs and reports of the runs are kept in reports/bench-site/.
 """
 
 from __future__ import annotations
@@ -15,19 +20,29 @@ import argparse
 import json
 import os
 import signal
+import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from lab_environment import CHECKOUT, environment
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"
 KEPT = CHECKOUT / "reports" / "bench-site"
-READY_TO_BARE = 0.25  # the most that a run on ready hosts may take of the one on bare hosts
-APP, NEW_IMAGE = "temperature-stats", "lab/apps:1.1"
+SITE_TO_BARE = 0.25  # the most that a run on ready hosts may take of the one on bare hosts
+CPU_TO_BEFORE = 1 / 3  # of a run with nothing to do
+APP = "temperature-stats"
+KINDS = {
+    "bare": "site.yml, bare hosts",
+    "site": "site.yml, again",
+    "update": "update.yml, again",
+    "app": f"update of {APP}",
+}
+NOW, BEFORE = "now", "before"
 
 
 class BenchError(Exception):
@@ -36,10 +51,12 @@ class BenchError(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the playbook: the time from start to exit of ansible-playbook, and the callback's report."""
+    """One run of a playbook: seconds from start to exit of ansible-playbook; user and system seconds of all its
+    processes on the control node; the callback's report."""
 
-    name: str
+    kind: str
     seconds: float
+    cpu: float
     report: Mapping[str, Any]
 
     @property
@@ -47,21 +64,28 @@ class Run:
         """Changed tasks, summed over the hosts."""
         return sum(int(host["counts"].get("changed", 0)) for host in self.report["hosts"])
 
+    @property
+    def step_seconds(self) -> float:
+        """The longest step of an update; 0 without one."""
+        steps = [step for host in self.report["hosts"] for step in host.get("steps") or []]
+        return max((sum(step["phases"].values()) for step in steps), default=0.0)
+
 
 # --- decisions -----------------------------------------------------------------------------------------------------
 
+Runs = Mapping[str, list[Run]]  # kind -> one run each round
 
-def with_image(apps: list[dict[str, Any]], name: str, image: str) -> list[dict[str, Any]]:
-    """The apps, one of them with another image."""
+
+def with_version(apps: list[dict[str, Any]], name: str, version: str) -> list[dict[str, Any]]:
+    """The apps, one of them in a version that was never there; its image is the same, so that none is brought."""
     present = [app["name"] for app in apps]
     if name not in present:
         raise BenchError(f"the lab's inventory has no app {name}, only {', '.join(present)}")
-    if image in {app["image"] for app in apps if app["name"] == name}:
-        raise BenchError(f"app {name} has the image {image} already: that would change nothing")
-    return [{**app, "image": image} if app["name"] == name else app for app in apps]
+    env = {"ROSOPS_APPS_VERSION": version}
+    return [{**app, "env": {**app.get("env", {}), **env}} if app["name"] == name else app for app in apps]
 
 
-def unfit(report: Mapping[str, Any], hosts: list[str]) -> list[str]:
+def unfit(report: Mapping[str, Any], hosts: Iterable[str]) -> list[str]:
     """What is wrong with a run that ended with exit status 0: hosts that it left out or that did not get through."""
     outcomes = {host["host"]: host["outcome"] for host in report["hosts"]}
     wrong = [f"{host} took no part" for host in hosts if host not in outcomes]
@@ -77,139 +101,202 @@ def task_lines(report: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def limits(runs: Mapping[str, Run]) -> dict[str, bool]:
+def middle(runs: Iterable[Run], what: str) -> float:
+    """The median of a figure over the rounds."""
+    return statistics.median(getattr(run, what) for run in runs)
+
+
+def limits(now: Runs, before: Runs | None = None) -> dict[str, bool]:
     """What the runs have to show, and whether they do."""
-    return {
-        f"ready hosts take at most {READY_TO_BARE} of bare hosts": ratio(runs) <= READY_TO_BARE,
-        "a run on ready hosts changes nothing": runs["ready"].changed == 0,
-        "a changed image changes something": runs["image"].changed > 0,
+    held = {
+        "site.yml and update.yml with nothing to do change nothing": not any(
+            run.changed for kind in ("site", "update") for run in now[kind]
+        ),
+        "a new version of an app changes something": all(run.changed for run in now["app"]),
     }
+    if "bare" in now:
+        held[f"ready hosts take at most {SITE_TO_BARE} of bare hosts"] = ratio(now) <= SITE_TO_BARE
+    if before:
+        for kind in ("site", "update"):
+            share = middle(now[kind], "cpu") / middle(before[kind], "cpu")
+            held[f"{KINDS[kind]}: at most a third of the processor time before"] = share <= CPU_TO_BEFORE
+        steps = [middle(side["app"], "step_seconds") for side in (now, before)]
+        held["a step takes no longer than before"] = steps[0] <= steps[1]
+    return held
 
 
-def ratio(runs: Mapping[str, Run]) -> float:
+def ratio(runs: Runs) -> float:
     """How a run on ready hosts compares with one on bare hosts."""
-    return runs["ready"].seconds / runs["bare"].seconds
+    return middle(runs["site"], "seconds") / middle(runs["bare"], "seconds")
 
 
-def result(runs: Mapping[str, Run], about: Mapping[str, Any]) -> dict[str, Any]:
+def result(sides: Mapping[str, Runs], about: Mapping[str, Any]) -> dict[str, Any]:
     """The line of JSON."""
-    held = limits(runs)
+    held = limits(sides[NOW], sides.get(BEFORE))
     return {
         "benchmark": "site",
         **about,
-        "runs": {
-            name: {
-                "seconds": round(run.seconds, 1),
-                "changed": run.changed,
-                "tasks": run.report["tasks"],
-                "stages": {stage["name"]: stage["seconds"] for stage in run.report["stages"]},
-                "slowest_tasks": [
-                    {key: task[key] for key in ("name", "stage", "seconds")} for task in run.report["slowest_tasks"]
-                ],
-            }
-            for name, run in runs.items()
-        },
-        "ready_to_bare": round(ratio(runs), 3),
+        "runs": {side: {kind: [figures(run) for run in found] for kind, found in runs.items()}
+                 for side, runs in sides.items()},
+        "ready_to_bare": {side: round(ratio(runs), 3) for side, runs in sides.items() if "bare" in runs},
         "missed": [what for what, holds in held.items() if not holds],
+    }  # fmt: skip
+
+
+def figures(run: Run) -> dict[str, Any]:
+    """A run in the result."""
+    return {
+        "seconds": round(run.seconds, 1),
+        "cpu": round(run.cpu, 1),
+        "changed": run.changed,
+        "step_seconds": round(run.step_seconds, 1),
+        "tasks": run.report["tasks"],
+        "stages": {stage["name"]: stage["seconds"] for stage in run.report["stages"]},
+        "slowest_tasks": [
+            {key: task[key] for key in ("name", "stage", "seconds")} for task in run.report["slowest_tasks"]
+        ],
     }
 
 
-# --- the lab and the playbook --------------------------------------------------------------------------------------
+def table(found: Mapping[str, Any]) -> list[str]:
+    """The medians, one kind of run a line; of both sides where there are two."""
+    lines = []
+    for kind, title in KINDS.items():
+        for side, runs in found["runs"].items():
+            if rounds := runs.get(kind):
+                wall, cpu, step = (
+                    statistics.median(one[key] for one in rounds) for key in ("seconds", "cpu", "step_seconds")
+                )
+                changed = "/".join(str(one["changed"]) for one in rounds)
+                last = f"  step {step:5.1f} s" if step else ""
+                lines.append(f"  {title:<28} {side:<7} {wall:7.1f} s  cpu {cpu:6.1f} s  changed={changed}{last}")
+    return lines
 
 
-class Bench:
-    """Runs commands of the checkout; all input and output of the benchmark is here."""
+# --- the lab and the playbooks -------------------------------------------------------------------------------------
 
-    def __init__(self, lab: str) -> None:
-        self.lab = lab
-        self._environment = environment(lab)
 
-    def do_lab(self, *words: str) -> float:
-        """A command of the lab; returns its seconds."""
-        started = time.monotonic()
-        command = [str(LAB), *words]
-        done = subprocess.run(command, cwd=CHECKOUT, env=self._environment, check=False)  # noqa: S603 - no shell
-        if done.returncode != 0:
-            raise BenchError(f"tests/lab/lab {' '.join(words)} ended with {done.returncode}")
-        return time.monotonic() - started
+def waited(process: subprocess.Popen[str]) -> tuple[int, float]:
+    """Wait for its end: exit status, and the processor seconds of it and of all that it waited for."""
+    _pid, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return process.returncode, used.ru_utime + used.ru_stime
 
-    def inventory(self) -> dict[str, Any]:
-        """The lab's inventory with its variables."""
-        done = self._ansible(["ansible-inventory", "--list"], stdout=subprocess.PIPE)
+
+class Side:
+    """A checkout whose playbooks are run on the lab; all input and output of the benchmark is here and in `do_lab`."""
+
+    def __init__(self, name: str, checkout: Path, lab: str) -> None:
+        self.name, self._checkout = name, checkout
+        self._environment = environment(lab, checkout)
+        self.inventory = checkout / "inventories" / "lab"
+        if checkout != CHECKOUT:
+            self.inventory = borrowed(checkout, lab)
+
+    def variables(self) -> dict[str, Any]:
+        """The lab's hosts with their variables."""
+        words = ["ansible-inventory", "-i", str(self.inventory), "--list"]
+        done = subprocess.run(  # noqa: S603 - no shell, and no word from outside
+            words, cwd=self._checkout, env=self._environment, stdout=subprocess.PIPE, text=True, check=False
+        )
         if done.returncode != 0:
             raise BenchError(f"ansible-inventory ended with {done.returncode}")
-        found: dict[str, Any] = json.loads(done.stdout)
+        found: dict[str, Any] = json.loads(done.stdout)["_meta"]["hostvars"]
         return found
 
-    def site(self, name: str, hosts: list[str], extra: Mapping[str, Any] | None = None) -> Run:
-        """One run of site.yml. Its whole output goes into a log."""
-        log, report, variables = (KEPT / f"{name}.{kind}" for kind in ("log", "json", "vars.json"))
+    def play(self, kind: str, number: int, hosts: Iterable[str], extra: Mapping[str, Any] | None = None) -> Run:
+        """One run of the kind's playbook on these hosts. Its whole output goes into a log."""
+        stem = KEPT / f"{self.name}-{number}-{kind}"
+        log, report, given = (stem.with_suffix(f".{what}") for what in ("log", "json", "vars.json"))
         report.unlink(missing_ok=True)
-        words = ["ansible-playbook", "playbooks/site.yml"]
+        playbook = "update.yml" if kind in ("update", "app") else "site.yml"
+        words = ["ansible-playbook", "-i", str(self.inventory), f"playbooks/{playbook}", "--limit", ",".join(hosts)]
         if extra:
-            variables.write_text(json.dumps(extra, indent=2), encoding="utf-8")
-            words += ["--extra-vars", f"@{variables}"]
-        print(f"{name}: site.yml runs, log {log.relative_to(CHECKOUT)}", flush=True)
-        self._environment["ROSOPS_FLEET_REPORT"] = str(report)
+            given.write_text(json.dumps(extra, indent=2), encoding="utf-8")
+            words += ["--extra-vars", f"@{given}"]
+        print(f"{self.name} {number}, {kind}: {playbook} runs, log {log.relative_to(CHECKOUT)}", flush=True)
         started = time.monotonic()
         with log.open("w", encoding="utf-8") as file:
-            done = self._ansible(words, stdout=file, stderr=subprocess.STDOUT)
+            process = subprocess.Popen(  # noqa: S603 - no shell, and no word from outside
+                words, cwd=self._checkout, env={**self._environment, "ROSOPS_FLEET_REPORT": str(report)},
+                stdout=file, stderr=subprocess.STDOUT, text=True,
+            )  # fmt: skip
+            status, cpu = waited(process)
         seconds = time.monotonic() - started
-        if done.returncode != 0:
+        if status != 0:
             tail = log.read_text(encoding="utf-8").splitlines()[-40:]
-            raise BenchError("\n".join([*tail, f"{name}: site.yml ended with {done.returncode} after {seconds:.1f} s"]))
+            raise BenchError("\n".join([*tail, f"{kind}: {playbook} ended with {status} after {seconds:.1f} s"]))
         if not report.exists():
-            raise BenchError(f"{name}: site.yml left no report at {report}: is the callback fleet_report enabled?")
-        run = Run(name, seconds, json.loads(report.read_text(encoding="utf-8")))
+            raise BenchError(f"{kind}: {playbook} left no report at {report}: is the callback fleet_report enabled?")
+        run = Run(kind, seconds, cpu, json.loads(report.read_text(encoding="utf-8")))
         if wrong := unfit(run.report, hosts):
-            raise BenchError(f"{name}: {', '.join(wrong)}")
-        print(f"{name}: {seconds:.1f} s, changed={run.changed}, {run.report['tasks']} tasks; the slowest:", flush=True)
+            raise BenchError(f"{kind}: {', '.join(wrong)}")
+        print(f"  {seconds:.1f} s, cpu {cpu:.1f} s, changed={run.changed}; the slowest:", flush=True)
         print("\n".join(task_lines(run.report)), flush=True)
         return run
 
-    def _ansible(self, words: list[str], **options: Any) -> subprocess.CompletedProcess[str]:
-        command = [words[0], "-i", "inventories/lab", *words[1:]]
-        return subprocess.run(  # noqa: S603 - no shell, and no word from outside
-            command, cwd=CHECKOUT, env=self._environment, text=True, check=False, **options
-        )
+
+def borrowed(checkout: Path, lab: str) -> Path:
+    """An inventory with another checkout's variables and this one's lab."""
+    made = KEPT / "inventory"
+    made.mkdir(parents=True, exist_ok=True)
+    script = made / "hosts.sh"
+    script.write_text(f'#!/bin/sh\nexec "{LAB}" inventory --lab "{lab}" "$@"\n', encoding="utf-8")
+    script.chmod(0o755)
+    link = made / "group_vars"
+    link.unlink(missing_ok=True)
+    link.symlink_to(checkout / "inventories" / "lab" / "group_vars")
+    return made
 
 
-def measure(bench: Bench) -> dict[str, Any]:
-    """All three runs on fresh hosts."""
-    bench.do_lab("artifacts")
+def do_lab(lab: str, *words: str) -> float:
+    """A command of the lab; returns its seconds."""
+    started = time.monotonic()
+    command = [str(LAB), *words]
+    done = subprocess.run(command, cwd=CHECKOUT, env=environment(lab), check=False)  # noqa: S603 - no shell
+    if done.returncode != 0:
+        raise BenchError(f"tests/lab/lab {' '.join(words)} ended with {done.returncode}")
+    return time.monotonic() - started
+
+
+def measure(lab: str, before: Path | None, rounds: int) -> dict[str, Any]:
+    """All runs, on fresh hosts."""
+    do_lab(lab, "artifacts")
     load = os.getloadavg()[0]
-    lab_seconds = bench.do_lab("up", "--lab", bench.lab, "--fresh")
-    variables = bench.inventory()["_meta"]["hostvars"]
+    lab_seconds = do_lab(lab, "up", "--lab", lab, "--fresh")
+    sides = [*([Side(BEFORE, before, lab)] if before else []), Side(NOW, CHECKOUT, lab)]
+    variables = sides[-1].variables()
     hosts = sorted(variables)
-    one_robot = next(values for values in variables.values() if "ros_apps" in values)
-    extra = {
-        "ros_apps": with_image(one_robot["ros_apps"], APP, NEW_IMAGE),
-        "images_archives": [
-            {"path": path} for path in one_robot["lab_image_archives"] + one_robot["lab_update_archives"]
-        ],
-    }
-    runs = {
-        "bare": bench.site("bare", hosts),
-        "ready": bench.site("ready", hosts),
-        "image": bench.site("image", hosts, extra),
-    }
+    robot = next(name for name, values in variables.items() if "ros_apps" in values)
+    one_robot = [host for host in hosts if host == robot or "ros_apps" not in variables[host]]
+    found: dict[str, dict[str, list[Run]]] = {side.name: {} for side in sides}
+    found[sides[0].name]["bare"] = [sides[0].play("bare", 0, hosts)]
+    settled = sides[0]
+    for number in range(1, rounds + 1):
+        for side in sides:
+            if side is not settled or number > 1:
+                side.play("settle", number, hosts)
+                settled = side
+            apps = with_version(side.variables()[robot]["ros_apps"], APP, f"{side.name}-{number}")
+            turn = (("site", hosts, None), ("update", hosts, None), ("app", one_robot, {"ros_apps": apps}))
+            for kind, where, extra in turn:
+                found[side.name].setdefault(kind, []).append(side.play(kind, number, where, extra))
     about = {
-        "k3s": one_robot["lab_k3s"],
+        "k3s": variables[robot]["lab_k3s"],
         "hosts": len(hosts),
         "cores": os.cpu_count(),
         "load_before": round(load, 2),
         "lab_up_seconds": round(lab_seconds, 1),
     }
-    return result(runs, about)
+    return result(found, about)
 
 
 def say(found: Mapping[str, Any]) -> None:
     """The figures, and the line of JSON."""
-    titles = {"bare": "bare hosts", "ready": "ready hosts", "image": f"image of {APP} changed"}
-    print(f"\nsite.yml on {found['hosts']} hosts, {found['cores']} cores, k3s: {found['k3s']}")
-    for name, run in found["runs"].items():
-        print(f"  {titles[name]:<34} {run['seconds']:7.1f} s  changed={run['changed']}")
-    print(f"  {'ready / bare':<34} {found['ready_to_bare']:7.3f}")
+    print(f"\n{found['hosts']} hosts, {found['cores']} cores, k3s: {found['k3s']}; medians")
+    print("\n".join(table(found)))
+    for side, share in found["ready_to_bare"].items():
+        print(f"  {'again / bare':<28} {side:<7} {share:7.3f}")
     for what in found["missed"]:
         print(f"MISSED: {what}")
     print(json.dumps(found, separators=(",", ":")), flush=True)
@@ -234,13 +321,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lab", default="bench", help="name of the lab that is made for it (default: bench)")
     parser.add_argument("--keep", action="store_true", help="leave the lab as it is afterwards")
+    parser.add_argument("--before", type=Path, help="another checkout, set up, to be compared with")
+    parser.add_argument("--rounds", type=int, default=1, help="how often each run is made (default: 1)")
     options = parser.parse_args()
+    before = options.before.resolve() if options.before else None
     signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(143))  # so that the lab goes then, too
     KEPT.mkdir(parents=True, exist_ok=True)
-    bench = Bench(options.lab)
     return attempt(
-        lambda: measure(bench),
-        lambda: options.keep or bench.do_lab("down", "--lab", bench.lab),
+        lambda: measure(options.lab, before, options.rounds),
+        lambda: options.keep or do_lab(options.lab, "down", "--lab", options.lab),
     )
 
 

@@ -11,14 +11,14 @@ from pathlib import Path
 CHECKOUT = Path(__file__).resolve().parents[1]
 
 
-def environment(lab: str) -> dict[str, str]:
-    """This checkout's tools and settings, also without make; the lab's inventory."""
+def environment(lab: str, checkout: Path = CHECKOUT) -> dict[str, str]:
+    """A checkout's tools and settings, also without make; the lab's inventory."""
     return {
         **os.environ,
-        "PATH": f"{CHECKOUT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}",
-        "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
-        "ANSIBLE_HOME": str(CHECKOUT / ".ansible"),
-        "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
+        "PATH": f"{checkout / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}",
+        "ANSIBLE_CONFIG": str(checkout / "ansible.cfg"),
+        "ANSIBLE_HOME": str(checkout / ".ansible"),
+        "ANSIBLE_COLLECTIONS_PATH": str(checkout / ".ansible" / "collections"),
         "ANSIBLE_NOCOLOR": "1",
         "LC_ALL": "C.UTF-8",
         "ROSOPS_LAB": lab,

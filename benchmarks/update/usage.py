@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -31,7 +32,7 @@ def _host(series: Samples, foreign: Collection[str]) -> dict[str, float | None]:
     if len(series) < 2:
         return dict.fromkeys(("pods_cpu", "pods_mib", "hosts_cpu", "hosts_mib"))
     seconds = series[-1]["time"] - series[0]["time"]
-    pods_ns = sum(_pods_cpu(older, newer, foreign) for older, newer in zip(series, series[1:], strict=False))
+    pods_ns = sum(_pods_cpu(older, newer, foreign) for older, newer in itertools.pairwise(series))
     return {
         "pods_cpu": pods_ns / seconds / 1e7,
         "pods_mib": _mean(_own(item, foreign, 1) for item in series) / MIB,

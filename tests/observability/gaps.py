@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import Iterable, Mapping, NamedTuple, Sequence
 
@@ -55,7 +56,7 @@ def holes(times: Sequence[float], interval: float, begin: float, end: float) -> 
     [Hole(begin=30, end=60)]
     """
     marks = [begin, *(time for time in sorted(times) if begin <= time <= end), end]
-    pairs = zip(marks, marks[1:])
+    pairs = itertools.pairwise(marks)
     return [Hole(one, other) for one, other in pairs if other - one > 1.5 * interval]
 
 

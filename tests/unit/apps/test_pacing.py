@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from rosops_apps.pacing import SLEW, SampleClock, celsius, pending
 
@@ -58,7 +60,7 @@ def test_a_clock_that_is_set_neither_breaks_the_order_nor_the_rate(step: float) 
     for second in range(1, 61):
         assert clock.follow(1e9 + second + step, float(second)) * step > 0
         numbers.append(clock.number(float(second)))
-    assert all(later > earlier for earlier, later in zip(numbers, numbers[1:]))
+    assert all(later > earlier for earlier, later in itertools.pairwise(numbers))
     assert (numbers[-1] - numbers[0]) / 60 == pytest.approx(500, rel=SLEW + 1e-3)
 
 

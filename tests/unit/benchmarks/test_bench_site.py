@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -36,21 +37,24 @@ def report(changed: int, outcome: str = "updated") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def runs(bare: float = 100.0, ready: float = 20.0, ready_changed: int = 0, image_changed: int = 2) -> dict[str, Any]:
+def runs(site: float = 20.0, cpu: float = 5.0, step: float = 8.0, again: int = 0, app: int = 2) -> dict[str, Any]:
+    stepped = report(app)
+    stepped["hosts"][1]["steps"] = [{"phases": {"gate": 1.0, "verify": step - 1.0}}, {"phases": {"gate": 0.5}}]
     return {
-        "bare": bench_site.Run("bare", bare, report(30)),
-        "ready": bench_site.Run("ready", ready, report(ready_changed)),
-        "image": bench_site.Run("image", 30.0, report(image_changed)),
+        "bare": [bench_site.Run("bare", 100.0, 40.0, report(30))],
+        "site": [bench_site.Run("site", seconds, cpu, report(again)) for seconds in (site, 1.0, 90.0)],
+        "update": [bench_site.Run("update", 9.0, cpu, report(0))],
+        "app": [bench_site.Run("app", 30.0, 6.0, stepped)],
     }
 
 
-def test_one_app_s_image() -> None:
-    apps = [{"name": "a", "image": "x:1", "env": {"K": 1}}, {"name": "b", "image": "x:1"}]
-    assert bench_site.with_image(apps, "b", "x:2") == [apps[0], {"name": "b", "image": "x:2"}]
+def test_one_app_in_a_new_version() -> None:
+    apps = [{"name": "a", "env": {"K": 1}}, {"name": "b"}]
+    version = {"ROSOPS_APPS_VERSION": "v"}
+    assert bench_site.with_version(apps, "a", "v") == [{"name": "a", "env": {"K": 1, **version}}, apps[1]]
+    assert bench_site.with_version(apps, "b", "v")[1] == {"name": "b", "env": version}
     with pytest.raises(bench_site.BenchError, match="no app c, only a, b"):
-        bench_site.with_image(apps, "c", "x:2")
-    with pytest.raises(bench_site.BenchError, match="already"):
-        bench_site.with_image(apps, "a", "x:1")
+        bench_site.with_version(apps, "c", "v")
 
 
 def test_a_run_that_left_a_host_out_is_no_result() -> None:
@@ -65,33 +69,75 @@ def test_a_run_that_left_a_host_out_is_no_result() -> None:
     ("changes", "missed"),
     [
         ({}, []),
-        ({"ready": 25.0}, []),
-        ({"ready": 25.1}, ["ready hosts take at most 0.25 of bare hosts"]),
-        ({"ready_changed": 1}, ["a run on ready hosts changes nothing"]),
-        ({"image_changed": 0}, ["a changed image changes something"]),
+        ({"site": 25.0}, []),
+        ({"site": 25.1}, ["ready hosts take at most 0.25 of bare hosts"]),
+        ({"again": 1}, ["site.yml and update.yml with nothing to do change nothing"]),
+        ({"app": 0}, ["a new version of an app changes something"]),
     ],
 )
 def test_limits(changes: dict[str, Any], missed: list[str]) -> None:
-    assert bench_site.result(runs(**changes), {})["missed"] == missed
+    assert bench_site.result({"now": runs(**changes)}, {})["missed"] == missed
+
+
+@pytest.mark.parametrize(
+    ("changes", "missed"),
+    [
+        ({"cpu": 15.0, "step": 8.0}, []),
+        (
+            {"cpu": 14.9},
+            [
+                "site.yml, again: at most a third of the processor time before",
+                "update.yml, again: at most a third of the processor time before",
+            ],
+        ),
+        ({"cpu": 15.0, "step": 7.9}, ["a step takes no longer than before"]),
+    ],
+)
+def test_limits_beside_another_checkout(changes: dict[str, Any], missed: list[str]) -> None:
+    now = {kind: found for kind, found in runs().items() if kind != "bare"}
+    assert bench_site.result({"before": runs(**changes), "now": now}, {})["missed"] == missed
+
+
+ABOUT = {"k3s": "labk3s", "hosts": 3, "cores": 2, "load_before": 0.1, "lab_up_seconds": 5.0}
 
 
 def test_the_last_line_is_the_result(capsys: pytest.CaptureFixture[str]) -> None:
     tidied: list[str] = []
-    about = {"k3s": "labk3s", "hosts": 3, "cores": 2, "load_before": 0.1, "lab_up_seconds": 5.0}
-    found = bench_site.result(runs(), about)
+    found = bench_site.result({"now": runs()}, ABOUT)
     assert bench_site.attempt(lambda: found, lambda: tidied.append("gone")) == 0
-    last = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert last == found
-    assert last["ready_to_bare"] == 0.2
-    assert last["runs"]["bare"]["changed"] == 30
-    assert last["runs"]["bare"]["slowest_tasks"] == [{"name": "Start it", "stage": "k3s", "seconds": 61.25}]
+    lines = capsys.readouterr().out.splitlines()
+    assert json.loads(lines[-1]) == found
+    assert "  site.yml, again              now        20.0 s  cpu    5.0 s  changed=0/0/0" in lines
+    assert "  update of temperature-stats  now        30.0 s  cpu    6.0 s  changed=2  step   8.0 s" in lines
+    assert found["ready_to_bare"] == {"now": 0.2}
+    [bare] = found["runs"]["now"]["bare"]
+    assert (bare["changed"], bare["cpu"]) == (30, 40.0)
+    assert bare["slowest_tasks"] == [{"name": "Start it", "stage": "k3s", "seconds": 61.25}]
     assert tidied == ["gone"]
 
 
 def test_a_missed_limit_is_exit_status_1(capsys: pytest.CaptureFixture[str]) -> None:
-    about = {"k3s": "labk3s", "hosts": 3, "cores": 2, "load_before": 0.1, "lab_up_seconds": 5.0}
-    assert bench_site.attempt(lambda: bench_site.result(runs(ready=90.0), about), lambda: None) == 1
+    assert bench_site.attempt(lambda: bench_site.result({"now": runs(site=90.0)}, ABOUT), lambda: None) == 1
     assert "MISSED: ready hosts take" in capsys.readouterr().out
+
+
+def test_processor_time_is_that_of_the_whole_tree() -> None:
+    busy = "import os, time\nwhile time.process_time() < 0.3: pass\n"
+    tree = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {busy!r}])\nsys.exit(3)"
+    with subprocess.Popen([sys.executable, "-c", tree], text=True) as process:  # noqa: S603
+        status, cpu = bench_site.waited(process)
+    assert status == 3
+    assert cpu >= 0.3
+
+
+def test_the_inventory_of_another_checkout_has_its_variables_and_our_lab(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bench_site, "KEPT", tmp_path / "kept")
+    for _again in range(2):
+        made = bench_site.borrowed(tmp_path / "other", "bench")
+    assert (made / "group_vars").readlink() == tmp_path / "other" / "inventories" / "lab" / "group_vars"
+    assert f'exec "{CHECKOUT / "tests" / "lab" / "lab"}" inventory --lab "bench"' in (made / "hosts.sh").read_text()
 
 
 def test_a_failed_run_is_an_error_and_the_lab_goes_all_the_same(capsys: pytest.CaptureFixture[str]) -> None:
