@@ -285,3 +285,19 @@ def test_a_refusal_is_not_nonsense() -> None:
         with pytest.raises(RosError) as error:
             unwrap(nonsense)
         assert not isinstance(error.value, RefusalError)
+
+
+def test_connected_is_what_the_publisher_says() -> None:
+    state = MasterState({"/t": ("/p", "/silent")}, {"/t": ("/a", "/b")})
+    answers = {
+        "/p": NodeAnswer("http://p:1/", 1, bus=[[1, "/a", "o", "TCPROS", "/t", True]]),
+        "/silent": NodeAnswer("http://s:1/", 2),
+        # a subscriber's own word is worth nothing
+        "/b": NodeAnswer("http://b:1/", 3, bus=[[1, "http://p:1/", "i", "TCPROS", "/t", True]]),
+    }
+    graph = build(state, answers)
+    assert graph.unreached("/t", "/p") == ["/b"]
+    assert graph.unreached("/t", "/p", ["/a"]) == []
+    assert graph.unreached("/t", "/silent") is None
+    assert graph.unreached("/t", "/nobody") is None
+    assert graph.unreached("/other", "/p", ["/x"]) == ["/x"]
