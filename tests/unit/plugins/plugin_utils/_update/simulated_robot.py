@@ -97,9 +97,9 @@ class Offer:
 
 OFFERS = {
     "sensor": Offer({"temperature": 500.0}, services=["calibrate"]),
-    "stats": Offer({"mean": 20.0}, ["temperature"]),
+    "stats": Offer({"mean": 20.0}, ["temperature"], ["reset_stats"]),
     "planner": Offer({"load": 100.0}, actions=["plan"]),
-    "driver": Offer({"scan": 40.0}),
+    "driver": Offer({"scan": 40.0}, services=["reset_driver"]),
     "chart": Offer({"map": 10.0}, services=["get_map"]),
 }
 SERVER_TOPICS = (("status", True), ("feedback", True), ("result", True), ("goal", False), ("cancel", False))
@@ -502,7 +502,7 @@ class SimulatedRobot:
         self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
     ) -> dict[str, Rate]:
         del only
-        self.advance(max(seconds.values()))
+        self.advance(max(seconds.values(), default=0.0))
         found = {}
         for topic, window in seconds.items():
             by = {}

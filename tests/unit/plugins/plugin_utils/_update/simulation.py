@@ -75,6 +75,7 @@ class Simulation(SimulatedRobot):
         self.fault, self.at = "", 0
         self.calls: list[str] = []
         self.silent = 0.0
+        self.last: tuple[str, object] = ("", None)
         self.checking = False
         self.touched: set[KEY] = set()  # what a run changed
         self.proven: set[tuple[tuple[str, str], str]] = set()  # a Deployment and its template
@@ -134,7 +135,7 @@ class Simulation(SimulatedRobot):
         self.skew, self.fault = 0.0, ""
 
     @contextlib.contextmanager
-    def call(self, name: str, seconds: float, loud: bool = False) -> Iterator[str]:
+    def call(self, name: str, seconds: float, loud: bool = False, what: object = None) -> Iterator[str]:
         """One call of the engine; what it gets is the fault that strikes in its middle."""
         self.calls.append(name)
         fault = self.fault if len(self.calls) == self.at else ""
@@ -149,13 +150,13 @@ class Simulation(SimulatedRobot):
         finally:
             self.invariants()
             ticks = name not in CLUSTER_CALLS and self.time - began > SILENCE  # modules say that they are under way
-            self.quiet(name, 0.0 if loud or ticks or fault else self.time - began)
+            self.quiet((name, what), 0.0 if loud or ticks or fault else self.time - began)
 
-    def quiet(self, name: str, seconds: float) -> None:
+    def quiet(self, call: tuple[str, object], seconds: float) -> None:
         """A call says itself that it lasts; but to call again and again is a wait, and takes words in between."""
-        again = self.calls[-2:] == [name, name]
+        again, self.last = call == self.last, call
         self.silent = self.silent + seconds if again else seconds
-        assert not again or self.silent <= SILENCE, f"silent for {self.silent:.0f} s at {name}"
+        assert not again or self.silent <= SILENCE, f"silent for {self.silent:.0f} s at {call[0]}"
 
     def strike(self, fault: str, name: str) -> None:
         """What comes before the call does anything."""
@@ -423,7 +424,7 @@ class SimulatedHost:
 
     def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
         sim, wanted = self.sim, conditions_from({**conditions, "timeout": timeout, "stable": stable})
-        with sim.call("ready", 0.7):
+        with sim.call("ready", 0.7, what=id(conditions)):
             assert master
 
             def look() -> Look:

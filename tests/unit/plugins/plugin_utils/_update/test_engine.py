@@ -8,6 +8,7 @@ the next run has to bring the robot to where a run without one would have brough
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Any, Callable, Sequence
 
@@ -66,6 +67,8 @@ SCENARIOS = {
     "two-steps": Scenario(two, ["sensor", "stats"]),
     "fleet": Scenario(fleet, ["chart"]),
 }
+# all of it takes minutes: that is for ROSOPS_TEST_ALL
+SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 10
 MATRIX = [(name, version) for name, scenario in SCENARIOS.items() for version in scenario.versions]
 
 
@@ -73,48 +76,51 @@ def settings(**more: Any) -> Settings:
     return Settings(**{"ready_timeout": 30.0, "verify_seconds": 5.0, "busy_timeout": 60.0, **more})
 
 
-def begin(name: str, version: str) -> tuple[Simulation, Robot, Robot]:
+def begin(name: str, version: str) -> tuple[Simulation, Robot]:
     """A robot on its old version, and the one that is wanted."""
     scenario, sim = SCENARIOS[name], Simulation()
-    before = scenario.robot(OLD)
-    sim.install(before)
+    sim.install(scenario.robot(OLD))
     if version not in LATE:  # these pass for good ones until the old one has gone: no gate sees into the future
         sim.watched = set(scenario.overlap)
-    return sim, before, scenario.robot(image(version))
+    return sim, scenario.robot(image(version))
 
 
 def converge(sim: Simulation, wanted: Robot, version: str) -> None:
     """What the next runs come to when nothing is in the way any more."""
-    expected = {"good": ["updated", "unchanged"], "crashes-once": ["updated", "unchanged", "rolled-back"]}
-    first = sim.run(wanted, settings())
-    assert first is not None
-    assert first.outcome in expected.get(version, ["rolled-back"]), first
-    second = sim.run(wanted, settings())
-    assert second is not None
-    good = first.outcome != "rolled-back"
-    assert second.outcome in (
-        ["unchanged"] if good else ["rolled-back", "updated"] if version == "crashes-once" else ["rolled-back"]
-    )
+    found = [sim.run(wanted, settings()) for _time in range(2)]
+    words = [outcome.outcome for outcome in found if outcome]
+    if version in LATE and words[0] == "deferred-busy":  # it ended just as it was looked at
+        words = [words[1], outcome.outcome if (outcome := sim.run(wanted, settings())) else ""]
+    good, bad = [["updated", "unchanged"], ["unchanged", "unchanged"]], [["rolled-back", "rolled-back"]]
+    # what crashes once is taken back by whoever sees it, and proves itself afterwards to whoever does not
+    once = [["rolled-back", "updated"]]
+    assert words in {"good": good, "crashes-once": [*good, *bad, *once]}.get(version, bad), found
+
+
+def points(name: str, version: str, calls: Sequence[str]) -> list[tuple[str, int]]:
+    """Faults and calls at which they strike; one of every `SHARE`, turned by one from version to version."""
+    shift = MATRIX.index((name, version))
+    found = [(fault, at) for at in range(1, len(calls) + 1) for fault in FAULTS]
+    return [point for number, point in enumerate(found, shift) if number % SHARE == 0]
 
 
 @pytest.mark.parametrize(("name", "version"), MATRIX)
-def test_every_fault_at_every_call(name: str, version: str) -> None:
-    sim, _before, wanted = begin(name, version)
+def test_faults_at_every_call(name: str, version: str) -> None:
+    sim, wanted = begin(name, version)
     clean = sim.run(wanted, settings())
     assert clean is not None
     assert clean.outcome == ("updated" if version == "good" else "rolled-back"), clean
-    calls, runs = [*sim.calls], 1
+    calls, runs = [*sim.calls], 3
     converge(sim, wanted, version)
-    bad = []
-    for fault in FAULTS:
-        for at in range(1, len(calls) + 1):
-            sim, _before, wanted = begin(name, version)
-            try:
-                sim.run(wanted, settings(), fault, at)
-                sim.restore()
-                converge(sim, wanted, version)
-            except AssertionError as error:
-                bad.append(f"{fault} at {at} ({calls[at - 1]}): {error}".splitlines()[0])
-            runs += 3
+    wrong = []
+    for fault, at in points(name, version, calls):
+        sim, wanted = begin(name, version)
+        try:
+            sim.run(wanted, settings(), fault, at)
+            sim.restore()
+            converge(sim, wanted, version)
+        except AssertionError as error:
+            wrong.append(f"{fault} at {at} ({calls[at - 1]}): {error}".splitlines()[0])
+        runs += 3
     print(f"{name}, {version}: {len(calls)} calls, {runs} runs")
-    assert not bad, "\n".join(bad)
+    assert not wrong, "\n".join(wrong)
