@@ -117,7 +117,8 @@ class Engine:
         self.cluster, self.host, self.clock = world.cluster, world.host, world.clock
         self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
-        self.recorded = False
+        self.recorded = self.cancelled = False
+        self.ahead = 0.0  # what the robot's clock shows when ours shows nothing
         self.results: list[StepResult] = []
         self.changes: list[Applied] = []
 
@@ -126,7 +127,7 @@ class Engine:
     def run(self) -> RobotOutcome:
         """From what differs to the outcome. Whatever goes wrong with this robot is its outcome, and no error."""
         try:
-            self.host.there()
+            self.ahead = self.host.there() - self.clock.now()
             self._plan()
             if self.settings.check or not self.plan.steps:
                 self._change()
@@ -148,7 +149,7 @@ class Engine:
             self._record()
         for step in self.plan.steps:
             self.results.append(self._step(step))
-            if self.results[-1].outcome != UPDATED:
+            if self.results[-1].outcome != UPDATED or self.cancelled:
                 break
         self._tell()
 
@@ -179,7 +180,7 @@ class Engine:
         self.trace("record")
         try:
             self.graph, self.recorded = self.host.graph(self.master, self.settings.rate_seconds), True
-        except AwayError:
+        except (AwayError, CancelledError):
             raise
         except FleetError:
             if self.settings.on_busy != "force" and self.plan.steps[0].kind != "master":
@@ -242,6 +243,7 @@ class Engine:
         waits = policy == "wait" and not self.settings.check
         if waits:  # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
             self._apply_all([self._events(now)])
+        now.held = not self.settings.check  # as long as nobody knows better: an answer may be lost
         seen = self._until(
             lambda seconds: self.host.hold(self.master, self.keeper, gate.rest, HOLD_SECONDS, seconds),
             self.settings.busy_timeout if waits else 0.0,
@@ -262,9 +264,10 @@ class Engine:
         if self.settings.check:
             self._apply_all(now.step.objects)
             return
-        wall, bounds = self.clock.wall(), self.settings
-        until = decide.Bounds(bounds.rate_tolerance, wall + bounds.ready_timeout + CONTRACT_EXTRA)
-        objects = decide.step_objects(now.step, gate.contracts, until, wall)
+        # by the robot's clock: pods that took the contract for an old one would not hold to it
+        until = self.clock.now() + self.ahead + self.settings.ready_timeout + CONTRACT_EXTRA
+        bounds = decide.Bounds(self.settings.rate_tolerance, until)
+        objects = decide.step_objects(now.step, gate.contracts, bounds, self.clock.wall())
         now.applied = True  # from the first of these objects on
         self._apply_all([self._events(now), *objects])
 
@@ -288,12 +291,18 @@ class Engine:
         try:
             result = self._result(now, UPDATED)
             self._apply_all([*now.step.workloads, self._events(None, [result])])
+            if now.step.resume:  # the new server may have been there before, and then the keeper waits for a next one
+                self._release(now)
             return result
         except FleetError as error:
-            return self._result(now, UPDATED, f"its mark could not be taken off ({error}); the next run does that")
+            self.cancelled = isinstance(error, CancelledError)
+            reason = f"its mark could not be taken off ({error}); the next run does that"
+            self.say(f"{now.step.name}: {reason}")
+            return self._result(now, UPDATED, reason)
 
     def _failed(self, now: _Now, error: FleetError) -> StepResult:
         """Take back what was applied; what was not applied leaves nothing but held goals."""
+        self.say(f"{now.step.name}: {error}")
         if not now.applied:
             self._release(now)
             return self._result(now, FAILED, f"nothing was touched: {error}")
@@ -304,7 +313,10 @@ class Engine:
         except AwayError as away:
             return self._result(now, OFFLINE, self._left(now, f"the robot went away: {away}; before that: {error}"))
         except FleetError as worse:
+            self.say(f"{now.step.name}: the way back failed, too: {worse}")
+            self._release(now)
             return self._result(now, FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
+        self._release(now)
         return self._result(now, ROLLED_BACK, str(error))
 
     def _back(self, now: _Now) -> None:
@@ -315,7 +327,8 @@ class Engine:
             # first, so that a service never points to nothing: the old server lives, and the new one's end cannot take
             # away what is not its own any more
             self.host.register(self.master, now.graph, old)
-        self._apply_all(list(step.previous.values()))
+        # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here
+        self._apply_all(decide.marked(step.previous.values(), str(int(now.started))))
         self.cluster.delete(step.created)
         self.cluster.wait(list(step.previous.values()), self.settings.ready_timeout)
         dead = sorted({*step.new_nodes.values()} - {"", *old})
@@ -324,7 +337,7 @@ class Engine:
         if now.gate:
             proof = decide.proof_of_old(step, now.gate.contracts, self.settings.rate_tolerance)
             self._ready(proof, self.settings.ready_timeout, f"{step.name} is as it was")
-        self._release(now)
+        self._apply_all(list(step.previous.values()))
 
     # --- what the phases share --------------------------------------------------------------------------------------
 
@@ -354,7 +367,7 @@ class Engine:
             lambda seconds: self.host.ready(self.master, conditions, max(seconds, stable), stable),
             timeout,
             f"waits until {what}",
-            least=stable * 2,
+            least=stable + 2.0,
         )
         if seen.verdict != PASS:
             raise NotReadyError(seen.reason)

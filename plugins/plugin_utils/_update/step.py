@@ -55,17 +55,16 @@ def step_gate(
 def step_contracts(step: Step, graph: Graph, maps: Iterable[Object] = ()) -> dict[str, Contract]:
     """App -> its part of the graph, under the names that the new revision will have.
 
-    A step that is taken up again finds the old nodes gone or going, so what was recorded when it began counts. The
-    master's part is everything that is registered with it.
+    Where a step was cut off, or its way back was, the old nodes are gone or going, so what was recorded when it began
+    counts. The master's part is everything that is registered with it.
     """
-    if step.resume:
-        there = {str(item["metadata"]["name"]): item.get("data") or {} for item in maps}
-        return {app: json.loads(there.get(names.update_name(app), {}).get(CONTRACT_KEY) or "{}") for app in step.apps}
-    if step.kind == "master":
-        return {app: ros_contract.record(graph, sorted(graph["nodes"]), {}) for app in step.apps}
+    there = {str(item["metadata"]["name"]): item.get("data") or {} for item in maps}
+    kept = {app: json.loads(there.get(names.update_name(app), {}).get(CONTRACT_KEY) or "{}") for app in step.unproven}
+    renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept}
     return {
-        app: ros_contract.record(graph, [old for old in [step.old_nodes.get(app)] if old], step.renames)
+        app: _renamed(kept[app], renames) if app in kept else ros_contract.record(graph, nodes, step.renames)
         for app in step.apps
+        for nodes in [sorted(graph["nodes"]) if step.kind == "master" else [*filter(None, [step.old_nodes.get(app)])]]
     }
 
 
@@ -74,7 +73,7 @@ def _problems(step: Step, graph: Graph) -> list[str]:
     problems = []
     for app, node in step.new_nodes.items():
         there = graph["nodes"].get(node) or {}
-        if there.get("reachable") and node != step.old_nodes.get(app) and not step.resume:
+        if there.get("reachable") and node != step.old_nodes.get(app) and app not in step.unproven:
             problems.append(
                 f"another node is up under the name {node} that the new revision of {app} will have ({there['uri']}); "
                 "stop it, or change node_name"
@@ -185,13 +184,12 @@ class Bounds:
 
 def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
     """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
-    maps = [_update_map(app, step, contracts.get(app) or {}, bounds, now) for app in step.apps]
+    maps = [_update_map(item, step, contracts.get(app_of(item)) or {}, bounds, now) for item in step.workloads]
     return [*maps, *marked(step.objects, str(int(now)))]
 
 
-def _update_map(app: str, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
-    deployment = next(item for item in step.workloads if app_of(item) == app)
-    metadata = deployment["metadata"]
+def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
+    app, metadata = app_of(deployment), deployment["metadata"]
     limits = {"tolerance": bounds.tolerance, "until": int(bounds.until), "revision": revision_of(deployment)}
     content = {**contract, **limits} if contract else {}
     labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
