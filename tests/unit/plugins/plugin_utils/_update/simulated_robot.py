@@ -17,14 +17,13 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     MasterState,
-    NodeAnswer,
     Questions,
     Rate,
     ServiceProbe,
     StatusReading,
-    build,
     everything,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
