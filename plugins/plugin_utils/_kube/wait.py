@@ -14,7 +14,6 @@ from typing import Any, Callable, Iterable, Mapping, Protocol, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import (
     CLUSTER_WIDE,
     Ref,
@@ -43,7 +42,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change, Watch
 
 ROLLOUT_ARGS: dict[str, dict[str, Any]] = {
-    **AUTH_ARG_SPEC,
     "objects": {"type": "list", "elements": "dict", "required": True, "aliases": ["definitions"]},
     "timeout": {"type": "float", "default": 300},
     "unschedulable_grace": {"type": "float", "default": 10},

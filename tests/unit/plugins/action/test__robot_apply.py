@@ -75,3 +75,22 @@ def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
     failed = run(_robot_apply, {**api, "part": "apps"}, {})
     assert failed["failed"]
     assert "import the playbook rosops.fleet.validate" in failed["msg"]
+
+
+def test_without_a_cluster_a_run_says_who_makes_the_kubeconfig() -> None:
+    failed = apply({"kubeconfig": "/nowhere/edge.yaml"}, "apps")
+    assert failed["failed"]
+    assert "The stage k3s of rosops.fleet.site writes it" in failed["msg"]
+
+
+def test_a_refusal_names_what_was_written_before(server: Server, api: dict[str, Any]) -> None:
+    apply(api, "namespace")
+    server.write_refusals += [(422, "no")]
+    failed = apply(api, "apps")
+    assert (failed["failed"], failed["applied"]) == (True, [])
+
+
+def test_check_mode_writes_nothing(server: Server, api: dict[str, Any]) -> None:
+    result = apply(api, "namespace", check_mode=True)
+    assert [one["before_header"] for one in result["diff"]] == ["Namespace robot-robot1", "Secret robot-robot1/pull"]
+    assert not server.find("/api/v1/namespaces/robot-robot1")
