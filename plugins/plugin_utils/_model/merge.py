@@ -1,9 +1,9 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The seed's `deep_merge` (its algorithm 1), extended so that lists of named entries merge by name.
+"""The dissertation's `deep_merge` (its algorithm 1), extended so that lists of named entries merge by name.
 
-The seed replaced every list, so that an override of one variable of one container had to repeat the whole container.
+That one replaced every list, so that an override of one variable of one container had to repeat the whole container.
 Kubernetes' own strategic merge is the model for the keys: API reference, "patch merge key".
 """
 

@@ -9,7 +9,7 @@ MANAGER = "rosops.fleet"
 FLEET_NAMESPACE = "fleet"
 MASTER_NAME = "ros-master"
 MASTER_PORT = 11311
-MASTER_CONTAINER = "ros-master-container"  # the names of the seed's listing 1, so that its overrides keep working
+MASTER_CONTAINER = "ros-master-container"  # as in the dissertation's manifest, whose overrides keep working
 APP_CONTAINER = "ros-app"
 LABEL_ROBOT = "rosops.fleet/robot"
 LABEL_APP = "rosops.fleet/app"
@@ -22,8 +22,8 @@ ANNOTATION_UPDATING = "rosops.fleet/updating"  # on a Deployment while a step ch
 NODE_NAME_ENV = "ROSOPS_NODE_NAME"
 APP_ENV = "ROSOPS_APP"
 REVISION_ENV = "ROSOPS_REVISION"
-HOOKS_NAME = "rosops-hooks"  # the ConfigMap of what runs in pods, and the volume of it
-HOOKS_DIR = "/opt/rosops-fleet/hooks"
+CODE_NAME = "rosops-hooks"  # the ConfigMap of what runs in pods, and the volume of it
+CODE_DIR = "/opt/rosops-fleet/hooks"
 KEEPER_NAME = "ros-keeper"
 KEEPER_PORT = 11411
 
@@ -39,7 +39,7 @@ def ros_name(name: str) -> str:
 
 
 def claim_name(volume: str) -> str:
-    """The seed's pattern for claims: `<volume>-pvc`."""
+    """The claim of a volume, named as in the dissertation: `<volume>-pvc`."""
     return f"{volume}-pvc"
 
 
@@ -48,11 +48,11 @@ def update_name(app: str) -> str:
     return f"{app}-update"
 
 
-def fleet_hooks_name(app: str) -> str:
+def fleet_code_name(app: str) -> str:
     """The ConfigMap of an app of the whole fleet. Not in the others' map: a robot without the app applies that, too."""
-    return f"{HOOKS_NAME}-{app}"
+    return f"{CODE_NAME}-{app}"
 
 
 def default_mount_path(volume: str) -> str:
-    """The seed's default mount path of a volume."""
+    """Where a volume is mounted if nothing is said, as in the dissertation."""
     return f"/mnt/data/{volume}"

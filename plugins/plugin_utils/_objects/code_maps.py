@@ -34,12 +34,12 @@ def code_maps(robot: Robot, code: Mapping[str, str]) -> list[Object]:
     objects = []
     if own or mode == "robot":  # the keeper of a master mounts it, too
         data = {**code, **dict(_settings_file(app, robot) for app in own)}
-        objects.append(config_map(names.HOOKS_NAME, robot.namespace, owner_labels(robot.name), data))
+        objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), data))
     if shared or mode == "shared":
-        objects.append(config_map(names.HOOKS_NAME, fleet, owner_labels(None), code))
+        objects.append(config_map(names.CODE_NAME, fleet, owner_labels(None), code))
     for app in shared:
         data = dict([_settings_file(app, robot)])
-        objects.append(config_map(names.fleet_hooks_name(app.name), fleet, owner_labels(None), data))
+        objects.append(config_map(names.fleet_code_name(app.name), fleet, owner_labels(None), data))
     return objects
 
 

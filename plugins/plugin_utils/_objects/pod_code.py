@@ -22,23 +22,23 @@ def code_command(word: str) -> list[str]:
     >>> code_command("ready")
     ['python3', '-I', '-S', '/opt/rosops-fleet/hooks/run.py', 'ready']
     """
-    return ["python3", "-I", "-S", f"{names.HOOKS_DIR}/run.py", word]
+    return ["python3", "-I", "-S", f"{names.CODE_DIR}/run.py", word]
 
 
 def code_mount() -> Object:
     """Where the code appears in a container."""
-    return mount(names.HOOKS_NAME, names.HOOKS_DIR, read_only=True)
+    return mount(names.CODE_NAME, names.CODE_DIR, read_only=True)
 
 
 def code_volume(app: App | None = None) -> Object:
     """The code; for an app with its settings, and its contract while a step of an update is under way."""
-    maps: list[dict[str, Any]] = [{"name": names.HOOKS_NAME}]
+    maps: list[dict[str, Any]] = [{"name": names.CODE_NAME}]
     if app is not None:
         if app.scope == "fleet":
-            maps.append({"name": names.fleet_hooks_name(app.name)})
+            maps.append({"name": names.fleet_code_name(app.name)})
         contract = {"key": "contract.json", "path": "contract.json"}
         maps.append({"name": names.update_name(app.name), "items": [contract], "optional": True})
-    return {"name": names.HOOKS_NAME, "projected": {"sources": [{"configMap": item} for item in maps]}}
+    return {"name": names.CODE_NAME, "projected": {"sources": [{"configMap": item} for item in maps]}}
 
 
 def app_probes() -> Object:

@@ -161,7 +161,7 @@ def _volumes(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
 
 def _mounts(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Kubernetes refuses two mounts at one path, long after validation."""
-    places: dict[str, str] = {names.HOOKS_DIR: "the collection's own code"} if app.hooks else {}
+    places: dict[str, str] = {names.CODE_DIR: "the collection's own code"} if app.hooks else {}
     for key, field, targets in (
         ("volumes", "mount_path", [mount.mount_path for mount in app.volumes]),
         ("devices", "", app.devices),

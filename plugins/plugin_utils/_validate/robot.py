@@ -59,7 +59,7 @@ def _volume_names(draft: Draft) -> Iterator[Problem]:
             yield Problem(path, f"is '{name}' for the second time", "a name of its own")
         if re.fullmatch(r"(device|host-path)-[0-9]+", name):
             yield Problem(path, f"is '{name}', a name that devices and host paths get", "any other name")
-        if name == names.HOOKS_NAME:
+        if name == names.CODE_NAME:
             yield Problem(path, f"is '{name}', the volume of the collection's own code", "any other name")
 
 

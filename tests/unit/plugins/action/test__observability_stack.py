@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _observability_stack
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
