@@ -176,6 +176,10 @@ test-faults: artifacts ## As molecule-update and molecule-observability, with th
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name update
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name observability
 
+.PHONY: dashboards
+dashboards: ## Write the shipped Grafana dashboards anew from tools/dashboards
+	@PYTHONPATH=tools python -m dashboards
+
 .PHONY: bench
 bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hours; BENCH="--trials 1 --messages 10000" for minutes)
 	python benchmarks/bench_update.py $(BENCH)

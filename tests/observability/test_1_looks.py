@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 import pytest
-from dashboards_queries import NEEDS, TEXT_NEEDS, Query, all_queries, needs
+from dashboards.queries import NEEDS, TEXT_NEEDS, Query, all_queries, needs
 from runs import wait_until
 from watched import ALONE, EDGE, INTERVAL, MEMBER, ROBOTS, Watched
 from watchers import RefusedError

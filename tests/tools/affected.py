@@ -26,7 +26,7 @@ UNIT = "tests/unit/"
 ALWAYS = "tests/unit/test_rooms.py"
 NEAR = 2
 # Where else than in the checkout and beside the file itself an import may begin.
-ROOTS = ("tests/tools", "tests/lab", "tests/apps", "benchmarks")
+ROOTS = ("tests/tools", "tools", "tests/lab", "tests/apps", "benchmarks")
 GENERAL = {"tests", "unit", "plugins", "tasks", "defaults", "meta", "files", "main.yml"}
 
 

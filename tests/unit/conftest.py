@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Let plain pytest import the collection by its full name, from any checkout path, and the tools of tests/tools."""
+"""Let plain pytest import the collection by its full name, from any checkout path, and our own tools."""
 
 from __future__ import annotations
 
@@ -13,4 +13,4 @@ TREE = CHECKOUT / ".ansible" / "collections"
 # Under `ansible-test units` the checkout already stands in a collections tree that ansible-test puts on the path.
 if (TREE / "ansible_collections" / "rosops" / "fleet").exists():
     sys.path.insert(0, str(TREE))
-sys.path.insert(0, str(CHECKOUT / "tests" / "tools"))
+sys.path[:0] = [str(CHECKOUT / "tests" / "tools"), str(CHECKOUT / "tools")]

@@ -71,6 +71,7 @@ LEFT = [
     "tests/tools/x.py",
     "tests/unit/golden/x.yml",
     "tests/update/x.py",
+    "tools/dashboards/x.py",
 ]
 
 

@@ -61,7 +61,7 @@ def token_verdict(given: str, kept: str, cluster: str) -> str:
     return "differs" if len(set(known)) > 1 else "same"
 
 
-def redact(text: str, secrets: Iterable[str] = ()) -> str:
+def without_secrets(text: str, secrets: Iterable[str] = ()) -> str:
     """The text without tokens and passwords: it goes into an error message."""
     for secret in sorted(
         {token_password(secret) for secret in secrets if len(secret.strip()) > 3}, key=len, reverse=True
@@ -71,7 +71,7 @@ def redact(text: str, secrets: Iterable[str] = ()) -> str:
     return SECRETS[1].sub(r"\1********", text)
 
 
-def worth_telling(journal: list[str], count: int) -> list[str]:
+def last_errors(journal: list[str], count: int) -> list[str]:
     """The last lines of errors, each cut to a readable length; k3s writes much, and most of it is no news."""
     errors = [line for line in journal if TROUBLE.search(line)]
     return [line[:LONGEST_LINE] for line in (errors or journal)[-count:]]
@@ -179,8 +179,8 @@ class K3sHost:
     def journal(self, service: str, lines: int, since: float, secrets: Iterable[str]) -> str:
         """The last lines that say something is wrong; of a unit that says nothing of the kind, the last lines."""
         command = ["journalctl", "-u", service, "--since", f"@{int(since)}", "-n", "500", "-o", "cat", "--no-pager"]
-        text = redact(str(self.run(command)[1]), secrets)
-        return "\n".join(worth_telling(text.splitlines(), lines))
+        text = without_secrets(str(self.run(command)[1]), secrets)
+        return "\n".join(last_errors(text.splitlines(), lines))
 
     def secrets(self) -> list[str]:
         return [self.read(f"{CONFIG_DIR}/{name}") for name in ("token", "agent-token")]

@@ -9,7 +9,7 @@ import base64
 from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.yaml_text import yaml_text
 
 Spec = Mapping[str, Any]
@@ -26,7 +26,7 @@ def alertmanager_secret(spec: Spec) -> dict[str, Any]:
     return {
         "apiVersion": "v1",
         "kind": "Secret",
-        "metadata": made.metadata(obs.ALERTMANAGER, obs.ALERTMANAGER, spec),
+        "metadata": workload.metadata(obs.ALERTMANAGER, obs.ALERTMANAGER, spec),
         "data": {"alertmanager.yml": base64.b64encode(text.encode()).decode()},
     }
 
@@ -34,7 +34,7 @@ def alertmanager_secret(spec: Spec) -> dict[str, Any]:
 def alertmanager_objects(spec: Spec) -> list[dict[str, Any]]:
     """Alertmanager without its Secret. What it silences and has sent goes with the pod."""
     name = obs.ALERTMANAGER
-    container = made.container(
+    container = workload.container(
         name,
         spec["images"]["alertmanager"],
         [
@@ -43,15 +43,15 @@ def alertmanager_objects(spec: Spec) -> list[dict[str, Any]]:
             "--cluster.listen-address=",  # one of it, nobody to agree with
             "--log.level=warn",
         ],
-        env=made.memory("32MiB"),
-        ports=made.port_of(name),
-        resources=made.resources("10m", "32Mi", "96Mi"),
+        env=workload.memory("32MiB"),
+        ports=workload.port_of(name),
+        resources=workload.resources("10m", "32Mi", "96Mi"),
         volumeMounts=[
             {"name": "config", "mountPath": CONFIG_DIR, "readOnly": True},
             {"name": "data", "mountPath": "/alertmanager"},
         ],
-        readinessProbe=made.probe("/-/ready", obs.PORTS[name]),
+        readinessProbe=workload.probe("/-/ready", obs.PORTS[name]),
     )
-    volumes = [{"name": "config", "secret": {"secretName": name}}, made.data_volume(name, False)]
-    pod = made.pod_spec([container], volumes, securityContext=made.as_user(NOBODY))
-    return [made.workload(name, spec, pod, spec["alertmanager"]["config"]), made.service(name, spec)]
+    volumes = [{"name": "config", "secret": {"secretName": name}}, workload.data_volume(name, False)]
+    pod = workload.pod_spec([container], volumes, securityContext=workload.as_user(NOBODY))
+    return [workload.workload(name, spec, pod, spec["alertmanager"]["config"]), workload.service(name, spec)]

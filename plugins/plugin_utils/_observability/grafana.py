@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.grafana_provisioning import (
     FOLDERS,
     PROVISIONING,
@@ -60,18 +60,18 @@ def grafana_objects(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], adm
     files = {"datasources.yml": yaml_text(datasources(spec)), "dashboards.yml": yaml_text(providers())}
     persistent = grafana["persistence"]["enabled"]
     maps = [
-        made.config_map(map_name(folder, file), name, spec, {file: text})
+        workload.config_map(map_name(folder, file), name, spec, {file: text})
         for folder, found in dashboards.items()
         for file, text in sorted(found.items())
     ]
     open_port = grafana["node_port"] if grafana["service_type"] == "NodePort" else None
     return [
-        made.config_map(name, name, spec, files),
+        workload.config_map(name, name, spec, files),
         *maps,
-        *([made.claim(name, spec, grafana["persistence"]["size"])] if persistent else []),
-        made.workload(name, spec, _pod(spec, dashboards, persistent, admin_version), files),
-        made.service(name, spec, open_port),
-        *(made.allow_list(name, spec) if open_port is not None else []),
+        *([workload.claim(name, spec, grafana["persistence"]["size"])] if persistent else []),
+        workload.workload(name, spec, _pod(spec, dashboards, persistent, admin_version), files),
+        workload.service(name, spec, open_port),
+        *(workload.allow_list(name, spec) if open_port is not None else []),
     ]
 
 
@@ -100,29 +100,29 @@ def _pod(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], persistent: bo
             for folder, path in FOLDERS.items()
         ),
     ]
-    first = made.container("admin-password", image, [], env=[*settings, version], volumeMounts=own)
+    first = workload.container("admin-password", image, [], env=[*settings, version], volumeMounts=own)
     first["command"] = ["/bin/sh", "-c", SET_PASSWORD]
     del first["args"]
-    container = made.container(
+    container = workload.container(
         name,
         image,
         [],
         env=settings,
-        ports=made.port_of(name),
-        resources=made.resources("50m", "128Mi", "512Mi"),
+        ports=workload.port_of(name),
+        resources=workload.resources("50m", "128Mi", "512Mi"),
         volumeMounts=[*own, *provisioning],
-        readinessProbe=made.probe("/api/health", obs.PORTS[name]),
+        readinessProbe=workload.probe("/api/health", obs.PORTS[name]),
     )
     del container["args"]
     volumes = [
-        made.data_volume(name, persistent),
+        workload.data_volume(name, persistent),
         {"name": "admin", "secret": {"secretName": obs.ADMIN_SECRET}},
         {"name": "tmp", "emptyDir": {}},
         _part("config", "datasources.yml"),
         _part("providers", "dashboards.yml"),
         *(_folder(folder, dashboards.get(folder) or {}) for folder in FOLDERS),
     ]
-    return made.pod_spec([container], volumes, initContainers=[first], securityContext=made.as_user(USER))
+    return workload.pod_spec([container], volumes, initContainers=[first], securityContext=workload.as_user(USER))
 
 
 def _part(volume: str, file: str) -> Object:

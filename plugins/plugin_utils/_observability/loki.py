@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.loki_config import (
     DATA,
     RULES_DIR,
@@ -28,13 +28,13 @@ def loki_objects(spec: Spec, rules: Mapping[str, str]) -> list[dict[str, Any]]:
     name = obs.LOKI
     config = yaml_text(loki_config(spec))
     persistent = spec["loki"]["persistence"]["enabled"]
-    container = made.container(
+    container = workload.container(
         name,
         spec["images"]["loki"],
         ["-config.file=/etc/loki/loki.yml"],
         env=[{"name": "GOMEMLIMIT", "value": "300MiB"}],
-        ports=made.port_of(name),
-        resources=made.resources("50m", "128Mi", "640Mi"),
+        ports=workload.port_of(name),
+        resources=workload.resources("50m", "128Mi", "640Mi"),
         volumeMounts=[
             {"name": "config", "mountPath": "/etc/loki", "readOnly": True},
             {"name": "rules", "mountPath": f"{RULES_DIR}/{TENANT}", "readOnly": True},
@@ -42,26 +42,26 @@ def loki_objects(spec: Spec, rules: Mapping[str, str]) -> list[dict[str, Any]]:
             {"name": "tmp", "mountPath": "/tmp"},  # noqa: S108 - the container's own
         ],
         # it says ready 15 s after its start: so long it waits for others that might share its work
-        readinessProbe=made.probe("/ready", obs.PORTS[name]),
+        readinessProbe=workload.probe("/ready", obs.PORTS[name]),
     )
     volumes = [
-        made.map_volume("config", name),
-        made.map_volume("rules", RULES_MAP),
-        made.data_volume(name, persistent),
+        workload.map_volume("config", name),
+        workload.map_volume("rules", RULES_MAP),
+        workload.data_volume(name, persistent),
         {"name": "tmp", "emptyDir": {}},
     ]
-    pod = made.pod_spec(
+    pod = workload.pod_spec(
         [container],
         volumes,
-        securityContext=made.as_user(USER),
+        securityContext=workload.as_user(USER),
         terminationGracePeriodSeconds=60,  # it writes what it holds in memory to disk
     )
     hub = spec["profile"] == obs.HUB
     return [
-        made.config_map(name, name, spec, {"loki.yml": config}),
-        made.config_map(RULES_MAP, name, spec, rules),
-        *([made.claim(name, spec, spec["loki"]["persistence"]["size"])] if persistent else []),
-        made.workload(name, spec, pod, [config, dict(rules)]),
-        made.service(name, spec, spec["hub"]["logs_port"] if hub else None),
-        *(made.allow_list(name, spec) if hub else []),
+        workload.config_map(name, name, spec, {"loki.yml": config}),
+        workload.config_map(RULES_MAP, name, spec, rules),
+        *([workload.claim(name, spec, spec["loki"]["persistence"]["size"])] if persistent else []),
+        workload.workload(name, spec, pod, [config, dict(rules)]),
+        workload.service(name, spec, spec["hub"]["logs_port"] if hub else None),
+        *(workload.allow_list(name, spec) if hub else []),
     ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 
 Spec = Mapping[str, Any]
 
@@ -51,23 +51,23 @@ def node_exporter_objects(spec: Spec) -> list[dict[str, Any]]:
         f"--collector.filesystem.mount-points-exclude={POD_MOUNTS}",
         "--collector.netdev.device-exclude=^(?:veth.*|cni.*|flannel.*|lo)$",
     ]
-    container = made.container(
+    container = workload.container(
         name,
         spec["images"]["node_exporter"],
         args,
         env=[
             {"name": "HOST_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.hostIP"}}},
-            *made.memory("16MiB"),
+            *workload.memory("16MiB"),
         ],
-        ports=[{**made.port_of(name)[0], "hostPort": port}],
-        resources=made.resources("10m", "16Mi", "64Mi"),
+        ports=[{**workload.port_of(name)[0], "hostPort": port}],
+        resources=workload.resources("10m", "16Mi", "64Mi"),
         volumeMounts=[
             {"name": "root", "mountPath": HOST_ROOT, "readOnly": True, "mountPropagation": "HostToContainer"}
         ],
     )
     # It listens on its host's address, which the kubelet's probe asks anyway.
-    container["readinessProbe"] = made.probe("/", port)
-    pod = made.pod_spec(
+    container["readinessProbe"] = workload.probe("/", port)
+    pod = workload.pod_spec(
         [container],
         [{"name": "root", "hostPath": {"path": "/"}}],
         hostNetwork=True,
@@ -75,4 +75,4 @@ def node_exporter_objects(spec: Spec) -> list[dict[str, Any]]:
         securityContext={"runAsNonRoot": True, "runAsUser": NOBODY, "runAsGroup": NOBODY},
         terminationGracePeriodSeconds=5,
     )
-    return [made.workload(name, spec, pod, args)]
+    return [workload.workload(name, spec, pod, args)]

@@ -19,7 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_la
     PATH,
     POD_LOGS,
     ROBOT_OF_NAMESPACE,
-    whole,
+    anchored,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import bytes_of
 
@@ -110,10 +110,10 @@ def _operators(spec: Spec) -> list[dict[str, Any]]:
             "source_identifier": FILE,
             "max_log_size": "1MiB",
         },
-        _parse(FILE, whole(PATH)),
+        _parse(FILE, anchored(PATH)),
         *given,
-        {**_parse("resource.namespace", whole(ROBOT_OF_NAMESPACE)), "if": 'resource.namespace startsWith "robot-"'},
-        _parse("resource.pod", whole(APP_OF_POD)),
+        {**_parse("resource.namespace", anchored(ROBOT_OF_NAMESPACE)), "if": 'resource.namespace startsWith "robot-"'},
+        _parse("resource.pod", anchored(APP_OF_POD)),
         _add("resource.placement", placement),
         _move("attributes.log", "body"),
         *({"type": "remove", "field": field} for field in (FILE, "attributes.time", "attributes.logtag")),

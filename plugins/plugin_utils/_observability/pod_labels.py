@@ -24,7 +24,7 @@ ROBOT_OF_NAMESPACE = r"robot-(?P<robot>.+)"
 PATH = rf"{POD_LOGS}/(?P<namespace>[^_/]+)_(?P<pod>[^_/]+)_[^/]+/(?P<container>[^/]+)/.*"
 
 
-def whole(regex: str) -> str:
+def anchored(regex: str) -> str:
     """Anchored at both ends, and without a dollar, which both shippers' own files take for a variable's beginning."""
     return rf"\A{regex}\z"
 

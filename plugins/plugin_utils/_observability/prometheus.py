@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.prometheus_config import (
     RULES_DIR,
     prometheus_config,
@@ -45,30 +45,34 @@ def prometheus_objects(spec: Spec, rules: Mapping[str, str]) -> list[Object]:
     hub = spec["profile"] == obs.HUB
     if hub:
         args.append("--web.enable-remote-write-receiver")
-    container = made.container(
+    container = workload.container(
         name,
         spec["images"]["prometheus"],
         args,
         env=[{"name": "GOMEMLIMIT", "value": "400MiB"}],
-        ports=made.port_of(name),
-        resources=made.resources("50m", "128Mi", "768Mi"),
+        ports=workload.port_of(name),
+        resources=workload.resources("50m", "128Mi", "768Mi"),
         volumeMounts=[
             {"name": "config", "mountPath": CONFIG_DIR, "readOnly": True},
             {"name": "rules", "mountPath": RULES_DIR, "readOnly": True},
             {"name": "data", "mountPath": DATA_DIR},
         ],
-        readinessProbe=made.probe("/-/ready", obs.PORTS[name]),
+        readinessProbe=workload.probe("/-/ready", obs.PORTS[name]),
     )
-    volumes = [made.map_volume("config", name), made.map_volume("rules", RULES_MAP), made.data_volume(name, True)]
+    volumes = [
+        workload.map_volume("config", name),
+        workload.map_volume("rules", RULES_MAP),
+        workload.data_volume(name, True),
+    ]
     pod = _discovering(name, [container], volumes, 60)
     return [
         *discovery_access(name, spec),
-        made.config_map(name, name, spec, {"prometheus.yml": config}),
-        made.config_map(RULES_MAP, name, spec, rules),
-        made.claim(name, spec, spec["prometheus"]["size"]),
-        made.workload(name, spec, pod, [config, dict(rules)]),
-        made.service(name, spec, spec["hub"]["metrics_port"] if hub else None),
-        *(made.allow_list(name, spec) if hub else []),
+        workload.config_map(name, name, spec, {"prometheus.yml": config}),
+        workload.config_map(RULES_MAP, name, spec, rules),
+        workload.claim(name, spec, spec["prometheus"]["size"]),
+        workload.workload(name, spec, pod, [config, dict(rules)]),
+        workload.service(name, spec, spec["hub"]["metrics_port"] if hub else None),
+        *(workload.allow_list(name, spec) if hub else []),
     ]
 
 
@@ -86,43 +90,43 @@ def vmagent_objects(spec: Spec) -> list[Object]:
         "-memory.allowedBytes=16MB",
         "-loggerLevel=WARN",
     ]
-    container = made.container(
+    container = workload.container(
         name,
         spec["images"]["vmagent"],
         args,
-        env=made.memory("20MiB"),
-        ports=made.port_of(name),
-        resources=made.resources("20m", "24Mi", "96Mi"),
+        env=workload.memory("20MiB"),
+        ports=workload.port_of(name),
+        resources=workload.resources("20m", "24Mi", "96Mi"),
         volumeMounts=[
             {"name": "config", "mountPath": CONFIG_DIR, "readOnly": True},
             {"name": "data", "mountPath": VMAGENT_DATA},
         ],
-        readinessProbe=made.probe("/health", obs.PORTS[name]),
+        readinessProbe=workload.probe("/health", obs.PORTS[name]),
     )
-    pod = _discovering(name, [container], [made.map_volume("config", name), made.data_volume(name, True)], 30)
+    pod = _discovering(name, [container], [workload.map_volume("config", name), workload.data_volume(name, True)], 30)
     return [
         *discovery_access(name, spec),
-        made.config_map(name, name, spec, {"prometheus.yml": config}),
-        made.claim(name, spec, spec["store"]["size"]),
-        made.workload(name, spec, pod, config),
-        made.service(name, spec),
+        workload.config_map(name, name, spec, {"prometheus.yml": config}),
+        workload.claim(name, spec, spec["store"]["size"]),
+        workload.workload(name, spec, pod, config),
+        workload.service(name, spec),
     ]
 
 
 def _discovering(name: str, containers: list[Object], volumes: list[Object], grace: int) -> Object:
-    return made.pod_spec(
+    return workload.pod_spec(
         containers,
         volumes,
         automountServiceAccountToken=True,
         serviceAccountName=name,
-        securityContext=made.as_user(NOBODY),
+        securityContext=workload.as_user(NOBODY),
         terminationGracePeriodSeconds=grace,
     )
 
 
 def discovery_access(name: str, spec: Spec) -> list[Object]:
     """An account that may see what there is to scrape, and read the metrics of nodes and API servers: nothing else."""
-    meta = made.metadata(name, name, spec)
+    meta = workload.metadata(name, name, spec)
     wide = {"name": f"rosops-fleet-{name}", "labels": meta["labels"]}
     rules = [
         {"apiGroups": [""], "resources": ["nodes", "pods", "services", "endpoints"], "verbs": ["get", "list", "watch"]},

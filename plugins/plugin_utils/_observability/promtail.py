@@ -19,8 +19,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_la
     POD_LOGS,
     ROBOT_OF_NAMESPACE,
     STREAM_LABELS,
+    anchored,
     remote_regex,
-    whole,
 )
 
 Spec = Mapping[str, Any]
@@ -77,9 +77,9 @@ def _placement(spec: Spec) -> list[dict[str, Any]]:
 def _stages() -> list[dict[str, Any]]:
     return [
         {"cri": {}},
-        {"regex": {"source": "filename", "expression": whole(PATH)}},
-        {"regex": {"source": "namespace", "expression": whole(ROBOT_OF_NAMESPACE)}},
-        {"regex": {"source": "pod", "expression": whole(APP_OF_POD)}},
+        {"regex": {"source": "filename", "expression": anchored(PATH)}},
+        {"regex": {"source": "namespace", "expression": anchored(ROBOT_OF_NAMESPACE)}},
+        {"regex": {"source": "pod", "expression": anchored(APP_OF_POD)}},
         {"labels": dict.fromkeys(label for label in STREAM_LABELS if label != "placement")},
         {"structured_metadata": {"container": None, "stream": None}},
         {"labelallow": list(STREAM_LABELS)},

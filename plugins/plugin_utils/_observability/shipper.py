@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Mapping
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.otelcol import (
     FEATURE_GATE,
     NODE_ENV,
@@ -39,18 +39,18 @@ def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
     if kind == "otelcol":
         config = yaml_text(otelcol_config(spec, loki))
         args = [f"--config={CONFIG_DIR}/{file}", f"--feature-gates={FEATURE_GATE}"]
-        env, ready, room = made.memory("40MiB"), "/metrics", made.resources("20m", "48Mi", "128Mi")
+        env, ready, room = workload.memory("40MiB"), "/metrics", workload.resources("20m", "48Mi", "128Mi")
     else:
         config = yaml_text(promtail_config(spec, loki))
         args = [f"-config.file={CONFIG_DIR}/{file}", "-config.expand-env=true"]
-        env, ready, room = made.memory("64MiB"), "/ready", made.resources("20m", "64Mi", "160Mi")
+        env, ready, room = workload.memory("64MiB"), "/ready", workload.resources("20m", "64Mi", "160Mi")
     port = obs.SHIPPER_PORTS[kind]
-    container = made.container(
+    container = workload.container(
         name,
         spec["images"][kind],
         args,
         env=[{"name": NODE_ENV, "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}}, *env],
-        ports=made.port_of(name, port),
+        ports=workload.port_of(name, port),
         resources=room,
         volumeMounts=[
             {"name": "config", "mountPath": CONFIG_DIR, "readOnly": True},
@@ -58,17 +58,17 @@ def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
             {"name": "state", "mountPath": STATE_DIR},
         ],
         # Promtail is ready once it has found a file, the collector once it counts what it does
-        readinessProbe=made.probe(ready, port),
+        readinessProbe=workload.probe(ready, port),
     )
     container["securityContext"] = SECURITY
-    pod = made.pod_spec(
+    pod = workload.pod_spec(
         [container],
         [
-            made.map_volume("config", name),
+            workload.map_volume("config", name),
             {"name": "logs", "hostPath": {"path": POD_LOGS, "type": "DirectoryOrCreate"}},
             {"name": "state", "hostPath": {"path": STATE_DIR, "type": "DirectoryOrCreate"}},
         ],
         securityContext={"runAsUser": 0, "runAsGroup": 0},
         terminationGracePeriodSeconds=15,
     )
-    return [made.config_map(name, name, spec, {file: config}), made.workload(name, spec, pod, [kind, config])]
+    return [workload.config_map(name, name, spec, {file: config}), workload.workload(name, spec, pod, [kind, config])]

@@ -14,7 +14,7 @@ from typing import Any, Mapping
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload as made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.alertmanager import (
     alertmanager_objects,
     alertmanager_secret,
@@ -97,7 +97,7 @@ def stack_secrets(spec: Spec, admin: Mapping[str, str]) -> list[Object]:
     found = []
     if wanted[obs.GRAFANA] and admin["password"]:
         secret = {"user": "admin", "password": admin["password"], "version": admin["version"]}
-        meta = made.metadata(obs.ADMIN_SECRET, obs.GRAFANA, spec)
+        meta = workload.metadata(obs.ADMIN_SECRET, obs.GRAFANA, spec)
         data = {key: base64.b64encode(str(value).encode()).decode() for key, value in secret.items()}
         found.append({"apiVersion": "v1", "kind": "Secret", "metadata": meta, "data": data})
     if wanted[obs.ALERTMANAGER]:

@@ -10,11 +10,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-import dashboards
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import dashboards as _dashboards
-from dashboards_lint import fleet_findings, logql_findings, page_findings, promql_findings
-from dashboards_queries import FILES, Query, all_queries, filled, needs, of_rules
+from dashboards import build
+from dashboards.lint import fleet_findings, logql_findings, page_findings, promql_findings
+from dashboards.queries import FILES, Query, all_queries, filled, needs, of_rules
 
 METRICS = Path(__file__).resolve().parent / "metrics"
 MODULE_UTILS = FILES.parents[2] / "plugins" / "module_utils"
@@ -50,18 +50,18 @@ def pages() -> list[dict[str, Any]]:
 
 
 def test_the_files_are_what_the_generator_writes() -> None:
-    assert dashboards.stale(dashboards.FOLDER) == []
-    assert set(dashboards.dashboards()) == NAMES
+    assert build.stale(build.FOLDER) == []
+    assert set(build.dashboards()) == NAMES
 
 
 def test_a_changed_missing_or_left_over_file_is_noticed(tmp_path: Path) -> None:
-    for name, text in dashboards.written().items():
+    for name, text in build.written().items():
         (tmp_path / name).write_text(text, "utf-8")
-    assert dashboards.stale(tmp_path) == []
+    assert build.stale(tmp_path) == []
     (tmp_path / "fleet.json").write_text("{}", "utf-8")
     (tmp_path / "robot.json").unlink()
     (tmp_path / "old.json").write_text("{}", "utf-8")
-    assert dashboards.stale(tmp_path) == ["fleet.json", "old.json", "robot.json"]
+    assert build.stale(tmp_path) == ["fleet.json", "old.json", "robot.json"]
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: str(page["uid"]))
@@ -111,7 +111,7 @@ def test_what_is_asked_for_is_kept_when_it_is_scraped(job: str, lists: str) -> N
 
 
 def broken(**changes: Any) -> dict[str, Any]:
-    page = copy.deepcopy(dashboards.dashboards()["fleet"])
+    page = copy.deepcopy(build.dashboards()["fleet"])
     return {**page, **changes}
 
 

@@ -63,12 +63,12 @@ def test_given_tokens_against_the_running_one(given: str, kept: str, cluster: st
     ],
 )
 def test_no_secret_gets_into_a_message(text: str) -> None:
-    assert "s3cret" not in _k3s.redact(text, ["s3cret\n"])
+    assert "s3cret" not in _k3s.without_secrets(text, ["s3cret\n"])
 
 
 def test_ordinary_lines_stay_as_they_are() -> None:
     line = 'time="2026-11-21" level=fatal msg="starting kubernetes: address already in use"'
-    assert _k3s.redact(line, ["", "s3cret"]) == line
+    assert _k3s.without_secrets(line, ["", "s3cret"]) == line
 
 
 @pytest.mark.parametrize(
@@ -188,5 +188,5 @@ def test_the_journal_comes_without_secrets() -> None:
 def test_the_journal_comes_with_what_matters() -> None:
     wrong = 'time="2026-11-21" level=fatal msg="flag provided but not defined: -nodename"'
     journal = [wrong, "I1121 04:06:58 all is well", '{"level":"warn","msg":"slow"}', "x" * 999]
-    assert _k3s.worth_telling(journal, 5) == [wrong]
-    assert _k3s.worth_telling(journal[1:], 2) == [journal[2], "x" * 300]
+    assert _k3s.last_errors(journal, 5) == [wrong]
+    assert _k3s.last_errors(journal[1:], 2) == [journal[2], "x" * 300]

@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from typing import Any, Callable, Collection, Iterator, Sequence
 
-from dashboards_queries import Query, of_page
+from .queries import Query, of_page
 
 Page = dict[str, Any]
 SOURCES = {"prometheus": "${prometheus}", "loki": "${loki}"}

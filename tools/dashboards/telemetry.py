@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from dashboards_page import OF_ROBOT as R
-from dashboards_page import ROBOTS, page
-from dashboards_panels import (
+from .page import OF_ROBOT as R
+from .page import ROBOTS, page
+from .panels import (
     RED_ABOVE,
     Json,
     graph,

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from dashboards_page import OF_ROBOT as R
-from dashboards_page import ROBOTS, SENT, page
-from dashboards_panels import GREEN_ABOVE, RED_ABOVE, Json, graph, label_variable, latest, query, stat, states, table
+from .page import OF_ROBOT as R
+from .page import ROBOTS, SENT, page
+from .panels import GREEN_ABOVE, RED_ABOVE, Json, graph, label_variable, latest, query, stat, states, table
 
 TOPICS = label_variable("topic", f"label_values(ros_topic_publishers{{{R}}}, topic)")
 RECORDED = "robot_topic:ros_topic_messages_out:rate1m"

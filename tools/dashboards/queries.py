@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every query of dashboards and rules, as Prometheus and Loki are asked: for the lint and for tests on a running lab.
 
-python tests/tools/dashboards_queries.py [robot]      # as JSON
+PYTHONPATH=tools python -m dashboards.queries [robot]      # as JSON
 """
 
 from __future__ import annotations

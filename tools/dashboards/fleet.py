@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from dashboards_page import CARDS, DISKS, ONE_ROBOT, ROBOTS, SENT, page
-from dashboards_page import OF_ROBOT as R
-from dashboards_panels import GREEN_ABOVE, RED_ABOVE, Json, graph, latest, log_query, logs, query, stat, states, table
+from .page import CARDS, DISKS, ONE_ROBOT, ROBOTS, SENT, page
+from .page import OF_ROBOT as R
+from .panels import GREEN_ABOVE, RED_ABOVE, Json, graph, latest, log_query, logs, query, stat, states, table
 
 
 def fleet() -> Json:

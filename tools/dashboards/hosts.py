@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from dashboards_page import CARDS, DISKS, ROBOTS, page
-from dashboards_panels import Json, graph, label_variable, query, stat
+from .page import CARDS, DISKS, ROBOTS, page
+from .panels import Json, graph, label_variable, query, stat
 
 N = 'node=~"$node"'
 NODES = label_variable("node", "label_values(node_time_seconds, node)")

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from dashboards_page import OF_ROBOT as R
-from dashboards_page import ROBOTS, SENT, UPDATE_LINES, page
-from dashboards_panels import RED_ABOVE, Json, graph, latest, log_query, logs, query, stat, states, table
+from .page import OF_ROBOT as R
+from .page import ROBOTS, SENT, UPDATE_LINES, page
+from .panels import RED_ABOVE, Json, graph, latest, log_query, logs, query, stat, states, table
 
 
 def updates() -> Json:

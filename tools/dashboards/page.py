@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Sequence
 
-from dashboards_panels import LOKI, SCHEMA_VERSION, Json, label_variable, placed, source_variable
+from .panels import LOKI, SCHEMA_VERSION, Json, label_variable, placed, source_variable
 
 PREFIX = "rosops-"
 HEIGHTS = {"stat": 4, "timeseries": 8, "state-timeline": 8, "table": 9, "logs": 12}

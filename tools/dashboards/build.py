@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes the role's Grafana dashboards (roles/observability/files/dashboards): a query or a unit stands in one place.
 
-python tests/tools/dashboards.py            # write them
-python tests/tools/dashboards.py --check    # fail if a file is not what would be written
+make dashboards                             # write them
+PYTHONPATH=tools python -m dashboards --check    # fail if a file is not what would be written
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import json
 import sys
 from pathlib import Path
 
-from dashboards_fleet import fleet, robot
-from dashboards_hosts import hosts
-from dashboards_page import PREFIX
-from dashboards_panels import Json
-from dashboards_ros import ros_graph, topics
-from dashboards_telemetry import log_pages, telemetry
-from dashboards_updates import updates
+from .fleet import fleet, robot
+from .hosts import hosts
+from .page import PREFIX
+from .panels import Json
+from .ros import ros_graph, topics
+from .telemetry import log_pages, telemetry
+from .updates import updates
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FOLDER = CHECKOUT / "roles" / "observability" / "files" / "dashboards"
@@ -51,7 +51,7 @@ def main() -> int:
     wrong = stale(FOLDER)
     if parser.parse_args().check:
         if wrong:
-            print(f"not what tests/tools/dashboards.py writes: {', '.join(wrong)}", file=sys.stderr)
+            print(f"not what `make dashboards` writes: {', '.join(wrong)}", file=sys.stderr)
         return 1 if wrong else 0
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in wrong:
@@ -61,7 +61,3 @@ def main() -> int:
         else:
             (FOLDER / name).write_text(text, "utf-8")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
