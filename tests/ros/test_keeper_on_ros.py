@@ -25,7 +25,7 @@ def start_all(scene: Scene) -> None:
     scene.start("listener", "/listener")
     scene.start("service", "/adder")
     scene.start("server", "/worker")
-    scene.start("client", "/boss", "/work", "1", "3", "6000")
+    scene.start("client", "/boss", "/work", "1", "3", "4000")
     scene.until_recorded(*NODES)
     until("messages", lambda: scene.log("/listener")[-1]["count"] > 100)
     until("a goal under way", lambda: any("start" in line for line in scene.log("/worker")))
