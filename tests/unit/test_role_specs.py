@@ -15,7 +15,6 @@ from jinja2.nativetypes import NativeEnvironment
 
 ROLES = Path(__file__).resolve().parents[2] / "roles"
 NAMES = sorted(path.name for path in ROLES.iterdir() if (path / "tasks").is_dir())
-TEMPLATES = NativeEnvironment()
 PYTHON_TYPES: dict[str, Any] = {
     "str": str,
     "path": str,
@@ -34,7 +33,11 @@ def load(path: Path) -> dict[str, Any]:
 
 def rendered(value: Any) -> Any:
     """A default that is a template, where nothing that it refers to is set."""
-    return TEMPLATES.from_string(value).render(observability={}) if isinstance(value, str) and "{{" in value else value
+    return (
+        NativeEnvironment().from_string(value).render(observability={})
+        if isinstance(value, str) and "{{" in value
+        else value
+    )
 
 
 def test_there_are_roles() -> None:
@@ -53,9 +56,7 @@ def test_defaults_are_the_specs(role: str) -> None:
     required = {name for name, option in known.items() if option.get("required")}
     assert set(defaults) == set(known) - required
     specified = {name: known[name].get("default") for name in defaults}
-    assert {name: rendered(value) for name, value in specified.items()} == {
-        name: rendered(value) for name, value in defaults.items()
-    }
+    assert {name: value for name, value in defaults.items() if specified[name] not in (value, rendered(value))} == {}
 
 
 @pytest.mark.parametrize("role", NAMES)
