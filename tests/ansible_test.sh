@@ -17,6 +17,9 @@ git -c safe.directory="$top" -C "$top" ls-files --cached --others --exclude-stan
         # removed in the working tree, but not yet in the index
         if [ -e "$top/$file" ] || [ -L "$top/$file" ]; then printf '%s\0' "$file"; fi
     done | tar -C "$top" --null --no-recursion -T - -c | tar -C "$copy" -x
+# what ours imports and documents by; ansible-test looks for it beside the copy alone
+ln -sfn "$("$top/.venv/bin/python" -c 'import ansible_collections; print(next(iter(ansible_collections.__path__)))')/kubernetes" \
+    "$top/.ansible/test/ansible_collections/kubernetes"
 # a repository of its own: to the checkout's, whose .gitignore hides it, the copy would be empty
 git -c init.defaultBranch=main init --quiet "$copy"
 
