@@ -1,0 +1,569 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot and its cluster, simulated: pods that behave as their versions do, the ROS graph that follows, goals.
+
+What the robot shows is judged by the collection's own code (gate, contract, hold). `Version` says how an image behaves,
+`Offer` what an app is to the ROS graph. Times are in seconds.
+"""
+
+from __future__ import annotations
+
+import heapq
+import json
+from dataclasses import dataclass, field
+from typing import Any, Callable, Iterable, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    Graph,
+    MasterState,
+    NodeAnswer,
+    Questions,
+    Rate,
+    ServiceProbe,
+    StatusReading,
+    build,
+    everything,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import app_of, revision_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+
+EPOCH = 1795252000.0
+FOREVER = 1e12
+LEAST = 0.001  # what is left of a wait after rounding must not take for ever
+PROBE = 0.5  # between two looks of a pod's startup probe
+START, REGISTER, STOP = 1.0, 0.3, 0.5  # of a container, of its node, of a pod that has nothing to drain
+BACKOFF = 10.0  # between the second start of a container that crashes and the next
+DRAIN = 30.0  # a pod's stop hook waits so long for an open goal
+KEEPER = 3.0  # until the keeper has given a new master what was registered
+HOLD = 60.0  # the longest that the keeper holds goals
+
+# --- how versions behave, and what apps offer -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Version:
+    """`crash_at`, `hang_at`: seconds after its start; `crashes` is how often."""
+
+    starts: bool = True
+    connects: bool = True
+    rate: float = 1.0  # of what the app sends
+    offers_all: bool = True
+    crash_at: float = FOREVER
+    crashes: int = 0
+    hang_at: float = FOREVER
+
+    @property
+    def good(self) -> bool:
+        return self in (GOOD, CRASHES_ONCE)
+
+
+GOOD = Version()
+CRASHES_ONCE = Version(crash_at=0.4, crashes=1)
+VERSIONS = {
+    "good": GOOD,
+    "crashes-once": CRASHES_ONCE,
+    "never-starts": Version(starts=False),
+    "never-connects": Version(connects=False),
+    "half-the-rate": Version(rate=0.5),
+    "offers-less": Version(offers_all=False),
+    "crashes-at-once": Version(crash_at=0.4, crashes=999),
+    "crashes-when-ready": Version(crash_at=5.0, crashes=999),
+    "hangs": Version(hang_at=5.0),
+}
+# These pass for good ones at first, so that the old version has gone when they show what they are.
+LATE = ("crashes-when-ready", "hangs")
+
+
+def image(version: str, number: int = 1) -> str:
+    """The name of an image that behaves like this."""
+    return f"x.org/app:{version}.{number}"
+
+
+def version_of(name: str) -> Version:
+    return VERSIONS.get(name.rpartition(":")[2].partition(".")[0], GOOD)
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What an app is to the graph: topic -> Hz, and names, relative to its namespace."""
+
+    topics: Mapping[str, float] = field(default_factory=dict)
+    subscriptions: Sequence[str] = ()
+    services: Sequence[str] = ()
+    actions: Sequence[str] = ()
+
+
+OFFERS = {
+    "sensor": Offer({"temperature": 500.0}, services=["calibrate"]),
+    "stats": Offer({"mean": 20.0}, ["temperature"]),
+    "planner": Offer({"load": 100.0}, actions=["plan"]),
+    "driver": Offer({"scan": 40.0}),
+    "chart": Offer({"map": 10.0}, services=["get_map"]),
+}
+SERVER_TOPICS = (("status", True), ("feedback", True), ("result", True), ("goal", False), ("cancel", False))
+
+
+@dataclass
+class Process:
+    """A ROS node: of a pod, or one that nobody deployed. What it has registered, it has under these names."""
+
+    node: str
+    uri: str
+    topics: Mapping[str, float] = field(default_factory=dict)
+    subscriptions: Sequence[str] = ()
+    services: Sequence[str] = ()
+    actions: Sequence[str] = ()
+    connects: bool = True
+    alive: bool = True
+
+
+@dataclass
+class Pod:
+    uid: int
+    key: tuple[str, str]
+    app: str
+    template: str  # its hash
+    version: Version
+    node: str
+    offer: Offer
+    handoff: str
+    process: Process | None = None
+    boot: float = 0.0
+    restarts: int = 0
+    ready: bool = False
+    since: float = 0.0  # ready
+    met: bool = False  # it has shown all that its contract asks for
+    hopeless: str = ""
+    stopping: bool = False
+    gone: bool = False
+
+    @property
+    def up(self) -> bool:
+        return self.process is not None and self.process.alive
+
+
+@dataclass
+class Goal:
+    action: str
+    seconds: float
+    process: Process | None = None  # that works on it
+    ended: bool = False
+
+
+@dataclass
+class Hold:
+    server: Process | None
+    until: float
+    asked: bool = False  # by a step, and not by a pod that ends
+
+
+class SimulatedRobot:
+    """Everything that goes on by itself. `invariants` is called after every event that changed something."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.queue: list[tuple[float, int, Callable[[], None]]] = []
+        self.count = self.version = 0
+        self.objects: dict[tuple[str, str, str], dict[str, Any]] = {}
+        self.pods: list[Pod] = []
+        self.registered: dict[str, Process] = {}
+        self.providers: dict[str, str] = {}  # service -> the node that registered it last
+        self.others: list[Process] = []
+        self.goals: list[Goal] = []
+        self.waiting: list[Goal] = []  # held, or without a server
+        self.holds: dict[str, Hold] = {}
+        self.robot_until = self.master_until = -1.0  # away, silent
+        self.cut: list[Goal] = []  # goals whose server was stopped under them
+
+    def invariants(self) -> None:
+        """What must hold at every moment."""
+
+    # --- time -------------------------------------------------------------------------------------------------------
+
+    def now(self) -> float:
+        return self.time
+
+    def later(self, seconds: float, what: Callable[[], None]) -> None:
+        self.count += 1
+        heapq.heappush(self.queue, (self.time + seconds, self.count, what))
+
+    def advance(self, seconds: float) -> None:
+        end = self.time + max(seconds, LEAST if seconds else 0.0)
+        while self.queue and self.queue[0][0] <= end:
+            self._next()
+        self.time = end
+
+    def _next(self) -> None:
+        self.time, _number, what = heapq.heappop(self.queue)
+        before = self.version
+        what()
+        if self.version != before:
+            self.invariants()
+
+    def changed(self) -> None:
+        self.version += 1
+
+    def settle(self, seconds: float = 200.0) -> None:
+        """Until nothing is on its way any more."""
+        end = self.time + seconds
+        while self.queue and self.queue[0][0] <= end:
+            self._next()
+
+    # --- the cluster's controllers ----------------------------------------------------------------------------------
+
+    def of(self, key: tuple[str, str]) -> list[Pod]:
+        return [pod for pod in self.pods if pod.key == key and not pod.gone]
+
+    def deployment(self, key: tuple[str, str]) -> dict[str, Any] | None:
+        return self.objects.get(("Deployment", *key))
+
+    def reconcile(self, key: tuple[str, str]) -> None:
+        """What the Deployment's controller does next."""
+        wanted, pods = self.deployment(key), self.of(key)
+        if wanted is None:
+            for pod in pods:
+                self.stop(pod)
+            return
+        template = template_of(wanted)
+        new = [pod for pod in pods if pod.template == template and not pod.stopping]
+        old = [pod for pod in pods if pod.template != template]
+        overlap = wanted["spec"]["strategy"]["type"] == "RollingUpdate"
+        for pod in old:
+            if not overlap or not pod.ready or any(one.ready for one in new):
+                self.stop(pod)
+        leaving = [pod for pod in pods if pod not in new]
+        if not new and (overlap or not leaving):
+            self.create(key, wanted, template)
+
+    def create(self, key: tuple[str, str], wanted: Object, template: str) -> None:
+        spec = wanted["spec"]["template"]
+        app = app_of(wanted)
+        names_ = spec["metadata"].get("annotations") or {}
+        handoff = (wanted["metadata"].get("annotations") or {}).get(names.ANNOTATION_HANDOFF, "replace")
+        pod = Pod(
+            len(self.pods), key, app, template, version_of(spec["spec"]["containers"][0]["image"]),
+            names_.get(names.ANNOTATION_NODE, ""), OFFERS.get(app, Offer()), handoff,
+        )  # fmt: skip
+        self.pods.append(pod)
+        self.kubelet(START, lambda: self.run_pod(pod))
+        self.changed()
+
+    def kubelet(self, seconds: float, what: Callable[[], None]) -> None:
+        """A robot that is away hears nothing of what it should do."""
+
+        def due() -> None:
+            if self.robot_until > self.time:
+                self.later(1.0, due)
+            else:
+                what()
+
+        self.later(seconds, due)
+
+    def run_pod(self, pod: Pod) -> None:
+        if pod.gone or pod.stopping:
+            return
+        if not pod.version.starts:
+            pod.restarts += 1
+            self.changed()
+            self.later(BACKOFF, lambda: self.run_pod(pod))
+            return
+        pod.boot = self.time
+        start = pod.restarts
+        if pod.restarts < pod.version.crashes:
+            self.later(pod.version.crash_at, lambda: self.crash(pod, start))
+        if pod.version.hang_at < FOREVER:
+            self.later(pod.version.hang_at, lambda: self.hang(pod, start))
+        pod.process = self.process_of(pod)
+        self.changed()
+        self.later(REGISTER, lambda: self.enter(pod, start))
+        self.later(PROBE, lambda: self.probe(pod, start))
+
+    def process_of(self, pod: Pod) -> Process:
+        below, offer, all_of_it = pod.node.rpartition("/")[0], pod.offer, pod.version.offers_all
+        return Process(
+            pod.node,
+            f"http://10.42.0.{pod.uid}:{4000 + pod.restarts}/",
+            {f"{below}/{name}": hz * pod.version.rate for name, hz in offer.topics.items()},
+            [f"{below}/{name}" for name in offer.subscriptions],
+            [f"{below}/{name}" for name in offer.services if all_of_it],
+            [f"{below}/{name}" for name in offer.actions if all_of_it],
+            pod.version.connects,
+        )
+
+    def crash(self, pod: Pod, start: int) -> None:
+        if pod.gone or pod.restarts != start or not pod.process:
+            return
+        pod.process.alive, pod.ready, pod.restarts = False, False, start + 1
+        self.changed()
+        self.later(1.0 if pod.restarts == 1 else BACKOFF, lambda: self.run_pod(pod))
+        self.reconcile(pod.key)
+
+    def hang(self, pod: Pod, start: int) -> None:
+        if not pod.gone and pod.restarts == start and pod.process:
+            pod.process.alive = pod.ready = False
+            self.changed()
+
+    def enter(self, pod: Pod, start: int) -> None:
+        """Its node registers, as soon as there is a master."""
+        if pod.gone or pod.restarts != start or not pod.up or pod.app in INFRASTRUCTURE:
+            return
+        if not self.master_up():
+            self.later(PROBE, lambda: self.enter(pod, start))
+        elif pod.process:
+            self.register(pod.process)
+
+    def probe(self, pod: Pod, start: int) -> None:
+        """The startup probe, until it passes once."""
+        if pod.gone or pod.stopping or pod.restarts != start or not pod.up or pod.ready:
+            return
+        why = self.unready(pod)
+        pod.hopeless = why if why.startswith("cannot") else ""
+        if why:
+            self.later(PROBE, lambda: self.probe(pod, start))
+            return
+        pod.ready, pod.since = True, self.time
+        pod.met = True
+        self.changed()
+        if pod.app == names.MASTER_NAME:
+            self.later(KEEPER, self.remember)
+        self.reconcile(pod.key)
+
+    def unready(self, pod: Pod) -> str:
+        if pod.app in INFRASTRUCTURE:
+            return ""
+        process = pod.process
+        there = process and self.registered.get(pod.node) is process and self.master_up()
+        if not process or not there or not process.connects:
+            return "not wholly part of the graph"
+        return self.broken_promise(pod, process)
+
+    def broken_promise(self, pod: Pod, process: Process) -> str:
+        item = self.objects.get(("ConfigMap", pod.key[0], names.update_name(pod.app))) or {"data": {}}
+        contract = json.loads(item["data"].get("contract.json") or "{}")
+        if not contract or contract["until"] < EPOCH + self.time or contract["revision"] != self.revision(pod):
+            return ""
+        lacking = [name for name in contract["services"] if name not in process.services]
+        lacking += [name for name in contract["topics"] if name not in topics_of(process)]
+        if lacking:
+            return f"cannot become ready: it lacks {', '.join(lacking)}"
+        for name, topic in contract["topics"].items():
+            least = (topic["rate"] or 0.0) * (1 - contract["tolerance"])
+            if process.topics.get(name, least) < least:
+                return f"too slow on {name}"
+        return ""
+
+    def revision(self, pod: Pod) -> str:
+        found = self.deployment(pod.key)
+        return revision_of(found) if found and template_of(found) == pod.template else ""
+
+    def stop(self, pod: Pod) -> None:
+        if pod.stopping or pod.gone:
+            return
+        pod.stopping = True
+        self.changed()
+        if pod.handoff == "drain" and pod.process:
+            for action in pod.process.actions:  # its stop hook has goals held
+                self.holds[action] = Hold(pod.process, self.time + HOLD)
+                self.later(HOLD, lambda action=action: self.expire(action))  # type: ignore[misc]
+            self.kubelet(STOP, lambda: self.drain(pod, self.time + DRAIN))
+        else:
+            self.kubelet(STOP, lambda: self.end(pod))
+
+    def drain(self, pod: Pod, deadline: float) -> None:
+        if self.time < deadline and any(goal.process is pod.process and not goal.ended for goal in self.goals):
+            self.later(PROBE, lambda: self.drain(pod, deadline))
+        else:
+            self.end(pod)
+
+    def end(self, pod: Pod) -> None:
+        """Cleanly: the node leaves the graph."""
+        pod.gone, pod.ready = True, False
+        if pod.process and pod.process.alive:
+            pod.process.alive = False
+            self.cut += [goal for goal in self.goals if goal.process is pod.process and not goal.ended]
+            if self.registered.get(pod.node) is pod.process:
+                self.unregister(pod.node)
+        if pod.app == names.MASTER_NAME:
+            self.registered, self.providers = {}, {}
+        if pod.app == names.KEEPER_NAME:
+            self.holds = {}
+        self.changed()
+        self.reconcile(pod.key)
+
+    # --- the robot's graph ------------------------------------------------------------------------------------------
+
+    def is_up(self, app: str) -> bool:
+        return any(pod.app == app and pod.ready and pod.up for pod in self.pods)
+
+    def master_up(self) -> bool:
+        return self.is_up(names.MASTER_NAME)
+
+    def register(self, process: Process) -> None:
+        self.registered[process.node] = process
+        self.providers.update(dict.fromkeys(process.services, process.node))
+        for action in process.actions:
+            hold = self.holds.get(action)
+            if hold and hold.server is not process:
+                del self.holds[action]  # the keeper hands what it held to the new server
+        self.serve_waiting()
+        self.changed()
+
+    def registered_whole(self, process: Process) -> bool:
+        """Whether the master knows all that it has."""
+        providers = {self.providers.get(service) for service in process.services}
+        return self.registered.get(process.node) is process and providers <= {process.node}
+
+    def unregister(self, node: str) -> None:
+        process = self.registered.pop(node)
+        for service in process.services:
+            if self.providers.get(service) == node:
+                del self.providers[service]
+                self.later(KEEPER, self.remember)  # an earlier provider may live
+        self.changed()
+
+    def remember(self) -> None:
+        """The keeper gives the master back what it lost: all of it where it is a new one."""
+        if self.master_up() and self.is_up(names.KEEPER_NAME):
+            for process in self.living():
+                lost = [name for name in process.services if name not in self.providers]
+                if process.node not in self.registered or lost:
+                    self.register(process)
+
+    def living(self) -> list[Process]:
+        own = [pod.process for pod in self.pods if pod.process and not pod.gone and pod.app not in INFRASTRUCTURE]
+        return [process for process in [*own, *self.others] if process.alive]
+
+    def graph(self, wanted: Callable[[MasterState], Questions] = everything) -> Graph:
+        self.ask_master()
+        state = self.state()
+        return self.ask(state, wanted(state))
+
+    def ask_master(self) -> None:
+        if not self.master_up() or self.master_until > self.time:
+            raise RosError("the ROS master does not answer")
+
+    # what gate.look asks of a ROS system
+    uri = "http://10.43.0.1:11311"
+
+    def state(self, types: bool = False) -> MasterState:
+        del types
+        self.ask_master()
+        publishers: dict[str, list[str]] = {}
+        subscribers: dict[str, list[str]] = {}
+        for node, process in sorted(self.registered.items()):
+            for topic in topics_of(process):
+                publishers.setdefault(topic, []).append(node)
+            for topic in subscriptions_of(process):
+                subscribers.setdefault(topic, []).append(node)
+        given = dict.fromkeys(publishers, "x/Type")
+        given.update({topic: "x/DoActionGoal" for topic in subscribers if topic.endswith("/goal")})
+        return MasterState(
+            tuples(publishers), tuples(subscribers), tuples({k: [v] for k, v in self.providers.items()}), given
+        )
+
+    def ask(self, state: MasterState, wanted: Questions) -> Graph:
+        answers = {node: self.answer(node, state) for node in wanted.nodes}
+        probes = {}
+        for service in wanted.services:
+            process = self.registered.get(self.providers.get(service, ""))
+            if process is not None and process.alive:
+                probes[service] = ServiceProbe("rosrpc://x", process.node, "x/Srv")
+            else:
+                probes[service] = ServiceProbe(error="dead")
+        statuses = {action: self.statuses(action) for action in wanted.actions}
+        return build(state, answers, probes, statuses)
+
+    def answer(self, node: str, state: MasterState) -> NodeAnswer:
+        process = self.registered.get(node)
+        if process is None or not process.alive:
+            return NodeAnswer(process.uri if process else "", error="it does not answer", refused=True)
+        bus = [
+            [number, peer, "o", "TCPROS", topic, True]
+            for topic in topics_of(process)
+            for number, peer in enumerate(state.subscribers.get(topic, ()))
+            if process.connects and self.registered[peer].alive and self.registered[peer].connects
+        ]
+        return NodeAnswer(process.uri, 4711, bus=bus)
+
+    def statuses(self, action: str) -> dict[str, StatusReading]:
+        found = {}
+        for node, process in self.registered.items():
+            if action in process.actions:
+                states = tuple(1 for goal in self.goals if goal.process is process and not goal.ended)
+                found[node] = StatusReading((states, states)) if process.alive else StatusReading(error="dead")
+        return found
+
+    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
+        raise NotImplementedError
+
+    def rates(
+        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
+    ) -> dict[str, Rate]:
+        del only
+        self.advance(max(seconds.values()))
+        found = {}
+        for topic, window in seconds.items():
+            by = {}
+            for node in graph.topics[topic].publishers if topic in graph.topics else ():
+                process = self.registered.get(node)
+                hz = process.topics.get(topic, 0.0) if process and process.alive else 0.0
+                by[node] = Rate(hz, int(hz * window), window)
+            found[topic] = Rate(sum(rate.hz for rate in by.values()), 0, window, by=by)
+        return found
+
+    # --- goals ------------------------------------------------------------------------------------------------------
+
+    def goal(self, action: str, seconds: float, after: float = 0.0) -> Goal:
+        """A client sends a goal that takes so long."""
+        goal = Goal(action, seconds)
+        self.goals.append(goal)
+        self.later(after, lambda: self.send(goal))
+        return goal
+
+    def send(self, goal: Goal) -> None:
+        self.waiting.append(goal)
+        self.serve_waiting()
+
+    def serve_waiting(self) -> None:
+        for goal in [*self.waiting]:
+            servers = [one for one in self.registered.values() if goal.action in one.actions and one.alive]
+            if servers and goal.action not in self.holds:
+                self.waiting.remove(goal)
+                goal.process = server = servers[0]
+                self.later(goal.seconds, lambda goal=goal, server=server: self.done(goal, server))  # type: ignore[misc]
+
+    def done(self, goal: Goal, process: Process) -> None:
+        if goal.process is process and process.alive:
+            goal.ended = True
+
+    def let_go(self, action: str) -> None:
+        """What was held goes to whatever server there is."""
+        self.holds.pop(action, None)
+        self.serve_waiting()
+
+    def expire(self, action: str) -> None:
+        hold = self.holds.get(action)
+        if hold and hold.until <= self.time:
+            self.let_go(action)
+
+
+INFRASTRUCTURE = (names.MASTER_NAME, names.KEEPER_NAME)
+
+
+def template_of(deployment: Object) -> str:
+    return str(deployment["metadata"]["annotations"][names.ANNOTATION_HASH])
+
+
+def tuples(lists: Mapping[str, list[str]]) -> dict[str, tuple[str, ...]]:
+    return {name: tuple(sorted(items)) for name, items in lists.items()}
+
+
+def topics_of(process: Process) -> list[str]:
+    return [*process.topics, *(f"{action}/{part}" for action in process.actions for part, own in SERVER_TOPICS if own)]
+
+
+def subscriptions_of(process: Process) -> list[str]:
+    parts = [f"{action}/{part}" for action in process.actions for part, own in SERVER_TOPICS if not own]
+    return [*process.subscriptions, *parts]

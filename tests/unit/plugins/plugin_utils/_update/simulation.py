@@ -1,0 +1,479 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The simulated world of the engine's tests: cluster, host and clock around a simulated robot, faults, what must hold.
+
+Time passes only in calls, and every call of the engine is one point at which a fault may strike. Invariants are checked
+at every event, and an outcome's word is held against what the robot shows, never against the engine's own records.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any, Iterable, Iterator, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, poll
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen as Look
+from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import hold_when_idle
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
+    AwayError,
+    CancelledError,
+    Live,
+    Object,
+    Seen,
+    World,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    EPOCH,
+    FOREVER,
+    HOLD,
+    Hold,
+    Pod,
+    Process,
+    SimulatedRobot,
+    template_of,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import owned
+
+DAY = 86400.0
+CONNECT = 10.0  # a call gives an API up that was away for so long, and a wait says something so often
+SILENCE = 10.0  # nobody looks at a silent run for longer
+KEY = tuple[str, str, str]  # kind, namespace, name
+CLUSTER_CALLS = ("read", "apply", "delete", "rollout")
+FAULTS = (
+    "api-blip", "api-away", "api-gone", "robot-away", "robot-gone", "master-silent", "master-gone",
+    "refused", "time-out", "slow", "stalled", "clock-ahead", "clock-back", "killed", "cancelled", "cancelled-after",
+    "lost-answer", "away-after", "half", "half-killed", "half-cancelled",
+)  # fmt: skip
+
+
+class Killed(BaseException):
+    """The control node is gone, in the middle of whatever it did."""
+
+
+class Simulation(SimulatedRobot):
+    """`fault` strikes at the call of number `at`, counted from 1 in every run; the count goes on in `calls`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.skew = 0.0
+        self.api_until = -1.0
+        self.fault, self.at = "", 0
+        self.calls: list[str] = []
+        self.silent = 0.0
+        self.checking = False
+        self.touched: set[KEY] = set()  # what a run changed
+        self.proven: set[tuple[tuple[str, str], str]] = set()  # a Deployment and its template
+        self.watched: set[str] = set()  # apps that must never be without a good version
+        self.verify_seconds = 0.0
+        self.cancelled = False
+        self.unheld = True  # no call that lets goals go has met a fault
+
+    # --- an operator ------------------------------------------------------------------------------------------------
+
+    def install(self, robot: Robot) -> None:
+        """What a first installation leaves, and other nodes that listen to all of it."""
+        first = [*namespace_objects(robot), *code_maps(robot, {}), *master_objects(robot), *app_objects(robot)]
+        for item in first:
+            self.put(item)
+            if item["kind"] == "Deployment":
+                self.proven.add((deployment_key(item), template_of(item)))
+        self.advance(10.0)
+        everything = [topic for process in self.living() for topic in process.topics]
+        self.others.append(Process("/listener", "http://10.42.1.1:4000/", subscriptions=everything))
+        for process in self.others:
+            self.register(process)
+        self.touched = set()
+
+    def run(self, robot: Robot, settings: Settings, fault: str = "", at: int = 0) -> RobotOutcome | None:
+        """One run with the truth of its word; None where the control node was killed."""
+        self.calls, self.touched, self.silent, self.checking = [], set(), 0.0, settings.check
+        self.fault, self.at, self.verify_seconds = fault, at, settings.verify_seconds
+        self.unheld, self.cancelled = True, False
+        before = {key: obj for key, obj in self.objects.items() if key[0] == "Deployment"}
+        engine = Engine(robot, settings, World(SimulatedCluster(self), SimulatedHost(self), self, self.say))
+        try:
+            outcome = engine.run()
+        except Killed:
+            return None
+        self.fault = ""
+        self.truth(engine, outcome, before)
+        return outcome
+
+    def now(self) -> float:
+        """The clock that nobody sets."""
+        return self.time
+
+    def wall(self) -> float:
+        """The control node's idea of the time; the robot's own is right."""
+        return EPOCH + self.time + self.skew
+
+    def say(self, text: str) -> None:
+        assert text
+        self.silent = 0.0
+
+    # --- faults -----------------------------------------------------------------------------------------------------
+
+    def restore(self) -> None:
+        """The faults are over; what they did is not undone."""
+        self.api_until = self.robot_until = self.master_until = -1.0
+        self.skew, self.fault = 0.0, ""
+
+    @contextlib.contextmanager
+    def call(self, name: str, seconds: float, loud: bool = False) -> Iterator[str]:
+        """One call of the engine; what it gets is the fault that strikes in its middle."""
+        self.calls.append(name)
+        fault = self.fault if len(self.calls) == self.at else ""
+        began = self.time
+        if fault and name == "release":
+            self.unheld = False
+        try:
+            self.strike(fault, name)
+            self.advance(seconds)
+            yield fault
+            self.after(fault, name)
+        finally:
+            self.invariants()
+            ticks = name not in CLUSTER_CALLS and self.time - began > SILENCE  # modules say that they are under way
+            self.quiet(name, 0.0 if loud or ticks or fault else self.time - began)
+
+    def quiet(self, name: str, seconds: float) -> None:
+        """A call says itself that it lasts; but to call again and again is a wait, and takes words in between."""
+        again = self.calls[-2:] == [name, name]
+        self.silent = self.silent + seconds if again else seconds
+        assert not again or self.silent <= SILENCE, f"silent for {self.silent:.0f} s at {name}"
+
+    def strike(self, fault: str, name: str) -> None:
+        """What comes before the call does anything."""
+        now, cluster = self.time, name in CLUSTER_CALLS
+        self.api_until = {"api-blip": now + 5, "api-away": now + 45, "api-gone": FOREVER}.get(fault, self.api_until)
+        self.robot_until = {"robot-away": now + 30, "robot-gone": FOREVER}.get(fault, self.robot_until)
+        self.master_until = {"master-silent": now + 20, "master-gone": FOREVER}.get(fault, self.master_until)
+        self.skew += {"clock-ahead": DAY, "clock-back": -DAY}.get(fault, 0.0)
+        if fault == "killed":
+            raise Killed(name)
+        if fault == "cancelled":
+            raise self.cancel()
+        if fault == "stalled":
+            self.watched = set()  # longer than pods hold to a contract: what they show on their own counts then
+        self.advance({"slow": 50.0, "stalled": 600.0}.get(fault, 0.0))
+        if fault in ("refused", "time-out"):
+            self.advance(40.0 if fault == "time-out" else 0.0)
+            raise (KubeError if cluster else RosError)(f"{fault} at {name}")
+        if cluster and self.api_until > self.time:
+            self.advance(min(CONNECT, self.api_until - self.time))
+            if self.api_until > self.time:
+                raise KubeError("the API cannot be reached")
+        if not cluster and self.robot_until > self.time:
+            self.advance(5.0)
+            raise AwayError("no route to host")
+
+    def cancel(self) -> CancelledError:
+        self.cancelled = True
+        return CancelledError("the run was cancelled")
+
+    def after(self, fault: str, name: str) -> None:
+        """What comes when the call has done its work, and before anybody knows."""
+        cluster = name in CLUSTER_CALLS
+        if fault == "cancelled-after":
+            raise self.cancel()
+        if fault == "lost-answer":
+            raise (KubeError if cluster else RosError)("the answer was lost")
+        if fault == "away-after" and not cluster:
+            raise AwayError("the connection broke")
+
+    # --- what must hold at every moment -----------------------------------------------------------------------------
+
+    def invariants(self) -> None:
+        for action in [*self.holds]:
+            self.expire(action)
+        for app in self.watched:
+            assert self.serves(app), f"nothing good serves {app}"
+        assert not self.cut, f"goals were cut off: {self.cut}"
+
+    def serves(self, app: str) -> bool:
+        """Whether a version is there that was proven, or that has shown its own pod all that is asked for."""
+        return any(
+            pod.app == app and pod.up and pod.met and (pod.version.good or (pod.key, pod.template) in self.proven)
+            and self.registered.get(pod.node) is pod.process
+            for pod in self.pods
+        )  # fmt: skip
+
+    def prove(self, item: Object) -> None:
+        """The engine says that this version is proven; what its pods show says whether it may."""
+        key, template = deployment_key(item), template_of(item)
+        if names.ANNOTATION_UPDATING in item["metadata"]["annotations"] or (key, template) in self.proven:
+            return
+        pods = self.of(key)
+        assert [pod.template for pod in pods] == [template], f"{key} is no proven version, for there are {pods}"
+        for pod in pods:
+            assert pod.ready, f"{key} is no proven version, for it is not ready"
+            assert pod.version.good, f"{key} is no proven version, for it is a bad one"
+            assert self.time - pod.since >= self.verify_seconds, f"{key} is no proven version, for nobody looked at it"
+        self.proven.add((key, template))
+
+    # --- the truth of a word ----------------------------------------------------------------------------------------
+
+    def truth(self, engine: Engine, outcome: RobotOutcome, before: Mapping[KEY, Object]) -> None:
+        """What the outcome says against what is there."""
+        word, away = outcome.outcome, self.robot_until > self.time
+        if engine.settings.check:
+            assert not self.touched, f"check mode wrote {self.touched}"
+            assert not self.holds, "check mode holds goals"
+            return
+        if word == "unchanged":
+            assert not {key for key in self.touched if key[2] != EVENTS_NAME}, f"unchanged, and {self.touched} was"
+        if self.unheld and word not in ("updated", "deferred-offline") and not away:
+            assert not self.mine(), f"{word}, and goals of {self.mine()} are held still"
+        for result, step in zip(outcome.steps, engine.plan.steps):
+            deployments = [("Deployment", *deployment_key(item)) for item in step.workloads]
+            touched = self.touched & {*deployments, *(("ConfigMap", key[1], f"{key[2]}-update") for key in deployments)}
+            if "nothing was touched" in result.reason or result.outcome == "deferred-busy":
+                assert not touched, f"{result.outcome}: {result.reason}, and {touched} was"
+            elif result.outcome == "deferred-offline":
+                assert touched, f"{result.reason}: but nothing was"
+            for key, item in zip(deployments, step.workloads):
+                self.word(result, key, item, before.get(key))
+
+    def word(self, result: StepResult, key: KEY, wanted: Object, before: Object | None) -> None:
+        there = self.objects.get(key)
+        if result.outcome == "updated":
+            assert there and template_of(there) == template_of(wanted), f"updated, and {key} is not as wanted"
+            self.is_proven(key, there, "its mark could not be taken off" in result.reason)
+        elif result.outcome == "rolled-back":
+            if there is None:
+                assert key[2] not in result.before, f"rolled back, and {key} is gone"
+                return
+            assert template_of(there) != template_of(wanted) or before is None, f"rolled back, and {key} is the new one"
+            self.is_proven(key, there, False)
+
+    def is_proven(self, key: KEY, there: Object, marked: bool) -> None:
+        pods = self.of(key[1:])
+        assert [template_of(there)] == [pod.template for pod in pods], f"of {key} there are {pods}"
+        assert pods[0].version.good, f"{key} is proven, and it is a bad version"
+        assert marked or names.ANNOTATION_UPDATING not in there["metadata"]["annotations"], f"{key} is marked still"
+        assert marked or ((key[1], key[2]), template_of(there)) in self.proven, f"{key} was never proven"
+
+    def mine(self) -> list[str]:
+        """Actions whose goals a step holds, whose server has not been told to end."""
+        return [action for action, hold in self.holds.items() if hold.asked]
+
+    # --- the API server ---------------------------------------------------------------------------------------------
+
+    def put(self, item: Object, dry_run: bool = False) -> Applied:
+        """Server-side apply by our manager: what it no longer says goes away, what others have stays."""
+        kind, metadata = item["kind"], item["metadata"]
+        key = (kind, metadata.get("namespace", ""), metadata["name"])
+        before = self.objects.get(key)
+        if before is not None and before["applied"] == item:
+            return Applied(ref_of(item), before, before, False)
+        after: dict[str, Any] = {**item, "applied": item}
+        after["metadata"] = {**metadata, "uid": "1", "managedFields": [field_set(item)]}
+        if kind == "Service":
+            after["spec"] = {**item["spec"], "clusterIP": "10.43.0.1"}
+        if kind == "Deployment":
+            annotations = {**metadata["annotations"], "deployment.kubernetes.io/revision": "1"}
+            after["metadata"]["annotations"] = annotations
+            after["status"] = {}
+        if not dry_run:
+            if kind == "Deployment" and self.time:
+                assert not self.cancelled, "a run that was cancelled goes on"
+                self.prove(item)
+            self.objects[key] = after
+            self.touched.add(key)
+            self.changed()
+            if kind == "Deployment":
+                self.reconcile(deployment_key(item))
+        return Applied(ref_of(item), before, after, True)
+
+
+def field_set(item: Object) -> dict[str, Any]:
+    return {"manager": names.MANAGER, "operation": "Apply", "fieldsV1": owned(dict(item))}
+
+
+def deployment_key(item: Object) -> tuple[str, str]:
+    return item["metadata"]["namespace"], item["metadata"]["name"]
+
+
+class SimulatedCluster:
+    """The engine's Cluster."""
+
+    def __init__(self, sim: Simulation) -> None:
+        self.sim = sim
+
+    def read(self, namespaces: Iterable[str]) -> Live:
+        with self.sim.call("read", 0.2):
+            found: dict[str, list[Object]] = {"Deployment": [], "ConfigMap": [], "Service": []}
+            for (kind, namespace, _name), item in self.sim.objects.items():
+                if kind in found and namespace in namespaces:
+                    found[kind].append({key: value for key, value in item.items() if key != "applied"})
+            return Live(found["Deployment"], found["ConfigMap"], found["Service"])
+
+    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        sim = self.sim
+        with sim.call("apply", 0.1) as fault:
+            half = len(objects) // 2 if fault.startswith("half") else len(objects)
+            changes = [sim.put(item, dry_run) for item in objects[:half]]
+            if fault == "half-cancelled":
+                raise sim.cancel()
+            if fault.startswith("half"):
+                raise {"half": KubeError, "half-killed": Killed}[fault]("half way")
+            return changes
+
+    def delete(self, objects: Sequence[Object]) -> None:
+        sim = self.sim
+        with sim.call("delete", 0.1):
+            assert not sim.checking
+            for item in objects:
+                key = (item["kind"], *deployment_key(item))
+                if sim.objects.pop(key, None) is not None:
+                    sim.touched.add(key)
+                    sim.reconcile(deployment_key(item))
+
+    def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
+        sim = self.sim
+        with sim.call("rollout", 0.1, loud=True):
+            end, earlier = sim.time + timeout, dict[int, int]()
+            for pod in sim.pods:
+                earlier[pod.uid] = pod.restarts if pod.ready else 0
+            while True:
+                rows = [self.verdict(item, earlier, fail_on_restart) for item in objects]
+                bad = [why for verdict, why in rows if verdict == FAIL]
+                if bad or (sim.time >= end and any(verdict == WAIT for verdict, _why in rows)):
+                    raise NotReadyError("; ".join(why for verdict, why in rows if verdict != PASS))
+                if all(verdict == PASS for verdict, _why in rows) and sim.api_until <= sim.time:
+                    return
+                if sim.time >= end:
+                    raise NotReadyError("no news of the cluster")
+                sim.advance(min(0.25, end - sim.time))
+
+    def verdict(self, item: Object, earlier: Mapping[int, int], fail_on_restart: bool) -> tuple[str, str]:
+        sim, key = self.sim, deployment_key(item)
+        there, pods = sim.deployment(key), sim.of(key)
+        if there is None:
+            return WAIT, f"{key} is not there"
+        for pod in pods:
+            started_again = fail_on_restart and pod.restarts > earlier.get(pod.uid, 0)
+            if pod.template == template_of(there) and (pod.hopeless or started_again or looping(pod)):
+                return FAIL, pod.hopeless or f"{key} crashes"
+        if [pod.template for pod in pods] == [template_of(there)] and pods[0].ready:
+            return PASS, ""
+        return WAIT, f"{key} is not rolled out"
+
+
+def looping(pod: Pod) -> bool:
+    """CrashLoopBackOff."""
+    return pod.restarts >= 2 and not pod.up
+
+
+class SimulatedHost:
+    """The engine's Host."""
+
+    def __init__(self, sim: Simulation) -> None:
+        self.sim = sim
+
+    def there(self) -> None:
+        with self.sim.call("there", 0.2):
+            pass
+
+    def bring(self, images: Sequence[str]) -> bool:
+        with self.sim.call("bring", 0.5):
+            return not images
+
+    def graph(self, master: str, rate_seconds: float) -> Mapping[str, Any]:
+        sim = self.sim
+        with sim.call("graph", 0.7):
+            assert master
+            found = sim.graph()
+            rates = sim.rates(found, dict.fromkeys(found.topics, rate_seconds))
+            return sim.graph().as_dict(Extras(rates=rates))
+
+    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+        sim = self.sim
+        assert seconds <= HOLD
+        with sim.call("hold", 0.7) as fault:
+            names_ = [{"name": action["name"], "state": "idle"} for action in actions]
+            keeping = KeeperOf(sim, conditions_from({"actions": names_}), seconds)
+            servers = {str(action["name"]): str(action["server"]) for action in actions if action.get("server")}
+            only_look = sim.checking or not keeper
+            ended = hold_when_idle(keeping, {} if only_look else servers, timeout, 0.5, sim.now, sim.advance)
+            del master, fault
+            return Seen(ended.verdict, "; ".join(check.reason for check in ended.last.unmet), ended.held)
+
+    def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
+        with self.sim.call("release", 0.7):
+            assert master
+            assert not self.sim.checking
+            for action in actions if keeper else ():
+                self.sim.let_go(str(action["name"]))
+
+    def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
+        sim, wanted = self.sim, conditions_from({**conditions, "timeout": timeout, "stable": stable})
+        with sim.call("ready", 0.7):
+            assert master
+
+            def look() -> Look:
+                found = gate.look(sim, wanted)
+                return Look(found.verdict, found)
+
+            ended = poll(look, timeout, 0.5, now=sim.now, sleep=sim.advance, stable=stable)
+            return Seen(ended.verdict, "; ".join(map(str, ended.last.unmet)))
+
+    def register(self, master: str, graph: Mapping[str, Any], nodes: Sequence[str] = ()) -> None:
+        sim = self.sim
+        with sim.call("register", 0.7):
+            assert master
+            sim.ask_master()
+            for process in sim.living():
+                known = process.node in graph["nodes"] and (not nodes or process.node in nodes)
+                if known and not sim.registered_whole(process):
+                    sim.register(process)
+
+    def reap(self, master: str, nodes: Sequence[str]) -> None:
+        sim = self.sim
+        with sim.call("reap", 0.7):
+            assert master
+            sim.ask_master()
+            for node in nodes:
+                if node in sim.registered and not sim.registered[node].alive:
+                    sim.unregister(node)
+
+
+class KeeperOf:
+    """What `hold_when_idle` looks at and asks of the keeper."""
+
+    def __init__(self, sim: Simulation, conditions: Conditions, seconds: float) -> None:
+        self.sim, self.conditions, self.seconds = sim, conditions, seconds
+
+    def look(self) -> Look:
+        found = gate.look(self.sim, self.conditions)
+        return Look(found.verdict, found)
+
+    def hold(self, action: str, server: str) -> str:
+        sim = self.sim
+        if not sim.is_up(names.KEEPER_NAME):
+            return "there is no keeper"
+        sim.holds[action] = Hold(sim.registered.get(server), sim.time + self.seconds, asked=True)
+        sim.later(self.seconds, lambda: sim.expire(action))
+        return ""
+
+    def isolate(self, action: str, server: str) -> None:
+        """Nothing that is simulated."""
+
+    def release(self, action: str) -> str:
+        self.sim.let_go(action)
+        return ""
