@@ -228,6 +228,7 @@ class Engine:
         waits = policy == "wait" and not self.settings.check
         if waits:  # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
             self._apply_all([self._events(now)])
+        now.held = not self.settings.check  # as long as nobody knows better: an answer may be lost
         seen = self._until(
             lambda seconds: self.host.hold(self.master, self.keeper, gate.rest, HOLD_SECONDS, seconds),
             self.settings.busy_timeout if waits else 0.0,
@@ -270,6 +271,8 @@ class Engine:
         try:
             result = self._result(now, UPDATED)
             self._apply_all([*now.step.workloads, self._events(None, [result])])
+            if now.step.resume:  # the new server may have been there before, and then the keeper waits for a next one
+                self._release(now)
             return result
         except FleetError as error:
             return self._result(now, UPDATED, f"its mark could not be taken off ({error}); the next run does that")
@@ -286,7 +289,9 @@ class Engine:
         except AwayError as away:
             return self._result(now, OFFLINE, self._left(now, f"the robot went away: {away}; before that: {error}"))
         except FleetError as worse:
+            self._release(now)
             return self._result(now, FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
+        self._release(now)
         return self._result(now, ROLLED_BACK, str(error))
 
     def _back(self, now: _Now) -> None:
@@ -306,7 +311,6 @@ class Engine:
         if now.gate:
             proof = decide.proof_of_old(step, now.gate.contracts, self.settings.rate_tolerance)
             self._ready(proof, self.settings.ready_timeout, f"{step.name} is as it was")
-        self._release(now)
 
     # --- what the phases share --------------------------------------------------------------------------------------
 
