@@ -302,7 +302,8 @@ class Engine:
             # first, so that a service never points to nothing: the old server lives, and the new one's end cannot take
             # away what is not its own any more
             self.host.register(self.master, now.graph, old)
-        self._apply_all(list(step.previous.values()))
+        # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here
+        self._apply_all(decide.marked(step.previous.values(), str(int(now.started))))
         self.cluster.delete(step.created)
         self.cluster.wait(list(step.previous.values()), self.settings.ready_timeout)
         dead = sorted({*step.new_nodes.values()} - {"", *old})
@@ -311,6 +312,7 @@ class Engine:
         if now.gate:
             proof = decide.proof_of_old(step, now.gate.contracts, self.settings.rate_tolerance)
             self._ready(proof, self.settings.ready_timeout, f"{step.name} is as it was")
+        self._apply_all(list(step.previous.values()))
 
     # --- what the phases share --------------------------------------------------------------------------------------
 

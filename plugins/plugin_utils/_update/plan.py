@@ -47,6 +47,7 @@ class Step:
     previous: Mapping[str, Object]  # app -> the Deployment to go back to
     created: Sequence[Object]  # Deployments that were not there: the way back deletes them
     resume: bool  # an earlier run applied just this, and ended before it was proven
+    unproven: Sequence[str]  # apps of which something runs that nobody has proven: its graph shows nothing to hold to
     new_nodes: Mapping[str, str]  # app -> its ROS node after the step
     old_nodes: Mapping[str, str]
     actions: Sequence[str]  # that the apps serve
@@ -103,7 +104,9 @@ class _Robot:
         objects = [item for app in members for item in self.desired[app]]
         apps = {app.name: app for app in self.robot.apps if app.name in members}
         first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
-        unfinished = any(_updating(self.live.get(_key(item))) for item in deployments_of(objects))
+        unproven = [
+            app for app in members for item in deployments_of(self.desired[app]) if _updating(self.live.get(_key(item)))
+        ]
         previous = self._previous(members, objects)
         running = {app: _node(self.live[_key(first[app])]) for app in apps if _key(first[app]) in self.live}
         return Step(
@@ -117,9 +120,10 @@ class _Robot:
                 identity(item) for item in deployments_of(objects)
                 if app_of(item) in members and app_of(item) not in previous
             ],
-            resume=unfinished and not any(_differs(item, self.live) for item in deployments_of(objects)),
+            resume=bool(unproven) and not any(_differs(item, self.live) for item in deployments_of(objects)),
+            unproven=unproven,
             new_nodes={app: _node(first[app]) for app in apps},
-            old_nodes={app: _node(previous[app]) for app in apps if app in previous} if unfinished else running,
+            old_nodes={app: _node(previous[app]) for app in apps if app in previous} if unproven else running,
             actions=self._actions(apps.values(), "own"),
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),

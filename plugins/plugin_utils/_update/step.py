@@ -54,17 +54,16 @@ def step_gate(step: Step, graph: Graph, maps: Iterable[Object] = (), images: Map
 def step_contracts(step: Step, graph: Graph, maps: Iterable[Object] = ()) -> dict[str, Contract]:
     """App -> its part of the graph, under the names that the new revision will have.
 
-    A step that is taken up again finds the old nodes gone or going, so what was recorded when it began counts. The
-    master's part is everything that is registered with it.
+    Where a step was cut off, or its way back was, the old nodes are gone or going, so what was recorded when it began
+    counts. The master's part is everything that is registered with it.
     """
-    if step.resume:
-        there = {str(item["metadata"]["name"]): item.get("data") or {} for item in maps}
-        return {app: json.loads(there.get(names.update_name(app), {}).get(CONTRACT_KEY) or "{}") for app in step.apps}
-    if step.kind == "master":
-        return {app: ros_contract.record(graph, sorted(graph["nodes"]), {}) for app in step.apps}
+    there = {str(item["metadata"]["name"]): item.get("data") or {} for item in maps}
+    kept = {app: json.loads(there.get(names.update_name(app), {}).get(CONTRACT_KEY) or "{}") for app in step.unproven}
+    renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept}
     return {
-        app: ros_contract.record(graph, [old for old in [step.old_nodes.get(app)] if old], step.renames)
+        app: _renamed(kept[app], renames) if app in kept else ros_contract.record(graph, nodes, step.renames)
         for app in step.apps
+        for nodes in [sorted(graph["nodes"]) if step.kind == "master" else [*filter(None, [step.old_nodes.get(app)])]]
     }
 
 
@@ -73,7 +72,7 @@ def _problems(step: Step, graph: Graph) -> list[str]:
     problems = []
     for app, node in step.new_nodes.items():
         there = graph["nodes"].get(node) or {}
-        if there.get("reachable") and node != step.old_nodes.get(app) and not step.resume:
+        if there.get("reachable") and node != step.old_nodes.get(app) and app not in step.unproven:
             problems.append(
                 f"another node is up under the name {node} that the new revision of {app} will have ({there['uri']}); "
                 "stop it, or change node_name"
