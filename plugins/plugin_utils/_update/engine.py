@@ -116,7 +116,7 @@ class Engine:
         self.cluster, self.host, self.clock = world.cluster, world.host, world.clock
         self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
-        self.recorded = False
+        self.recorded = self.cancelled = False
         self.results: list[StepResult] = []
         self.changes: list[Applied] = []
 
@@ -136,7 +136,7 @@ class Engine:
             return RobotOutcome(FAILED, f"nothing was touched: {error}")
         for step in self.plan.steps:
             self.results.append(self._step(step))
-            if self.results[-1].outcome != UPDATED:
+            if self.results[-1].outcome != UPDATED or self.cancelled:
                 break
         self._tell()
         return robot_outcome(self.results, len(self.plan.steps))
@@ -165,7 +165,7 @@ class Engine:
         self.trace("record")
         try:
             self.graph, self.recorded = self.host.graph(self.master, self.settings.rate_seconds), True
-        except AwayError:
+        except (AwayError, CancelledError):
             raise
         except FleetError:
             if self.settings.on_busy != "force" and self.plan.steps[0].kind != "master":
@@ -275,10 +275,14 @@ class Engine:
                 self._release(now)
             return result
         except FleetError as error:
-            return self._result(now, UPDATED, f"its mark could not be taken off ({error}); the next run does that")
+            self.cancelled = isinstance(error, CancelledError)
+            reason = f"its mark could not be taken off ({error}); the next run does that"
+            self.say(f"{now.step.name}: {reason}")
+            return self._result(now, UPDATED, reason)
 
     def _failed(self, now: _Now, error: FleetError) -> StepResult:
         """Take back what was applied; what was not applied leaves nothing but held goals."""
+        self.say(f"{now.step.name}: {error}")
         if not now.applied:
             self._release(now)
             return self._result(now, FAILED, f"nothing was touched: {error}")
@@ -289,6 +293,7 @@ class Engine:
         except AwayError as away:
             return self._result(now, OFFLINE, self._left(now, f"the robot went away: {away}; before that: {error}"))
         except FleetError as worse:
+            self.say(f"{now.step.name}: the way back failed, too: {worse}")
             self._release(now)
             return self._result(now, FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
         self._release(now)
@@ -342,7 +347,7 @@ class Engine:
             lambda seconds: self.host.ready(self.master, conditions, max(seconds, stable), stable),
             timeout,
             f"waits until {what}",
-            least=stable * 2,
+            least=stable + 2.0,
         )
         if seen.verdict != PASS:
             raise NotReadyError(seen.reason)
