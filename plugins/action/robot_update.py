@@ -135,11 +135,14 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
         seen = {name: hostvars[name].get("update_edge_listing") or {} for name in edge}
         return {name: str(listing["stdout"]) for name, listing in seen.items() if "stdout" in listing}
 
-    def _reach(self) -> None:
+    def _reach(self) -> float:
         try:
-            self._low_level_execute_command("true", sudoable=False)
+            said = self._low_level_execute_command("date +%s", sudoable=False)["stdout"]
+            return float(said.strip().rpartition("\n")[2])  # a shell may say something before
         except AnsibleConnectionFailure as error:
             raise AwayError(str(error)) from error
+        except ValueError:
+            raise FleetError(f"{self._host} was asked for its time and said {said!r}") from None
 
     def _module(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
         with _ticking(lambda seconds: self._say(f"{name} for {seconds:.0f} s now")):

@@ -117,6 +117,7 @@ class Engine:
         self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
         self.recorded = self.cancelled = False
+        self.ahead = 0.0  # what the robot's clock shows when ours shows nothing
         self.results: list[StepResult] = []
         self.changes: list[Applied] = []
 
@@ -125,7 +126,7 @@ class Engine:
     def run(self) -> RobotOutcome:
         """From what differs to the outcome. Whatever goes wrong with this robot is its outcome, and no error."""
         try:
-            self.host.there()
+            self.ahead = self.host.there() - self.clock.now()
             self._plan()
             if self.plan.steps:
                 self._prepare()
@@ -247,9 +248,10 @@ class Engine:
         if self.settings.check:
             self._apply_all(now.step.objects)
             return
-        wall, bounds = self.clock.wall(), self.settings
-        until = decide.Bounds(bounds.rate_tolerance, wall + bounds.ready_timeout + CONTRACT_EXTRA)
-        objects = decide.step_objects(now.step, gate.contracts, until, wall)
+        # by the robot's clock: pods that took the contract for an old one would not hold to it
+        until = self.clock.now() + self.ahead + self.settings.ready_timeout + CONTRACT_EXTRA
+        bounds = decide.Bounds(self.settings.rate_tolerance, until)
+        objects = decide.step_objects(now.step, gate.contracts, bounds, self.clock.wall())
         now.applied = True  # from the first of these objects on
         self._apply_all([self._events(now), *objects])
 

@@ -69,8 +69,8 @@ class Seen:
 class Host(Protocol):
     """The robot's own host, where its ROS graph is asked. AwayError where it cannot be reached."""
 
-    def there(self) -> None:
-        """Only whether it can be reached."""
+    def there(self) -> float:
+        """Its own seconds since 1970, and so whether it can be reached."""
 
     def bring(self, images: Sequence[str]) -> bool:
         """Have these images on the node; whether anything had to be brought."""

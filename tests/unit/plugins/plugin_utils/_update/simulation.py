@@ -386,9 +386,9 @@ class SimulatedHost:
     def __init__(self, sim: Simulation) -> None:
         self.sim = sim
 
-    def there(self) -> None:
+    def there(self) -> float:
         with self.sim.call("there", 0.2):
-            pass
+            return EPOCH + self.sim.time
 
     def bring(self, images: Sequence[str]) -> bool:
         with self.sim.call("bring", 0.5):
