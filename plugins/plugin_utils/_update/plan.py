@@ -44,7 +44,7 @@ class Step:
     apps: Sequence[str]
     handoff: str
     objects: Sequence[Object]
-    previous: Mapping[str, Object]  # app -> the Deployment to go back to
+    previous: Mapping[str, Object]  # app, or the master's keeper -> the Deployment to go back to
     created: Sequence[Object]  # Deployments that were not there: the way back deletes them
     resume: bool  # an earlier run applied just this, and ended before it was proven
     unproven: Sequence[str]  # apps of which something runs that nobody has proven: its graph shows nothing to hold to
@@ -107,7 +107,7 @@ class _Robot:
         unproven = [
             app for app in members for item in deployments_of(self.desired[app]) if _updating(self.live.get(_key(item)))
         ]
-        previous = self._previous(members, objects)
+        previous = self._previous(objects)
         running = {app: _node(self.live[_key(first[app])]) for app in apps if _key(first[app]) in self.live}
         return Step(
             name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
@@ -117,8 +117,7 @@ class _Robot:
             objects=objects,
             previous=previous,
             created=[
-                identity(item) for item in deployments_of(objects)
-                if app_of(item) in members and app_of(item) not in previous
+                identity(item) for item in deployments_of(objects) if app_of(item) not in previous
             ],
             resume=bool(unproven) and not any(_differs(item, self.live) for item in deployments_of(objects)),
             unproven=unproven,
@@ -128,17 +127,17 @@ class _Robot:
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
             conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
-            before={app: described(item) for app, item in previous.items()},
+            before={app: described(previous[app]) for app in members if app in previous},
             after={app: described(first[app]) for app in members},
-            histories={app: self.histories.get(app, []) for app in members},
+            histories=self.histories,
         )  # fmt: skip
 
-    def _previous(self, members: Sequence[str], objects: Sequence[Object]) -> dict[str, Object]:
+    def _previous(self, objects: Sequence[Object]) -> dict[str, Object]:
         """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven."""
         found: dict[str, Object] = {}
         for item in deployments_of(objects):
             app, there = app_of(item), self.live.get(_key(item))
-            if there is None or app not in members:
+            if there is None:
                 continue
             if not _updating(there):
                 found.setdefault(app, kept(there))

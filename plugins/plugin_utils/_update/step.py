@@ -184,13 +184,12 @@ class Bounds:
 
 def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
     """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
-    maps = [_update_map(app, step, contracts.get(app) or {}, bounds, now) for app in step.apps]
+    maps = [_update_map(item, step, contracts.get(app_of(item)) or {}, bounds, now) for item in step.workloads]
     return [*maps, *marked(step.objects, str(int(now)))]
 
 
-def _update_map(app: str, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
-    deployment = next(item for item in step.workloads if app_of(item) == app)
-    metadata = deployment["metadata"]
+def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
+    app, metadata = app_of(deployment), deployment["metadata"]
     limits = {"tolerance": bounds.tolerance, "until": int(bounds.until), "revision": revision_of(deployment)}
     content = {**contract, **limits} if contract else {}
     labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
