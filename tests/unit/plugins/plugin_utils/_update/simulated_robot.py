@@ -36,6 +36,7 @@ PROBE = 0.5  # between two looks of a pod's startup probe
 START, REGISTER, STOP = 1.0, 0.3, 0.5  # of a container, of its node, of a pod that has nothing to drain
 BACKOFF = 10.0  # between the second start of a container that crashes and the next
 DRAIN = 30.0  # a pod's stop hook waits so long for an open goal
+REAP = 15.0  # until the keeper takes away what a killed process left
 KEEPER = 3.0  # until the keeper has given a new master what was registered
 HOLD = 60.0  # the longest that the keeper holds goals
 
@@ -55,6 +56,11 @@ class Version:
     hang_at: float = FOREVER
 
     @property
+    def late(self) -> bool:
+        """Whether it passes for a good one at first, so that the old one has gone when it shows what it is."""
+        return self.hang_at < FOREVER or FOREVER > self.crash_at > START
+
+    @property
     def good(self) -> bool:
         return self in (GOOD, CRASHES_ONCE)
 
@@ -72,8 +78,6 @@ VERSIONS = {
     "crashes-when-ready": Version(crash_at=5.0, crashes=999),
     "hangs": Version(hang_at=5.0),
 }
-# These pass for good ones at first, so that the old version has gone when they show what they are.
-LATE = ("crashes-when-ready", "hangs")
 
 
 def image(version: str, number: int = 1) -> str:
@@ -97,9 +101,9 @@ class Offer:
 
 OFFERS = {
     "sensor": Offer({"temperature": 500.0}, services=["calibrate"]),
-    "stats": Offer({"mean": 20.0}, ["temperature"]),
+    "stats": Offer({"mean": 20.0}, ["temperature"], ["reset_stats"]),
     "planner": Offer({"load": 100.0}, actions=["plan"]),
-    "driver": Offer({"scan": 40.0}),
+    "driver": Offer({"scan": 40.0}, services=["reset_driver"]),
     "chart": Offer({"map": 10.0}, services=["get_map"]),
 }
 SERVER_TOPICS = (("status", True), ("feedback", True), ("result", True), ("goal", False), ("cancel", False))
@@ -295,7 +299,9 @@ class SimulatedRobot:
     def crash(self, pod: Pod, start: int) -> None:
         if pod.gone or pod.restarts != start or not pod.process:
             return
-        pod.process.alive, pod.ready, pod.restarts = False, False, start + 1
+        process = pod.process
+        process.alive, pod.ready, pod.restarts = False, False, start + 1
+        self.later(REAP, lambda: self.reap(process))
         self.changed()
         self.later(1.0 if pod.restarts == 1 else BACKOFF, lambda: self.run_pod(pod))
         self.reconcile(pod.key)
@@ -340,8 +346,7 @@ class SimulatedRobot:
         return self.broken_promise(pod, process)
 
     def broken_promise(self, pod: Pod, process: Process) -> str:
-        item = self.objects.get(("ConfigMap", pod.key[0], names.update_name(pod.app))) or {"data": {}}
-        contract = json.loads(item["data"].get("contract.json") or "{}")
+        contract = self.contract(pod)
         if not contract or contract["until"] < EPOCH + self.time or contract["revision"] != self.revision(pod):
             return ""
         lacking = [name for name in contract["services"] if name not in process.services]
@@ -353,6 +358,10 @@ class SimulatedRobot:
             if process.topics.get(name, least) < least:
                 return f"too slow on {name}"
         return ""
+
+    def contract(self, pod: Pod) -> Any:
+        item = self.objects.get(("ConfigMap", pod.key[0], names.update_name(pod.app))) or {"data": {}}
+        return json.loads(item["data"].get("contract.json") or "{}")
 
     def revision(self, pod: Pod) -> str:
         found = self.deployment(pod.key)
@@ -431,6 +440,10 @@ class SimulatedRobot:
                 if process.node not in self.registered or lost:
                     self.register(process)
 
+    def reap(self, process: Process) -> None:
+        if self.registered.get(process.node) is process and self.master_up() and self.is_up(names.KEEPER_NAME):
+            self.unregister(process.node)
+
     def living(self) -> list[Process]:
         own = [pod.process for pod in self.pods if pod.process and not pod.gone and pod.app not in INFRASTRUCTURE]
         return [process for process in [*own, *self.others] if process.alive]
@@ -502,7 +515,7 @@ class SimulatedRobot:
         self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
     ) -> dict[str, Rate]:
         del only
-        self.advance(max(seconds.values()))
+        self.advance(max(seconds.values(), default=0.0))
         found = {}
         for topic, window in seconds.items():
             by = {}
