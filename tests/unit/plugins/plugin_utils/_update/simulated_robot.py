@@ -244,11 +244,11 @@ class SimulatedRobot:
     def create(self, key: tuple[str, str], wanted: Object, template: str) -> None:
         spec = wanted["spec"]["template"]
         app = app_of(wanted)
-        names_ = spec["metadata"].get("annotations") or {}
-        handoff = (wanted["metadata"].get("annotations") or {}).get(names.ANNOTATION_HANDOFF, "replace")
+        said = spec["metadata"].get("annotations") or {}
         pod = Pod(
             len(self.pods), key, app, template, version_of(spec["spec"]["containers"][0]["image"]),
-            names_.get(names.ANNOTATION_NODE, ""), OFFERS.get(app, Offer()), handoff,
+            said.get(names.ANNOTATION_NODE, ""), OFFERS.get(app, Offer()),
+            said.get(names.ANNOTATION_HANDOFF, "replace"),
         )  # fmt: skip
         self.pods.append(pod)
         self.kubelet(START, lambda: self.run_pod(pod))

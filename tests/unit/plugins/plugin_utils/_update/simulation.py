@@ -41,6 +41,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     EPOCH,
     FOREVER,
     HOLD,
+    LEAST,
     Hold,
     Pod,
     Process,
@@ -442,6 +443,7 @@ class SimulatedHost:
             assert master
 
             def look() -> Look:
+                sim.advance(LEAST)  # a look takes time, else a poll could go on for ever at one moment
                 found = gate.look(sim, wanted)
                 return Look(found.verdict, found)
 
