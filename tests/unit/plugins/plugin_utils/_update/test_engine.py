@@ -69,7 +69,7 @@ SCENARIOS = {
     "fleet": Scenario(fleet),
 }
 # all of it takes minutes: that is for ROSOPS_TEST_ALL
-SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 10
+SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 16
 MATRIX = [(name, version) for name, scenario in SCENARIOS.items() for version in scenario.versions]
 
 
