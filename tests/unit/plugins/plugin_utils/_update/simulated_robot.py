@@ -35,6 +35,7 @@ PROBE = 0.5  # between two looks of a pod's startup probe
 START, REGISTER, STOP = 1.0, 0.3, 0.5  # of a container, of its node, of a pod that has nothing to drain
 BACKOFF = 10.0  # between the second start of a container that crashes and the next
 DRAIN = 30.0  # a pod's stop hook waits so long for an open goal
+REAP = 15.0  # until the keeper takes away what a killed process left
 KEEPER = 3.0  # until the keeper has given a new master what was registered
 HOLD = 60.0  # the longest that the keeper holds goals
 
@@ -54,6 +55,11 @@ class Version:
     hang_at: float = FOREVER
 
     @property
+    def late(self) -> bool:
+        """Whether it passes for a good one at first, so that the old one has gone when it shows what it is."""
+        return self.hang_at < FOREVER or FOREVER > self.crash_at > START
+
+    @property
     def good(self) -> bool:
         return self in (GOOD, CRASHES_ONCE)
 
@@ -71,8 +77,6 @@ VERSIONS = {
     "crashes-when-ready": Version(crash_at=5.0, crashes=999),
     "hangs": Version(hang_at=5.0),
 }
-# These pass for good ones at first, so that the old version has gone when they show what they are.
-LATE = ("crashes-when-ready", "hangs")
 
 
 def image(version: str, number: int = 1) -> str:
@@ -239,11 +243,11 @@ class SimulatedRobot:
     def create(self, key: tuple[str, str], wanted: Object, template: str) -> None:
         spec = wanted["spec"]["template"]
         app = app_of(wanted)
-        names_ = spec["metadata"].get("annotations") or {}
-        handoff = (wanted["metadata"].get("annotations") or {}).get(names.ANNOTATION_HANDOFF, "replace")
+        said = spec["metadata"].get("annotations") or {}
         pod = Pod(
             len(self.pods), key, app, template, version_of(spec["spec"]["containers"][0]["image"]),
-            names_.get(names.ANNOTATION_NODE, ""), OFFERS.get(app, Offer()), handoff,
+            said.get(names.ANNOTATION_NODE, ""), OFFERS.get(app, Offer()),
+            said.get(names.ANNOTATION_HANDOFF, "replace"),
         )  # fmt: skip
         self.pods.append(pod)
         self.kubelet(START, lambda: self.run_pod(pod))
@@ -294,7 +298,9 @@ class SimulatedRobot:
     def crash(self, pod: Pod, start: int) -> None:
         if pod.gone or pod.restarts != start or not pod.process:
             return
-        pod.process.alive, pod.ready, pod.restarts = False, False, start + 1
+        process = pod.process
+        process.alive, pod.ready, pod.restarts = False, False, start + 1
+        self.later(REAP, lambda: self.reap(process))
         self.changed()
         self.later(1.0 if pod.restarts == 1 else BACKOFF, lambda: self.run_pod(pod))
         self.reconcile(pod.key)
@@ -339,8 +345,7 @@ class SimulatedRobot:
         return self.broken_promise(pod, process)
 
     def broken_promise(self, pod: Pod, process: Process) -> str:
-        item = self.objects.get(("ConfigMap", pod.key[0], names.update_name(pod.app))) or {"data": {}}
-        contract = json.loads(item["data"].get("contract.json") or "{}")
+        contract = self.contract(pod)
         if not contract or contract["until"] < EPOCH + self.time or contract["revision"] != self.revision(pod):
             return ""
         lacking = [name for name in contract["services"] if name not in process.services]
@@ -352,6 +357,10 @@ class SimulatedRobot:
             if process.topics.get(name, least) < least:
                 return f"too slow on {name}"
         return ""
+
+    def contract(self, pod: Pod) -> Any:
+        item = self.objects.get(("ConfigMap", pod.key[0], names.update_name(pod.app))) or {"data": {}}
+        return json.loads(item["data"].get("contract.json") or "{}")
 
     def revision(self, pod: Pod) -> str:
         found = self.deployment(pod.key)
@@ -429,6 +438,10 @@ class SimulatedRobot:
                 lost = [name for name in process.services if name not in self.providers]
                 if process.node not in self.registered or lost:
                     self.register(process)
+
+    def reap(self, process: Process) -> None:
+        if self.registered.get(process.node) is process and self.master_up() and self.is_up(names.KEEPER_NAME):
+            self.unregister(process.node)
 
     def living(self) -> list[Process]:
         own = [pod.process for pod in self.pods if pod.process and not pod.gone and pod.app not in INFRASTRUCTURE]

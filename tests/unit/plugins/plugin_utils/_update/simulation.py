@@ -41,6 +41,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     EPOCH,
     FOREVER,
     HOLD,
+    LEAST,
     Hold,
     Pod,
     Process,
@@ -51,7 +52,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.up
 
 DAY = 86400.0
 CONNECT = 10.0  # a call gives an API up that was away for so long, and a wait says something so often
-SILENCE = 10.0  # nobody looks at a silent run for longer
+SILENCE = 11.0  # nobody looks at a silent run for longer than ten seconds, and what a call takes to notice
 KEY = tuple[str, str, str]  # kind, namespace, name
 CLUSTER_CALLS = ("read", "apply", "delete", "rollout")
 FAULTS = (
@@ -74,14 +75,17 @@ class Simulation(SimulatedRobot):
         self.api_until = -1.0
         self.fault, self.at = "", 0
         self.calls: list[str] = []
+        self.said: list[str] = []
+        self.engine_changes: list[Applied] = []
         self.silent = 0.0
         self.last: tuple[str, object] = ("", None)
         self.checking = False
         self.touched: set[KEY] = set()  # what a run changed
         self.proven: set[tuple[tuple[str, str], str]] = set()  # a Deployment and its template
-        self.watched: set[str] = set()  # apps that must never be without a good version
+        self.watched: set[str] = set()  # apps that hand over by overlap
+        self.interrupted: set[str] = set()  # those that are without one for a reason
         self.verify_seconds = 0.0
-        self.cancelled = False
+        self.cancelled, self.begun = False, 0.0
         self.unheld = True  # no call that lets goals go has met a fault
 
     # --- an operator ------------------------------------------------------------------------------------------------
@@ -94,6 +98,7 @@ class Simulation(SimulatedRobot):
             if item["kind"] == "Deployment":
                 self.proven.add((deployment_key(item), template_of(item)))
         self.advance(10.0)
+        self.watched = {app.name for app in robot.apps if app.handoff == "overlap"}
         everything = [topic for process in self.living() for topic in process.topics]
         self.others.append(Process("/listener", "http://10.42.1.1:4000/", subscriptions=everything))
         for process in self.others:
@@ -102,16 +107,16 @@ class Simulation(SimulatedRobot):
 
     def run(self, robot: Robot, settings: Settings, fault: str = "", at: int = 0) -> RobotOutcome | None:
         """One run with the truth of its word; None where the control node was killed."""
-        self.calls, self.touched, self.silent, self.checking = [], set(), 0.0, settings.check
+        self.calls, self.said, self.touched, self.silent, self.checking = [], [], set(), 0.0, settings.check
         self.fault, self.at, self.verify_seconds = fault, at, settings.verify_seconds
-        self.unheld, self.cancelled = True, False
+        self.unheld, self.cancelled, self.begun = True, False, self.time
         before = {key: obj for key, obj in self.objects.items() if key[0] == "Deployment"}
         engine = Engine(robot, settings, World(SimulatedCluster(self), SimulatedHost(self), self, self.say))
         try:
             outcome = engine.run()
         except Killed:
             return None
-        self.fault = ""
+        self.fault, self.engine_changes = "", engine.changes
         self.truth(engine, outcome, before)
         return outcome
 
@@ -126,6 +131,7 @@ class Simulation(SimulatedRobot):
     def say(self, text: str) -> None:
         assert text
         self.silent = 0.0
+        self.said.append(text)
 
     # --- faults -----------------------------------------------------------------------------------------------------
 
@@ -169,8 +175,6 @@ class Simulation(SimulatedRobot):
             raise Killed(name)
         if fault == "cancelled":
             raise self.cancel()
-        if fault == "stalled":
-            self.watched = set()  # longer than pods hold to a contract: what they show on their own counts then
         self.advance({"slow": 50.0, "stalled": 600.0}.get(fault, 0.0))
         if fault in ("refused", "time-out"):
             self.advance(40.0 if fault == "time-out" else 0.0)
@@ -203,16 +207,27 @@ class Simulation(SimulatedRobot):
         for action in [*self.holds]:
             self.expire(action)
         for app in self.watched:
-            assert self.serves(app), f"nothing good serves {app}"
+            if self.serves(app):
+                self.interrupted.discard(app)
+            elif app not in self.interrupted:
+                assert self.excused(app), f"nothing good serves {app}"
+                self.interrupted.add(app)
         assert not self.cut, f"goals were cut off: {self.cut}"
 
     def serves(self, app: str) -> bool:
         """Whether a version is there that was proven, or that has shown its own pod all that is asked for."""
+        same_master = sum(pod.app == names.MASTER_NAME for pod in self.pods) == 1  # a new one has to learn of it first
         return any(
             pod.app == app and pod.up and pod.met and (pod.version.good or (pod.key, pod.template) in self.proven)
-            and self.registered.get(pod.node) is pod.process
+            and (self.registered.get(pod.node) is pod.process or not same_master)
             for pod in self.pods
         )  # fmt: skip
+
+    def excused(self, app: str) -> bool:
+        """No gate sees what happens later, and pods hold to a contract only as long as it says."""
+        there = [pod for pod in self.pods if pod.app == app and not pod.gone]
+        until = [contract["until"] for pod in there if (contract := self.contract(pod))]
+        return any(pod.version.late for pod in there) or any(EPOCH + self.time > end for end in until)
 
     def prove(self, item: Object) -> None:
         """The engine says that this version is proven; what its pods show says whether it may."""
@@ -234,7 +249,7 @@ class Simulation(SimulatedRobot):
         word, away = outcome.outcome, self.robot_until > self.time
         if engine.settings.check:
             assert not self.touched, f"check mode wrote {self.touched}"
-            assert not self.holds, "check mode holds goals"
+            assert not self.mine(), "check mode holds goals"
             return
         if word == "unchanged":
             assert not {key for key in self.touched if key[2] != EVENTS_NAME}, f"unchanged, and {self.touched} was"
@@ -270,8 +285,8 @@ class Simulation(SimulatedRobot):
         assert marked or ((key[1], key[2]), template_of(there)) in self.proven, f"{key} was never proven"
 
     def mine(self) -> list[str]:
-        """Actions whose goals a step holds, whose server has not been told to end."""
-        return [action for action, hold in self.holds.items() if hold.asked]
+        """Actions whose goals a step of this run holds; a pod that ends holds them, too."""
+        return [action for action, hold in self.holds.items() if hold.asked and hold.until - HOLD >= self.begun]
 
     # --- the API server ---------------------------------------------------------------------------------------------
 
@@ -323,6 +338,12 @@ class SimulatedCluster:
                 if kind in found and namespace in namespaces:
                     found[kind].append({key: value for key, value in item.items() if key != "applied"})
             return Live(found["Deployment"], found["ConfigMap"], found["Service"])
+
+    @contextlib.contextmanager
+    def claim(self, _namespace: str) -> Iterator[None]:
+        with self.sim.call("claim", 0.1):
+            assert not self.sim.checking
+        yield
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         sim = self.sim
@@ -428,6 +449,7 @@ class SimulatedHost:
             assert master
 
             def look() -> Look:
+                sim.advance(LEAST)  # a look takes time, else a poll could go on for ever at one moment
                 found = gate.look(sim, wanted)
                 return Look(found.verdict, found)
 

@@ -73,6 +73,13 @@ def test_providers_come_before_their_users_and_the_master_before_all() -> None:
     assert step_names(plan) == [["ros-master"], ["sensor"], ["map"], ["user"]]
 
 
+def test_the_keeper_goes_back_with_its_master() -> None:
+    before, after = (robot(app("one"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
+    (step,) = update_plan(after, applied(before)).steps
+    assert set(step.previous) == {"ros-master", "ros-keeper"}
+    assert (set(step.before), step.created) == ({"ros-master"}, [])
+
+
 def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> None:
     def fleet(image: str) -> Robot:
         return robot(

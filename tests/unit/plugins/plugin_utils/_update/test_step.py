@@ -178,7 +178,7 @@ def test_the_history_keeps_the_last_versions_each_once() -> None:
     again = entry(robot(app("sensor")), "sensor")
     step = step_of(robot(app("sensor")), robot(app("sensor", "x.org/a:2")), update_map("sensor", [again, *history]))
     kept = json.loads(applied_by(step, graph_of(step))[0]["data"]["history.json"])
-    assert len(kept) == HISTORY_KEPT
+    assert len(kept) == HISTORY_KEPT == 5
     assert [item["revision"] for item in kept].count(again["revision"]) == 1
     assert kept[0]["revision"] == again["revision"]
 
@@ -192,6 +192,18 @@ def test_a_step_taken_up_again_holds_to_the_contract_of_its_beginning() -> None:
     gate = step_gate(step, NO_GRAPH, updates)
     assert gate.contracts["sensor"]["topics"]["/temperature"]["rate"] == 500.0
     assert proof(step, gate.contracts, 0.1)["edges"] != []
+
+
+def test_a_third_version_holds_to_what_the_first_one_did() -> None:
+    begun = sensor_step()
+    (update, *_rest) = applied_by(begun, graph_of(begun))
+    live = marked(applied(robot(app("sensor", "x.org/a:2")), update), "sensor")
+    (step,) = update_plan(robot(app("sensor", "x.org/a:3")), live).steps
+    (new,) = step.new_nodes.values()
+    there = {**NO_GRAPH, "nodes": {new: node()}}  # of a way back that was cut off
+    gate = step_gate(step, there, [update])
+    assert (step.resume, step.unproven, gate.problems) == (False, ["sensor"], [])
+    assert gate.contracts["sensor"]["topics"]["/temperature"]["publishers"] == {new: {"rate": 500.0, "connected": True}}
 
 
 def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> None:
