@@ -80,7 +80,7 @@ def count_messages(sockets: Mapping[Any, TimedSocket], seconds: Mapping[str, flo
             for key in [key for key in sockets if key not in rates and ends[key] <= at]:
                 began = sockets[key].opened
                 counter = counters[key]
-                steady = counter.steady(began, at)
+                steady = counter.steady(start, at)  # before that nobody read, and a tenth without a message is no news
                 rates[key] = Rate(counter.rate(began, at), counter.count, at - began, steady=steady)
                 _leave(selector, sockets[key])
             if len(rates) == len(sockets):

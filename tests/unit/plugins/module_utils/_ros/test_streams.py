@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import socket
 import struct
+import threading
 import time
 
 import pytest
@@ -24,3 +25,27 @@ def test_what_waited_while_other_streams_were_opened_makes_no_topic_faster() -> 
     assert rate.messages == 1000
     assert rate.hz <= 501
     assert rate.seconds == pytest.approx(2.1, abs=0.1)
+
+
+def test_nor_does_it_make_a_topic_slower() -> None:
+    """What may be expected of a publisher is told by the time in which its stream was read."""
+    ours, theirs = socket.socketpair()
+    stream = TimedSocket(fileno=ours.detach())
+    stream.opened = time.monotonic() - 2.0
+    frame, over = struct.pack("<I", 8) + bytes(8), threading.Event()
+    theirs.sendall(frame * 1000)
+
+    def publish() -> None:
+        began, sent = time.monotonic(), 0
+        while not over.wait(0.01):
+            due = int((time.monotonic() - began) * 500)
+            theirs.sendall(frame * (due - sent))
+            sent = due
+
+    publisher = threading.Thread(target=publish)
+    publisher.start()
+    with theirs:
+        rate = count_messages({("/scan", "/lidar"): stream}, {"/scan": 1.0})["/scan", "/lidar"]
+        over.set()
+        publisher.join()
+    assert rate.expected.hz == pytest.approx(500, rel=0.08)
