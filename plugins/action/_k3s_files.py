@@ -5,34 +5,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import wanted
 
 PATHS = {"type": "list", "elements": "path", "required": True}
-ARGUMENTS = {"write": PATHS, "remove": PATHS}
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ActionModule(FleetAction):
     """What may hold passwords is written without a diff."""
 
     TRANSFERS_FILES = True
+    ARGUMENTS: ClassVar = {"write": PATHS, "remove": PATHS}
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        params, known = self.validate_argument_spec(argument_spec=ARGUMENTS)[1], task_vars or {}
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         host = ActionHost(self, known, check_mode=self._task.check_mode)
-        result.update(changed=False, diff=[], written=params["write"], removed=params["remove"])
-        try:
-            files = wanted(
-                role_variables("k3s", self._templar, known), known["inventory_hostname"], known["hostvars"]
-            ).files
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
+        variables = role_variables("k3s", self._templar, known)
+        files = wanted(variables, known["inventory_hostname"], known["hostvars"]).files
+        result = {"changed": False, "diff": [], "written": params["write"], "removed": params["remove"]}
         done = [
             host.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret)
             for file in files

@@ -7,37 +7,30 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from typing import Any
+from typing import Any, ClassVar, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBECONFIG
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.kubeconfig import keep, local_kubeconfig
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import wanted
 
-ARGUMENTS = {"there": {"type": "bool", "required": True}}
 
-
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ActionModule(FleetAction):
     """`there`: whether the server has one already, which check mode cannot do without."""
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        there, known = self.validate_argument_spec(argument_spec=ARGUMENTS)[1]["there"], task_vars or {}
-        try:
-            variables = role_variables("k3s", self._templar, known)
-            part = wanted(variables, known["inventory_hostname"], known["hostvars"])
-            if self._task.check_mode and not there:
-                return {**result, "changed": True, "msg": f"{part.kubeconfig} would be written"}
-            read = ActionHost(self, known).module("ansible.builtin.slurp", {"src": KUBECONFIG})
-            if read.get("failed"):
-                return {**result, "failed": True, "msg": read.get("msg", f"{KUBECONFIG} cannot be read")}
-            text = base64.b64decode(read["content"])
-            digest = hashlib.sha256(text).hexdigest()
-            config = local_kubeconfig(text.decode(), part.url, variables["k3s_cluster"], digest)
-            changed = keep(part.kubeconfig, config, self._task.check_mode)
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
-        return {**result, "changed": changed, "path": part.kubeconfig}
+    ARGUMENTS: ClassVar = {"there": {"type": "bool", "required": True}}
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        variables = role_variables("k3s", self._templar, known)
+        part = wanted(variables, known["inventory_hostname"], known["hostvars"])
+        if self._task.check_mode and not params["there"]:
+            return {"changed": True, "msg": f"{part.kubeconfig} would be written"}
+        read = ActionHost(self, known).module("ansible.builtin.slurp", {"src": KUBECONFIG})
+        if read.get("failed"):
+            return {"failed": True, "msg": read.get("msg", f"{KUBECONFIG} cannot be read")}
+        text = base64.b64decode(read["content"])
+        digest = hashlib.sha256(text).hexdigest()
+        config = local_kubeconfig(text.decode(), part.url, variables["k3s_cluster"], digest)
+        return {"changed": keep(part.kubeconfig, config, self._task.check_mode), "path": part.kubeconfig}

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.kubeconfig import is_made_from, kubeconfig_head
@@ -23,19 +23,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import so
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        known = task_vars or {}
-        try:
-            variables = role_variables("k3s", self._templar, known)
-            part = wanted(variables, known["inventory_hostname"], known["hostvars"])
-            now = ActionHost(self, known).module("rosops.fleet.k3s_info", _look(variables, part))
-            if now.get("failed"):
-                return {**result, **now}
-            return {**result, "changed": False, **_plan(now, part, variables, known["inventory_hostname"])}
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
+class ActionModule(FleetAction):
+    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        variables = role_variables("k3s", self._templar, known)
+        part = wanted(variables, known["inventory_hostname"], known["hostvars"])
+        now = ActionHost(self, known).module("rosops.fleet.k3s_info", _look(variables, part))
+        if now.get("failed"):
+            return now
+        return {"changed": False, **_plan(now, part, variables, known["inventory_hostname"])}
 
 
 def _look(variables: Mapping[str, Any], part: Wanted) -> dict[str, Any]:

@@ -5,38 +5,36 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import CONFIG_DIR
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.tokens import tokens_to_keep
 
-ARGUMENTS = {
-    "names": {"type": "list", "elements": "str", "required": True},
-    "registered": {"type": "str", "required": True},
-}
 
-
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ActionModule(FleetAction):
     """`registered` names the variable with what slurp read on the first server; on that server it does not exist."""
 
     TRANSFERS_FILES = True
+    ARGUMENTS: ClassVar = {
+        "names": {"type": "list", "elements": "str", "required": True},
+        "registered": {"type": "str", "required": True},
+    }
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        params, known = self.validate_argument_spec(argument_spec=ARGUMENTS)[1], task_vars or {}
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         host = ActionHost(self, known, check_mode=self._task.check_mode)
         read = plain(self._templar.template(known.get(params["registered"], {}))).get("results", [])
-        try:
-            texts = tokens_to_keep(params["names"], read, role_variables("k3s", self._templar, known))
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
+        texts = tokens_to_keep(params["names"], read, role_variables("k3s", self._templar, known))
+        changed = False
         for name, text in texts.items():
             one = host.write(f"{CONFIG_DIR}/{name}", f"{text}\n", "0600", diff=False)
             if one.get("failed"):
-                return {**result, "failed": True, "msg": f"{CONFIG_DIR}/{name} could not be written: {one.get('msg')}"}
-            result["changed"] = result.get("changed", False) or bool(one.get("changed"))
-        return result
+                return {
+                    "failed": True,
+                    "changed": changed,
+                    "msg": f"{CONFIG_DIR}/{name} could not be written: {one.get('msg')}",
+                }
+            changed |= bool(one.get("changed"))
+        return {"changed": changed}

@@ -5,21 +5,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import images, spec_of
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ActionModule(FleetAction):
     _requires_connection = False
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        try:
-            spec = spec_of(role_variables("observability", self._templar, task_vars or {}))
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
-        return {**result, "changed": False, "images": images(spec), "_ansible_verbose_always": True}
+    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        spec = spec_of(role_variables("observability", self._templar, known))
+        return {"changed": False, "images": images(spec), "_ansible_verbose_always": True}

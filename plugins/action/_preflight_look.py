@@ -5,22 +5,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import look, server_addresses
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        known = task_vars or {}
-        try:
-            variables = role_variables("preflight", self._templar, known)
-            servers = server_addresses(variables, known["inventory_hostname"], known["hostvars"])
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
-        return {**result, **ActionHost(self, known).action("rosops.fleet.preflight_info", look(variables, servers))}
+class ActionModule(FleetAction):
+    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        variables = role_variables("preflight", self._templar, known)
+        servers = server_addresses(variables, known["inventory_hostname"], known["hostvars"])
+        return ActionHost(self, known).action("rosops.fleet.preflight_info", look(variables, servers))

@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import judge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
@@ -16,28 +15,21 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requiremen
     server_addresses,
 )
 
-ARGUMENTS = {"registered": {"type": "str", "required": True}}
 
-
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ActionModule(FleetAction):
     """`registered` names the variable in which every host keeps its own facts."""
 
     _requires_connection = False
+    ARGUMENTS: ClassVar = {"registered": {"type": "str", "required": True}}
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        known, name = task_vars or {}, self.validate_argument_spec(argument_spec=ARGUMENTS)[1]["registered"]
-        host, hostvars = known["inventory_hostname"], known["hostvars"]
-        try:
-            variables = role_variables("preflight", self._templar, known)
-            wanted = requirements(variables, server_addresses(variables, host, hostvars))
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        name, host, hostvars = params["registered"], known["inventory_hostname"], known["hostvars"]
+        variables = role_variables("preflight", self._templar, known)
+        wanted = requirements(variables, server_addresses(variables, host, hostvars))
         # every host of the play that answered: names and MTUs are compared across them
         fleet = {other: hostvars[other][name]["facts"] for other in known["ansible_play_hosts"]}
         report = judge(fleet, host, wanted)
         return {
-            **result,
             "changed": False,
             "failed": report["errors"] > 0,
             "msg": report["text"].splitlines(),

@@ -5,32 +5,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Mapping
 
-from ansible.plugins.action import ActionBase
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
-    TRANSFERS_FILES = False
+class ActionModule(FleetAction):
     _requires_connection = False
-    _supports_check_mode = True
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        self.validate_argument_spec(argument_spec={})
-        variables = task_vars or {}
-        groups = {str(name): [str(host) for host in hosts] for name, hosts in variables["groups"].items()}
+    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        groups = {str(name): [str(host) for host in hosts] for name, hosts in known["groups"].items()}
         names = [host for host in groups["all"] if host != IMPLICIT_HOST]
         try:
-            hosts = fleet_hosts(HostVariables(variables["hostvars"]), names)
-            return {**result, **outcome(check_fleet({"groups": groups, "hosts": hosts}))}
+            hosts = fleet_hosts(HostVariables(known["hostvars"]), names)
+            return outcome(check_fleet({"groups": groups, "hosts": hosts}))
         except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), "valid": False, **error.details}
+            error.details.setdefault("valid", False)
+            raise
 
 
 def outcome(report: Report) -> dict[str, Any]:

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import os
 from itertools import chain
-from typing import Any
+from typing import Any, ClassVar, Mapping
 
-from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
@@ -22,22 +21,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows
 
-ARGS = {"volumes": {"type": "str", "required": True}}
 
-
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
-    TRANSFERS_FILES = False
+class ActionModule(FleetAction):
     _requires_connection = False
-    _supports_check_mode = True
+    ARGUMENTS: ClassVar = {"volumes": {"type": "str", "required": True}}
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        params = self.validate_argument_spec(argument_spec=ARGS)[1]
-        try:
-            result.update(changed=False, **_look(task_vars or {}, params["volumes"]))
-        except FleetError as exc:
-            result.update(failed=True, msg=str(exc), **exc.details)
-        return result
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        return {"changed": False, **_look(known, params["volumes"])}
 
 
 def _look(task_vars: dict[str, Any], volumes: str) -> dict[str, Any]:

@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Mapping
+from typing import Any, ClassVar, Mapping
 
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible.plugins.action import ActionBase
 from ansible.plugins.loader import callback_loader
 from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
@@ -19,33 +19,29 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import s
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import FACT, message_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 
-ARGS = {
-    "fleet": {"type": "dict", "required": True},
-    "graphs": {"type": "str", "required": True},
-    "page": {"type": "str", "default": "reports/fleet-status.html"},
-}
 display = Display()
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
-    TRANSFERS_FILES = False
+class ActionModule(FleetAction):
     _requires_connection = False
-    _supports_check_mode = True
+    ARGUMENTS: ClassVar = {
+        "fleet": {"type": "dict", "required": True},
+        "graphs": {"type": "str", "required": True},
+        "page": {"type": "str", "default": "reports/fleet-status.html"},
+    }
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        params, variables = self.validate_argument_spec(argument_spec=ARGS)[1], task_vars or {}
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         fleet = params["fleet"]
-        results = {host: variables["hostvars"][host].get(params["graphs"], {}) for host in fleet["graphs"]}
+        results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in fleet["graphs"]}
         graphs = {fleet["graphs"][host]["robot"]: one["graph"] for host, one in results.items() if "graph" in one}
         problems = [*fleet["problems"], *graph_problems(results)]
         status = status_rows({**fleet, "problems": problems}, graphs, report_texts(callback_path()))
         text = status_text(status)
         display.display(f"\n{text}")
         # for the report: a page that was written on the control node is no change to a host
-        result.update(status=status, text=text, ansible_facts={FACT: UNCHANGED})
+        result: dict[str, Any] = {"status": status, "text": text, "ansible_facts": {FACT: UNCHANGED}}
         try:
-            result["changed"] = self._write(status, params["page"], str(variables.get("ansible_limit") or ""))
+            result["changed"] = self._write(status, params["page"], str(known.get("ansible_limit") or ""))
         except OSError as error:
             result.update(failed=True, msg=f"the page cannot be written: {error}")
         return result

@@ -6,51 +6,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
-from ansible.plugins.action import ActionBase
-from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, Brought, NodeImages
 
-display = Display()
-
-ARGUMENTS = {
-    "archives": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {
-            "path": {"type": "path", "required": True},
-            "images": {"type": "list", "elements": "str", "default": []},
-        },
-    },
-    "names": {"type": "list", "elements": "str", "default": []},
-    "rate_limit": {"type": "str", "default": ""},
-    "directory": {"type": "path", "default": DIRECTORY},
+ARCHIVE = {
+    "path": {"type": "path", "required": True},
+    "images": {"type": "list", "elements": "str", "default": []},
 }
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ActionModule(FleetAction):
     TRANSFERS_FILES = True
-    _supports_check_mode = True
+    ARGUMENTS: ClassVar = {
+        "archives": {"type": "list", "elements": "dict", "default": [], "options": ARCHIVE},
+        "names": {"type": "list", "elements": "str", "default": []},
+        "rate_limit": {"type": "str", "default": ""},
+        "directory": {"type": "path", "default": DIRECTORY},
+    }
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        params = self.validate_argument_spec(argument_spec=ARGUMENTS)[1]
-        name = (task_vars or {}).get("inventory_hostname", "")
-        images = NodeImages(
-            ActionHost(self, task_vars),
-            params["directory"],
-            params["rate_limit"],
-            lambda text: display.display(f"[{name}] {text}"),
-        )
-        try:
-            brought = images.bring(params["archives"], params["names"], self._task.check_mode)
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
-        return {**result, **_outcome(brought)}
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        images = NodeImages(ActionHost(self, known), params["directory"], params["rate_limit"], self.say(known))
+        return _outcome(images.bring(params["archives"], params["names"], self._task.check_mode))
 
 
 def _outcome(brought: Brought) -> dict[str, Any]:

@@ -17,16 +17,16 @@ import threading
 import time
 from pathlib import Path
 from types import FrameType
-from typing import Any, Iterator, Mapping
+from typing import Any, ClassVar, Iterator, Mapping
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleConnectionFailure
-from ansible.plugins.action import ActionBase
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC, NoClusterError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
@@ -43,7 +43,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 display = Display()
 
 UPDATE_ARGS: dict[str, dict[str, Any]] = {
-    **AUTH_ARG_SPEC,
     "apps": {"type": "list", "elements": "str", "default": []},
     "to": {"type": "str", "default": ""},
     "shared": {"type": "bool", "default": True},
@@ -72,15 +71,14 @@ class MonotonicClock:
         return time.monotonic()
 
 
-class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ActionModule(ClusterAction):
     TRANSFERS_FILES = True
-    _supports_check_mode = True
+    _requires_connection = True
+    ARGUMENTS: ClassVar = UPDATE_ARGS
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        self._vars = task_vars or {}
-        self._host = str(self._vars["inventory_hostname"])
-        params = self.validate_argument_spec(argument_spec=UPDATE_ARGS)[1]
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        self._vars, self._host, self._say = known, str(known["inventory_hostname"]), self.say(known)
+        result: dict[str, Any] = {}
         ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(self._vars["ansible_play_batch"][0]))
         try:
             refusal = ledger.refusal(params["failure_budget"], len(self._vars["ansible_play_hosts_all"]))
@@ -131,9 +129,6 @@ class ActionModule(ActionBase):  # type: ignore[misc] # ansible-core carries no 
             self._say,
             lambda text: display.v(f"[{self._host}] {text}"),
         )
-
-    def _say(self, text: str) -> None:
-        display.display(f"[{self._host}] {text}")
 
     def _edge_images(self) -> dict[str, list[str]]:
         """What the play before this one saw on the edge hosts; those that it did not see may be away."""

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Options of every module that asks a ROS 1 graph: _ros_master.ROS_ARGS."""
+"""Options of every module that asks a ROS 1 graph: master.ROS_ARGS."""
 
 from __future__ import annotations
 

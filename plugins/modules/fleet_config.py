@@ -18,16 +18,12 @@ description:
     no token; an app's own environment is in it as it stands in the inventory.
   - Runs on the control node, inside Ansible's own process. It contacts no host and no cluster and changes nothing.
 options: {}
+extends_documentation_fragment:
+  - rosops.fleet._attributes.read_only
 attributes:
   action:
     description: Has an action plugin, in which everything is done on the control node.
     support: full
-  check_mode:
-    description: Can run in check mode and return the same as without it.
-    support: full
-  diff_mode:
-    description: Shows what has changed when in diff mode.
-    support: N/A
 requirements:
   - jsonschema (Python library, on the control node only)
 notes:

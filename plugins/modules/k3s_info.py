@@ -42,13 +42,8 @@ options:
     description: Whether to ask the binary for its version.
     type: bool
     default: true
-attributes:
-  check_mode:
-    description: Reads only, so it does the same in check mode.
-    support: full
-  diff_mode:
-    description: Changes nothing.
-    support: none
+extends_documentation_fragment:
+  - rosops.fleet._attributes.read_only
 """
 
 EXAMPLES = r"""

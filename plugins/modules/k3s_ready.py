@@ -40,13 +40,8 @@ options:
     description: Lines of the unit's journal in the message of a failure.
     type: int
     default: 15
-attributes:
-  check_mode:
-    description: Changes nothing, so it does the same in check mode.
-    support: full
-  diff_mode:
-    description: Changes nothing.
-    support: none
+extends_documentation_fragment:
+  - rosops.fleet._attributes.read_only
 """
 
 EXAMPLES = r"""

@@ -48,13 +48,8 @@ options:
     description: The directory whose file system must hold k3s's data. It need not exist.
     type: path
     default: /var/lib/rancher
-attributes:
-  check_mode:
-    description: Reads only, so it does the same in check mode.
-    support: full
-  diff_mode:
-    description: Changes nothing.
-    support: none
+extends_documentation_fragment:
+  - rosops.fleet._attributes.read_only
 """
 
 EXAMPLES = r"""

@@ -1,62 +1,44 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What action plugins on a cluster share: access, errors, check mode without a cluster, the result of writes."""
+"""What action plugins on a cluster share: access, check mode without a cluster, the result of writes."""
 
 from __future__ import annotations
 
 import os
-from typing import Any, ClassVar, Mapping, Sequence
+from typing import Any, Mapping, Sequence
 
-from ansible.plugins.action import ActionBase
-from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC, NoClusterError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
 
-display = Display()
 
-
-class ClusterAction(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+class ClusterAction(FleetAction):
     """An action on the cluster's API, from the control node, in the process of the task.
 
-    Options are kubernetes.core's for the access and those in ARGUMENTS. `work` does it. Where check mode has no cluster
+    Options are kubernetes.core's for the access and those in ARGUMENTS. Where check mode has no cluster
     to compare with, because the run would make it first, `foresee` says what would be done.
     """
 
-    TRANSFERS_FILES = False
     _requires_connection = False
-    _supports_check_mode = True
-    ARGUMENTS: ClassVar[dict[str, Any]] = {}
 
-    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
-        result: dict[str, Any] = super().run(tmp, task_vars)
-        params = self.validate_argument_spec(argument_spec={**AUTH_ARG_SPEC, **self.ARGUMENTS})[1]
+    def options(self) -> dict[str, Any]:
+        return {**AUTH_ARG_SPEC, **self.ARGUMENTS}
+
+    def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         # The task's `environment`, which a module would find in its own. This process, too, is of one task alone.
         os.environ.update(self._environment())
-        known = task_vars or {}
         try:
-            try:
-                return {**result, **self.work(params, known)}
-            except NoClusterError:
-                if not self._task.check_mode:
-                    raise
-                return {**result, **self.foresee(params, known)}
-        except FleetError as error:
-            return {**result, "failed": True, "msg": str(error), **error.details}
-
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        """The task's result. `params` are its options, `known` the host's variables."""
-        raise NotImplementedError
+            return self.work(params, known)
+        except NoClusterError:
+            if not self._task.check_mode:
+                raise
+            return self.foresee(params, known)
 
     def foresee(self, _params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
         """The task's result in check mode, where there is no cluster yet."""
         return {"changed": False, "skipped": True, "msg": "there is no cluster yet"}
-
-    def say(self, known: Mapping[str, Any]) -> Any:
-        """What prints a line while the task goes on."""
-        return lambda text: display.display(f"[{known.get('inventory_hostname', '')}] {text}")
 
     def _environment(self) -> dict[str, str]:
         found: dict[str, Any] = {}

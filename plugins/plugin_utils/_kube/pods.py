@@ -29,7 +29,7 @@ KUBELET_TOO_SLOW = ("failed to sync", "timed out", "context deadline exceeded")
 class Verdict:
     """`pass`, `wait` or `fail`, and why.
 
-    A `wait` with a `suspect` becomes a failure when it lasts (see `_rollout.Tracker`): the suspect names what has to
+    A `wait` with a `suspect` becomes a failure when it lasts (see `verdicts.Tracker`): the suspect names what has to
     last, so that its message may change meanwhile.
     """
 

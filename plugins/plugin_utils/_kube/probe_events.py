@@ -64,7 +64,7 @@ def latest(events: Iterable[Mapping[str, Any]]) -> dict[str, ProbeLine]:
 
 
 class Events(Protocol):
-    """What is needed of `_kube.Kube`."""
+    """What is needed of `client.Kube`."""
 
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]: ...
 

@@ -55,7 +55,7 @@ SHOWN = 12  # lines of a progress message
 
 
 class Cluster(Protocol):
-    """What is needed of `_kube.Kube`."""
+    """What is needed of `client.Kube`."""
 
     @property
     def host(self) -> str: ...
@@ -66,7 +66,7 @@ class Cluster(Protocol):
 
 
 class Stream(Protocol):
-    """What is needed of `_watch.Watch`."""
+    """What is needed of `watch.Watch`."""
 
     def __enter__(self) -> Stream: ...
 

@@ -85,31 +85,24 @@ def device_path(path: str) -> bool:
     return clean_path(path) and below(path, "/dev") and path.rstrip("/") not in UNSAFE_DEVICES
 
 
-def mount_path(path: str) -> bool:
-    """Where a volume may appear in a container."""
-    return clean_path(path)
-
-
 def master_uri(text: str) -> bool:
     """`http://<host>:<port>` and nothing more: the master speaks plain XML-RPC at the root."""
-    try:
-        parts = urlsplit(text)
-        host, port = parts.hostname, parts.port
-    except ValueError:
-        return False
-    plain = not (parts.path.strip("/") or parts.query or parts.fragment or parts.username)
-    return parts.scheme == "http" and port is not None and 0 < port < 65536 and plain and _host(host or "")
+    return _bare_url(text, ("http",), with_port=True)
 
 
 def hub_url(text: str) -> bool:
     """`http://<host>`: its ports are variables of their own."""
+    return _bare_url(text, ("http", "https"), with_port=False)
+
+
+def _bare_url(text: str, schemes: tuple[str, ...], with_port: bool) -> bool:
     try:
         parts = urlsplit(text)
         host, port = parts.hostname, parts.port
     except ValueError:
         return False
     plain = not (parts.path.strip("/") or parts.query or parts.fragment or parts.username)
-    return parts.scheme in ("http", "https") and port is None and plain and _host(host or "")
+    return parts.scheme in schemes and (bool(port) if with_port else port is None) and plain and _host(host or "")
 
 
 def _host(text: str) -> bool:
@@ -168,7 +161,7 @@ FORMS: dict[str, Form] = {
     "master-uri": Form(master_uri, "http://<host>:<port>"),
     "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),
     "host-path": Form(safe_host_path, HOST_PATHS),
-    "mount-path": Form(mount_path, "an absolute path other than /, without '..', ':' or blanks"),
+    "mount-path": Form(clean_path, "an absolute path other than /, without '..', ':' or blanks"),
     "retention": Form(
         _matching(r"(?:[0-9]+(?:ms|[smhdwy]))+"), "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"
     ),

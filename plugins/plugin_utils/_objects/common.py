@@ -101,8 +101,8 @@ def pod_spec(
     pull_secrets: Sequence[str] = (),
     **more: Any,
 ) -> Object:
-    """A pod without access to the API. Without the last field every Service of its namespace becomes variables."""
-    spec: Object = {**more, "automountServiceAccountToken": False, "enableServiceLinks": False}
+    """A pod without access to the API, unless `more` says so, and not told the addresses of all Services."""
+    spec: Object = {"automountServiceAccountToken": False, "enableServiceLinks": False, **more}
     spec["containers"] = list(containers)
     if volumes:
         spec["volumes"] = list(volumes)

@@ -11,7 +11,6 @@ from typing import Any, Mapping, Sequence
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 
-LABEL_PLACEMENT = "deploymentType"
 # spec.taints is one atomic list that Kubernetes writes to as well (not-ready, unreachable, pressure), so it cannot be
 # applied as a whole. An annotation says which of the taints are ours.
 TAINTS_ANNOTATION = "rosops.fleet/taints"
@@ -19,7 +18,7 @@ TAINTS_ANNOTATION = "rosops.fleet/taints"
 
 def node_object(name: str, placement: str, robot: str, labels: Mapping[str, Any]) -> Object:
     """What is applied to a node: its placement, its robot (empty: an edge host's node) and further labels."""
-    own = {LABEL_PLACEMENT: placement, **({names.LABEL_ROBOT: robot} if robot else {})}
+    own = {names.LABEL_PLACEMENT: placement, **({names.LABEL_ROBOT: robot} if robot else {})}
     return {"apiVersion": "v1", "kind": "Node", "metadata": {"name": name, "labels": {**own, **labels}}}
 
 

@@ -37,30 +37,18 @@ def _namespace(robot: Robot, outside: Outside) -> list[Object]:
     return [*namespace_objects(robot), *pull_secret_objects(robot, outside.pull_secrets)]
 
 
-def _storage(robot: Robot, _outside: Outside) -> list[Object]:
-    return storage_objects(robot)
-
-
 def _master(robot: Robot, _outside: Outside) -> list[Object]:
     """With the code that its keeper runs, so that the part is whole without the apps."""
     made = master_objects(robot)
     return [*code_maps(robot, CODE), *made] if made else []
 
 
-def _apps(robot: Robot, _outside: Outside) -> list[Object]:
-    return app_objects(robot, CODE)
-
-
-def _exporter(robot: Robot, outside: Outside) -> list[Object]:
-    return exporter_objects(robot, exporter_files(), outside.exporter)
-
-
 PARTS: dict[str, Callable[[Robot, Outside], list[Object]]] = {
     "namespace": _namespace,
-    "storage": _storage,
+    "storage": lambda robot, _outside: storage_objects(robot),
     "master": _master,
-    "apps": _apps,
-    "exporter": _exporter,
+    "apps": lambda robot, _outside: app_objects(robot, CODE),
+    "exporter": lambda robot, outside: exporter_objects(robot, exporter_files(), outside.exporter),
 }
 
 

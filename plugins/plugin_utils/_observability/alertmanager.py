@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import pod_spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.yaml_text import yaml_text
@@ -37,7 +38,7 @@ def alertmanager_objects(spec: Spec) -> list[dict[str, Any]]:
     container = workload.container(
         name,
         spec["images"]["alertmanager"],
-        [
+        args=[
             f"--config.file={CONFIG_DIR}/alertmanager.yml",
             "--storage.path=/alertmanager",
             "--cluster.listen-address=",  # one of it, nobody to agree with
@@ -53,5 +54,5 @@ def alertmanager_objects(spec: Spec) -> list[dict[str, Any]]:
         readinessProbe=workload.probe("/-/ready", obs.PORTS[name]),
     )
     volumes = [{"name": "config", "secret": {"secretName": name}}, workload.data_volume(name, False)]
-    pod = workload.pod_spec([container], volumes, securityContext=workload.as_user(NOBODY))
+    pod = pod_spec([container], volumes, securityContext=workload.as_user(NOBODY))
     return [workload.workload(name, spec, pod, spec["alertmanager"]["config"]), workload.service(name, spec)]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import pod_spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.grafana_provisioning import (
@@ -100,20 +101,17 @@ def _pod(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], persistent: bo
             for folder, path in FOLDERS.items()
         ),
     ]
-    first = workload.container("admin-password", image, [], env=[*settings, version], volumeMounts=own)
-    first["command"] = ["/bin/sh", "-c", SET_PASSWORD]
-    del first["args"]
+    command = ["/bin/sh", "-c", SET_PASSWORD]
+    first = workload.container("admin-password", image, command=command, env=[*settings, version], volumeMounts=own)
     container = workload.container(
         name,
         image,
-        [],
         env=settings,
         ports=workload.port_of(name),
         resources=workload.resources("50m", "128Mi", "512Mi"),
         volumeMounts=[*own, *provisioning],
         readinessProbe=workload.probe("/api/health", obs.PORTS[name]),
     )
-    del container["args"]
     volumes = [
         workload.data_volume(name, persistent),
         {"name": "admin", "secret": {"secretName": obs.ADMIN_SECRET}},
@@ -122,7 +120,7 @@ def _pod(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], persistent: bo
         _part("providers", "dashboards.yml"),
         *(_folder(folder, dashboards.get(folder) or {}) for folder in FOLDERS),
     ]
-    return workload.pod_spec([container], volumes, initContainers=[first], securityContext=workload.as_user(USER))
+    return pod_spec([container], volumes, initContainers=[first], securityContext=workload.as_user(USER))
 
 
 def _part(volume: str, file: str) -> Object:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import pod_spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.loki_config import (
@@ -31,7 +32,7 @@ def loki_objects(spec: Spec, rules: Mapping[str, str]) -> list[dict[str, Any]]:
     container = workload.container(
         name,
         spec["images"]["loki"],
-        ["-config.file=/etc/loki/loki.yml"],
+        args=["-config.file=/etc/loki/loki.yml"],
         env=[{"name": "GOMEMLIMIT", "value": "300MiB"}],
         ports=workload.port_of(name),
         resources=workload.resources("50m", "128Mi", "640Mi"),
@@ -50,7 +51,7 @@ def loki_objects(spec: Spec, rules: Mapping[str, str]) -> list[dict[str, Any]]:
         workload.data_volume(name, persistent),
         {"name": "tmp", "emptyDir": {}},
     ]
-    pod = workload.pod_spec(
+    pod = pod_spec(
         [container],
         volumes,
         securityContext=workload.as_user(USER),

@@ -29,11 +29,8 @@ HTTP = "http"  # the name of every such port, in Services and containers
 ADMIN_SECRET = "grafana-admin"  # noqa: S105 - the name of a Secret
 ANNOTATION_CONFIG = "rosops.fleet/config-hash"
 
-STANDALONE = "standalone"
 ROBOT = "robot"
 HUB = "hub"
-PROFILES = (STANDALONE, ROBOT, HUB)
-SHIPPERS = ("otelcol", "promtail", "none")
 
 # What may end up on the cluster: what a profile, or a switch, no longer wants is taken away.
 WORKLOADS = {

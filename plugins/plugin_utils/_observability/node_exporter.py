@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import pod_spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 
@@ -54,7 +55,7 @@ def node_exporter_objects(spec: Spec) -> list[dict[str, Any]]:
     container = workload.container(
         name,
         spec["images"]["node_exporter"],
-        args,
+        args=args,
         env=[
             {"name": "HOST_IP", "valueFrom": {"fieldRef": {"fieldPath": "status.hostIP"}}},
             *workload.memory("16MiB"),
@@ -64,10 +65,10 @@ def node_exporter_objects(spec: Spec) -> list[dict[str, Any]]:
         volumeMounts=[
             {"name": "root", "mountPath": HOST_ROOT, "readOnly": True, "mountPropagation": "HostToContainer"}
         ],
+        # It listens on its host's address, which the kubelet's probe asks anyway.
+        readinessProbe=workload.probe("/", port),
     )
-    # It listens on its host's address, which the kubelet's probe asks anyway.
-    container["readinessProbe"] = workload.probe("/", port)
-    pod = workload.pod_spec(
+    pod = pod_spec(
         [container],
         [{"name": "root", "hostPath": {"path": "/"}}],
         hostNetwork=True,

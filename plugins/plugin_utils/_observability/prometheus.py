@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import pod_spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.prometheus_config import (
@@ -48,7 +49,7 @@ def prometheus_objects(spec: Spec, rules: Mapping[str, str]) -> list[Object]:
     container = workload.container(
         name,
         spec["images"]["prometheus"],
-        args,
+        args=args,
         env=[{"name": "GOMEMLIMIT", "value": "400MiB"}],
         ports=workload.port_of(name),
         resources=workload.resources("50m", "128Mi", "768Mi"),
@@ -93,7 +94,7 @@ def vmagent_objects(spec: Spec) -> list[Object]:
     container = workload.container(
         name,
         spec["images"]["vmagent"],
-        args,
+        args=args,
         env=workload.memory("20MiB"),
         ports=workload.port_of(name),
         resources=workload.resources("20m", "24Mi", "96Mi"),
@@ -114,7 +115,7 @@ def vmagent_objects(spec: Spec) -> list[Object]:
 
 
 def _discovering(name: str, containers: list[Object], volumes: list[Object], grace: int) -> Object:
-    return workload.pod_spec(
+    return pod_spec(
         containers,
         volumes,
         automountServiceAccountToken=True,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Mapping
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import pod_spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.otelcol import (
@@ -48,7 +49,7 @@ def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
     container = workload.container(
         name,
         spec["images"][kind],
-        args,
+        args=args,
         env=[{"name": NODE_ENV, "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}}, *env],
         ports=workload.port_of(name, port),
         resources=room,
@@ -59,9 +60,9 @@ def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
         ],
         # Promtail is ready once it has found a file, the collector once it counts what it does
         readinessProbe=workload.probe(ready, port),
+        securityContext=SECURITY,
     )
-    container["securityContext"] = SECURITY
-    pod = workload.pod_spec(
+    pod = pod_spec(
         [container],
         [
             workload.map_volume("config", name),

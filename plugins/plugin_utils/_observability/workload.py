@@ -107,16 +107,9 @@ def map_volume(volume: str, name: str) -> Object:
     return {"name": volume, "configMap": {"name": name}}
 
 
-def container(name: str, image: str, args: list[str], **more: Any) -> Object:
-    """A container; the image's own entry point is the program."""
-    return {
-        "name": name,
-        "image": image,
-        "imagePullPolicy": "IfNotPresent",
-        "args": args,
-        "securityContext": UNPRIVILEGED,
-        **more,
-    }
+def container(name: str, image: str, **more: Any) -> Object:
+    """A container; without a command the image's own entry point is the program."""
+    return {"name": name, "image": image, "imagePullPolicy": "IfNotPresent", "securityContext": UNPRIVILEGED, **more}
 
 
 def port_of(name: str, number: int | None = None) -> list[Object]:
@@ -137,17 +130,6 @@ def probe(path: str, port: int) -> Object:
 def resources(cpu: str, memory: str, limit: str) -> Object:
     """What is set aside, and the limit of memory. None for CPU: what is throttled falls behind what it records."""
     return {"requests": {"cpu": cpu, "memory": memory}, "limits": {"memory": limit}}
-
-
-def pod_spec(containers: list[Object], volumes: list[Object], **more: Any) -> Object:
-    """A pod that is not told the addresses of all Services, and has no access to the API unless it says so."""
-    return {
-        "automountServiceAccountToken": False,
-        "enableServiceLinks": False,
-        **more,
-        "containers": containers,
-        "volumes": volumes,
-    }
 
 
 def as_user(user: int) -> Object:

@@ -1,0 +1,44 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the collection's action plugins share: their options are checked, and our errors fail the task."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Mapping
+
+from ansible.plugins.action import ActionBase
+from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+
+display = Display()
+
+
+class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    """An action whose options are ARGUMENTS. `work` does it; what it raises of ours is the task's failure."""
+
+    ARGUMENTS: ClassVar[dict[str, Any]] = {}
+
+    def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
+        result: dict[str, Any] = super().run(tmp, task_vars)
+        params = self.validate_argument_spec(argument_spec=self.options())[1]
+        try:
+            return {**result, **self.perform(params, task_vars or {})}
+        except FleetError as error:
+            return {**result, "failed": True, "msg": str(error), **error.details}
+
+    def options(self) -> dict[str, Any]:
+        """What the task may say."""
+        return self.ARGUMENTS
+
+    def perform(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        """`work`, with what a kind of action has around it."""
+        return self.work(params, known)
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        """The task's result. `params` are its options, `known` the host's variables."""
+        raise NotImplementedError
+
+    def say(self, known: Mapping[str, Any]) -> Any:
+        """What prints a line while the task goes on."""
+        return lambda text: display.display(f"[{known.get('inventory_hostname', '')}] {text}")
