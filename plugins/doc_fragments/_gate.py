@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the ROS graph must show, the options in _conditions.GATE_ARGS."""
+"""What the ROS graph must show, the options in GATE_ARGS of _ros/conditions.py."""
 
 from __future__ import annotations
 
