@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plain arm's manifests: what a careful user of Kubernetes writes by hand for ROS. Pure.
 
-RollingUpdate with maxSurge 1 and maxUnavailable 0, and the seed's file /tmp/ready as the readiness probe, asked every
-second to give it its best. The master has the same image and flags as the fleet arm's.
+RollingUpdate with maxSurge 1 and maxUnavailable 0, and the dissertation's file /tmp/ready as the readiness probe, asked
+every second to give it its best. The master has the same image and flags as the fleet arm's.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run leaves: report.md, summary.json, plots. No figure in it but from the records, and the seed's own."""
+"""What a run leaves: report.md, summary.json, plots. Its figures are the records', and the dissertation's own."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def as_text(results: Results, summary: Mapping[str, Any]) -> str:
 
 {about}
 
-Means over the trials, in brackets the worst trial. The seed's rows are its own figures, on its own machine.
+Means over the trials, in brackets the worst trial. The rows `seed` are the dissertation's figures, on its own machine.
 Completion: mean over the goals sent within {ACTION_SECONDS:g} s from the update's start, or until 5 s after its end if
 that is later, against as long at the end of the round's quiet beginning.
 p95 and gap: from a second before the update to a second after it, against as long without an update in the same round.

@@ -14,7 +14,7 @@ REPOSITORY = "lab/apps"
 PROGRAMS = "/opt/rosops-apps/bin"
 PROBE = f"{PROGRAMS}/readiness_probe.sh"
 FIRST, MINOR, MAJOR = "1.0", "1.1", "2.0"
-RATE = 500.0  # messages a second, as the seed's
+RATE = 500.0  # messages a second, as the dissertation's
 REQUESTS = 20.0  # requests a second: enough of them in an update's few seconds for a 95th percentile
 TEMPERATURE = "rosops_apps/Temperature"
 
@@ -139,7 +139,7 @@ def service(key: str, app: str, env: Mapping[str, str] | None = None) -> Case:
 
 
 def action(key: str) -> Case:
-    """Prime factors of batches of ten numbers, each some 35 factors: about the seed's 220 ms of work."""
+    """Prime factors of batches of ten numbers, each some 35 factors: about the dissertation's 220 ms of work."""
     server = App(
         f"{key}-server",
         "prime_factors_server",

@@ -3,9 +3,9 @@
 """The robot under stress: stress-ng at 80 % CPU and 80 % memory of the robot host. I/O, but for the sums.
 
 A lab host is a container on this machine. Its CPUs are the machine's, so 80 % of them is one worker per core at 80 %.
-For its memory it gets, while the stress lasts, the limit that the seed's machine had (4 GB), and stress-ng fills it
-until 80 % of that are in use, with what the host uses anyway. stress-ng itself is the machine's own (Debian's package
-stress-ng), put into the host's cgroups: it counts, competes and is limited as a process of the host.
+For its memory it gets, while the stress lasts, the limit that the dissertation's machine had (4 GB), and stress-ng
+fills it until 80 % of that are in use, with what the host uses anyway. stress-ng itself is the machine's own (Debian's
+package stress-ng), put into the host's cgroups: it counts, competes and is limited as a process of the host.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from lablib.names import checkout_id, container_name
 from lablib.podman import podman
 
 CPU_PERCENT = MEMORY_PERCENT = 80
-MEMORY = 4 * 1024**3  # the seed's t2.medium (table 4.1)
+MEMORY = 4 * 1024**3  # the dissertation's t2.medium (table 4.1)
 LEAST = 256 * 1024**2
 CGROUPS = Path("/sys/fs/cgroup")
 V2 = (CGROUPS / "cgroup.controllers").exists()

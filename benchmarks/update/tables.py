@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Records -> the tables of the report, beside the seed's own figures. Pure; Markdown."""
+"""Records -> the tables of the report, beside the dissertation's own figures. Pure; Markdown."""
 
 from __future__ import annotations
 

@@ -18,8 +18,11 @@ description:
     until the pods have handed over, and holds the graph against the record. What does not hold is taken back.
   - The robot's outcome is in the fact C(fleet_outcome) afterwards. The task itself does not fail because of it, and a
     robot that cannot be reached is an outcome, too.
-  - Every 10 seconds it says what is waited for.
+  - One run changes a robot at a time, by the Lease C(robot-update) in its namespace. A second one ends as
+    C(deferred-busy) and says who has the robot. The Lease of a run that was killed is waited out for 15 seconds.
+  - Every 10 seconds it says what is waited for, and with C(-v) each phase as it begins.
 notes:
+  - Reads what the playbook C(rosops.fleet.validate) worked out, which has to be imported first.
   - The work is done by an action plugin on the control node, which asks the Kubernetes API itself and runs modules of
     this collection on the robot's host. They need root there to see the sockets of pods.
   - SIGINT and SIGTERM end the step where it stands and let held goals go. What was applied by then stays marked as
@@ -102,6 +105,9 @@ attributes:
 """
 
 EXAMPLES = r"""
+- name: The inventory makes sense
+  ansible.builtin.import_playbook: rosops.fleet.validate
+
 - name: Robots are updated, a tenth at a time
   hosts: robots
   serial: 10%

@@ -69,7 +69,7 @@ def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
 
 
 def test_group_is_one_step(fleet: Fleet) -> None:
-    """Publisher and subscriber together: the seed's simultaneous update."""
+    """Publisher and subscriber together: the dissertation's simultaneous update."""
     changes = fleet.changed("robot1", "temperature", update={"group": "sensing"})
     changes = fleet.changed("robot1", "temperature-stats", on=changes, update={"group": "sensing"})
     for app in ("temperature", "temperature-stats"):

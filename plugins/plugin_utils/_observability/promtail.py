@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Promtail, as the seed has it: the same files, the same labels as from the collector. Pure.
+"""Promtail, as the dissertation has it: the same files, the same labels as from the collector. Pure.
 
 Its life ended in March 2026. It has no queue of its own: it stops reading while Loki is away, and what the kubelet
 removes meanwhile is lost (it keeps 50 MB per container by default).

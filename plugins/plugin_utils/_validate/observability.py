@@ -39,8 +39,8 @@ def observability_problems(
 def enabled(variables: Mapping[str, Any]) -> bool:
     """Whether the inventory switches the stack on, in one of its two ways."""
     mapping = variables.get("observability")
-    seed = mapping.get("enabled", False) if isinstance(mapping, Mapping) else False
-    return variables.get("observability_enabled", seed) not in _NO
+    default = mapping.get("enabled", False) if isinstance(mapping, Mapping) else False
+    return variables.get("observability_enabled", default) not in _NO
 
 
 def seconds(duration: str) -> float:
@@ -72,10 +72,10 @@ def _of_cluster(path: str, given: Mapping[str, Any], alone: bool) -> Iterator[Pr
 
 def _retention(path: str, given: Mapping[str, Any]) -> Iterator[Problem]:
     mapping = given.get("observability")
-    seed = (mapping.get("loki") or {}).get("retention") if isinstance(mapping, Mapping) else None
+    default = (mapping.get("loki") or {}).get("retention") if isinstance(mapping, Mapping) else None
     for name, value in (
         ("observability_loki_retention", given.get("observability_loki_retention")),
-        ("observability.loki.retention", seed),
+        ("observability.loki.retention", default),
     ):
         if isinstance(value, str) and seconds(value) < DAY:
             yield Problem(f"{path}.{name}", f"is '{value}'", "24h or more: Loki keeps its index by the day")

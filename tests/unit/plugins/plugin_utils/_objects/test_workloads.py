@@ -298,7 +298,7 @@ def test_claims_follow_their_users() -> None:
     ]
 
 
-def test_mount_path_defaults_to_the_volumes_then_to_the_seeds() -> None:
+def test_mount_path_defaults_to_the_volumes_then_to_the_usual_one() -> None:
     item = deployment(
         volumes=[{"name": "a"}, {"name": "b"}, {"name": "c", "mount_path": "/c"}],
         of={"volumes": [{"name": "a"}, {"name": "b", "mountPath": "/b"}, {"name": "c", "mountPath": "/other"}]},

@@ -324,7 +324,7 @@ def test_nearest_names() -> None:
 @pytest.mark.parametrize(
     ("base", "overrides", "merged"),
     [
-        ({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"a": {"b": 3, "c": 2}}),  # the seed's algorithm 1
+        ({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"a": {"b": 3, "c": 2}}),  # the dissertation's algorithm 1
         ({"a": {"b": 1}}, {"a": 5}, {"a": 5}),
         ({"a": 1, "b": 2}, {"a": None, "x": None}, {"b": 2}),
         ({"l": [1, 2]}, {"l": [3]}, {"l": [3]}),
