@@ -102,7 +102,8 @@ def pod_spec(
     **more: Any,
 ) -> Object:
     """A pod without access to the API, unless `more` says so, and not told the addresses of all Services."""
-    spec: Object = {"automountServiceAccountToken": False, "enableServiceLinks": False, **more}
+    token = more.pop("automountServiceAccountToken", False)
+    spec: Object = {**more, "automountServiceAccountToken": token, "enableServiceLinks": False}
     spec["containers"] = list(containers)
     if volumes:
         spec["volumes"] = list(volumes)

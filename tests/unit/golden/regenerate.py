@@ -62,11 +62,15 @@ class _Dumper(yaml.SafeDumper):
         super().increase_indent(flow, False)
 
 
+def write(path: Path, value: Any) -> None:
+    """One golden file."""
+    path.write_text(f"---\n{yaml.dump(value, Dumper=_Dumper, sort_keys=False, width=120)}", encoding="utf-8")
+
+
 def main() -> None:
     """Write all golden files."""
     for name, case in cases().items():
-        text = yaml.dump(built(case), Dumper=_Dumper, sort_keys=False, width=120)
-        (HERE / f"{name}.yml").write_text(f"---\n{text}", encoding="utf-8")
+        write(HERE / f"{name}.yml", built(case))
 
 
 if __name__ == "__main__":

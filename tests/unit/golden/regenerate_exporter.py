@@ -11,8 +11,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 HERE = Path(__file__).resolve().parent
 FILES = HERE / "exporter"
 if __name__ == "__main__":  # pytest's conftest.py has done this already
@@ -22,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter imp
     Settings,
     exporter_objects,
 )
+from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import write  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E402
 
 CODE = {"run.py": "# stands for the code\n"}
@@ -48,21 +47,10 @@ def built(name: str) -> list[dict[str, Any]]:
     return exporter_objects(robot(**given), CODE, settings)
 
 
-class _Dumper(yaml.SafeDumper):
-    """Without anchors and with indented lists: a golden file is read by people, and linted."""
-
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
-        return True
-
-    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:  # noqa: ARG002
-        super().increase_indent(flow, False)
-
-
 def main() -> None:
     FILES.mkdir(exist_ok=True)
     for name in CASES:
-        text = yaml.dump(built(name), Dumper=_Dumper, sort_keys=False, width=120)
-        (FILES / f"{name}.yml").write_text(f"---\n{text}", encoding="utf-8")
+        write(FILES / f"{name}.yml", built(name))
 
 
 if __name__ == "__main__":
