@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from typing import Any, ClassVar, Mapping
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBECONFIG
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction

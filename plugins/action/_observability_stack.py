@@ -9,7 +9,8 @@ Everything is built before anything is applied, so whatever is wrong with a dash
 from __future__ import annotations
 
 import secrets
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import time
-from typing import Any, ClassVar, Mapping
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.plugins.loader import callback_loader

@@ -15,9 +15,10 @@ import signal
 import socket
 import threading
 import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import FrameType
-from typing import Any, ClassVar, Iterator, Mapping
+from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleConnectionFailure

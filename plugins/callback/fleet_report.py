@@ -54,8 +54,9 @@ requirements:
 import functools
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible import context

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import itertools
 import re
-from typing import Iterable, Mapping, NamedTuple, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 NUMBERED = re.compile(r"run=(?P<run>[0-9.]+) number=(?P<number>[0-9]+)")
 

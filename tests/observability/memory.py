@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import re
-from typing import Any, Iterable, NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 # Runs on the host: the processes of each pod with their resident memory, and what each pod's cgroup counts: its working
 # set, which is what the kubelet acts upon (all that is charged, less file pages that could go at once).

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import signal
 import time
-from typing import Iterator
+from collections.abc import Iterator
 
 import pytest
 from runs import wait_until

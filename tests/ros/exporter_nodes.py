@@ -8,7 +8,7 @@ import json
 import sys
 import threading
 import time
-from typing import Callable
+from collections.abc import Callable
 
 import rospy
 from rosgraph_msgs.msg import Log as Stamped

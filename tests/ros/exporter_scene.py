@@ -8,8 +8,9 @@ import os
 import subprocess
 import time
 import urllib.request
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from prometheus_client.openmetrics.parser import text_string_to_metric_families

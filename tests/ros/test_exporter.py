@@ -8,8 +8,9 @@ import json
 import signal
 import time
 import xmlrpc.client
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Any
 
 import pytest
 from exporter_scene import ExporterScene, Metrics

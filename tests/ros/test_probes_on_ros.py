@@ -8,8 +8,9 @@ import json
 import os
 import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files

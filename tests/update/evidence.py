@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Dict, Iterable, Mapping, Sequence
+from typing import Any
 
 from rosops_apps import goals, sequence
 
@@ -20,7 +21,7 @@ STATS, PUBLISHED, REQUESTS, GOALS = (
 SERVER = "prime-factors-server-"
 SUCCEEDED, ABANDONED = "succeeded", "abandoned"
 
-Records = Sequence[Dict[str, Any]]
+Records = Sequence[dict[str, Any]]
 Logs = Mapping[str, Records]  # by the file's name; of several files of one name all lines
 
 

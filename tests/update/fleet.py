@@ -8,8 +8,9 @@ from __future__ import annotations
 import copy
 import itertools
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any
 
 from cluster import Cluster, Hosts, Pod, running
 from evidence import Losses

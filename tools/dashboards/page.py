@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Sequence
+from collections.abc import Sequence
 
 from .panels import LOKI, SCHEMA_VERSION, Json, label_variable, placed, source_variable
 

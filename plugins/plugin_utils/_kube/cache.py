@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
@@ -17,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     uid_of,
 )
 
-Objects = Dict[Tuple[str, str], Object]  # by namespace ("" for what has none) and name
+Objects = dict[tuple[str, str], Object]  # by namespace ("" for what has none) and name
 
 
 @dataclass(frozen=True, order=True)

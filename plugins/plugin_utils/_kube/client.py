@@ -18,8 +18,9 @@ import contextlib
 import json
 import time
 from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
+from typing import Any, TypeVar
 from urllib.parse import urlencode
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError

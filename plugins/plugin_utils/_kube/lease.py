@@ -11,9 +11,10 @@ of whoever wants it. So one whose holder was killed is free that long after it w
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, Callable, Mapping, Protocol
+from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError

@@ -12,7 +12,8 @@ nothing that was not owned before, which a copy of the whole object with its def
 from __future__ import annotations
 
 import json
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 IDENTITY = ("name", "namespace")
 

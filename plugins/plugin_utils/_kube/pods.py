@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Dict, Iterator, Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 
-Object = Dict[str, Any]
+Object = dict[str, Any]
 
 # The kubelet says so itself: nothing changes until somebody changes the image, the configuration or the cluster.
 IMAGE_ERRORS = frozenset(

@@ -9,8 +9,9 @@ import json
 import queue
 import socket
 import threading
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Iterator
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, broken_off
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object

@@ -9,8 +9,9 @@ Kubernetes' own strategic merge is the model for the keys: API reference, "patch
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import deepcopy
-from typing import Any, Mapping
+from typing import Any
 
 # Fields whose entries are told apart by something other than `name`; the first key that all entries have wins.
 MERGE_KEYS: dict[str, tuple[str, ...]] = {

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import graphlib
-from typing import Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any
 
 from ansible.module_utils.common.yaml import yaml_load
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError

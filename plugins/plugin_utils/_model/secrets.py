@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import re
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 # Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
 OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries", "observability_alertmanager_config")

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Mapping, Sequence
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.http import HEALTHY, PATH, PORT, READY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names

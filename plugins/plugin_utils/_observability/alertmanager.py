@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import base64
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import pod_spec
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs

@@ -11,7 +11,8 @@ in a file or in the queue.
 from __future__ import annotations
 
 import json
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import (

@@ -10,7 +10,7 @@ in `robot-<name>`, and an app's Deployment has the app's name. Pure.
 
 from __future__ import annotations
 
-from typing import Sequence
+from collections.abc import Sequence
 
 STREAM_LABELS = ("robot", "namespace", "app", "pod", "placement")  # in this order in both shippers
 POD_LOGS = "/var/log/pods"

@@ -9,7 +9,8 @@ removes meanwhile is lost (it keeps 50 MB per container by default).
 
 from __future__ import annotations
 
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.otelcol import NODE_ENV, STATE_DIR

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Collection, Dict, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 
-Row = Dict[str, Any]
+Row = dict[str, Any]
 Rows = Sequence[Mapping[str, Any]]
 Status = Mapping[str, Rows]  # by section
 

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Iterable, Mapping, Sequence
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names

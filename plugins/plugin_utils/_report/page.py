@@ -12,8 +12,9 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Mapping, NamedTuple, Sequence
+from typing import Any, NamedTuple
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
     Rows,

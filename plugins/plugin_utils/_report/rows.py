@@ -11,7 +11,8 @@ may be none, several (one per playbook or kept by hand), and spoilt ones; each h
 from __future__ import annotations
 
 import json
-from typing import Any, Dict, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     condition,
@@ -24,7 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import note_of
 
-Row = Dict[str, Any]
+Row = dict[str, Any]
 
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
 BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.kubernetes.io")

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping, Sequence, Tuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
-Columns = Sequence[Tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
+Columns = Sequence[tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
 
 
 def size_words(count: Any) -> str:

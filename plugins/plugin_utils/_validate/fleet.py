@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, Mapping, NamedTuple, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown, unique
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet

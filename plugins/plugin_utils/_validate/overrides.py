@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge, merge_key

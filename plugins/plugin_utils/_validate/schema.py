@@ -10,7 +10,8 @@ operator where the schema's own would not be understood.
 from __future__ import annotations
 
 import functools
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
 

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import VARIABLES, spec_of

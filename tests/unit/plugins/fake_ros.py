@@ -9,9 +9,10 @@ import json
 import socket
 import socketserver
 import threading
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, Callable, Iterator
+from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState

@@ -8,7 +8,8 @@ import gzip
 import threading
 import urllib.error
 import urllib.request
-from typing import Any, Iterator
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import openmetrics

@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Iterable
+from collections.abc import Iterable
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import (

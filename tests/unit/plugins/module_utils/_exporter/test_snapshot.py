@@ -186,7 +186,7 @@ def because(cause: Exception) -> RosError:
 @pytest.mark.parametrize(
     ("error", "word"),
     [
-        (socket.timeout("timed out"), "timeout"),
+        (TimeoutError("timed out"), "timeout"),
         (TimeoutError(), "timeout"),
         (ConnectionRefusedError(), "refused"),
         (ConnectionResetError(), "unreachable"),

@@ -160,7 +160,7 @@ def test_ports_are_open_or_refuse() -> None:
 @pytest.mark.parametrize(
     ("raised", "outcome"),
     [
-        (socket.timeout(), "timeout"),
+        (TimeoutError(), "timeout"),
         (socket.gaierror(-2, "no name"), "unresolved"),
         (OSError(113, "x"), "no route to host"),
         (OSError("odd"), "unreachable"),

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as stop_command

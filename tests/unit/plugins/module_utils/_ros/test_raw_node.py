@@ -7,7 +7,8 @@ from __future__ import annotations
 import http.client
 import time
 import xmlrpc.client
-from typing import Any, Callable, Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Iterator
+from collections.abc import Iterator
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError

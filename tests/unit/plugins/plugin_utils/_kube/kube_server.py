@@ -11,8 +11,9 @@ import json
 import queue
 import re
 import threading
+from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, Callable
+from typing import Any
 from urllib.parse import parse_qs, urlparse
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import RESOURCES

@@ -11,8 +11,9 @@ import json
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
 
 import kubernetes_validate
