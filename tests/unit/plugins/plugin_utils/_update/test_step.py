@@ -121,17 +121,23 @@ def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
         return robot(
             app(
                 "planner", image, pattern="action", readiness={"actions": ["plan"]},
-                update={"idle": ["/move_base", "/gone"]},
+                update={"idle": ["/move_base", "/gone", "/dock"]},
             )
         )  # fmt: skip
 
     step = step_of(fleet("x.org/a:1"), fleet("x.org/a:2"))
     served = {"up": True, "servers": ["/planner"], "goals": {}}
-    actions = {"/plan": served, "/move_base": {**served, "servers": ["/base"]}, "/gone": {**served, "up": False}}
+    actions = {
+        "/plan": served,
+        "/move_base": {**served, "servers": ["/base"]},
+        "/gone": {**served, "up": False},
+        "/dock": served,
+    }
     graph = graph_of(step, actions=actions)
     assert step_gate(step, graph).rest == [
         {"name": "/plan", "server": "/planner"},
         {"name": "/move_base"},
+        {"name": "/dock"},  # idle it has to be, but nobody else will serve it
     ]
 
 
