@@ -40,7 +40,7 @@ class Scenario:
 
 
 def one(name: str, **more: Any) -> Callable[[str], Robot]:
-    return lambda wanted: robot(app(name, wanted, **more))
+    return lambda wanted: robot(app(name, wanted, placement="local", **more))
 
 
 def master(wanted: str) -> Robot:
@@ -122,7 +122,8 @@ def test_faults_at_every_call(name: str, version: str) -> None:
         except AssertionError as error:
             wrong.append(f"{fault} at {at} ({calls[at - 1]}): {error}".splitlines()[0])
         runs += 3
-    print(f"{name}, {version}: {len(calls)} calls, {runs} runs")
+    print(f"{name}, {version}: {len(calls)} calls, {runs} runs")  # shown by pytest -rP
+    assert runs >= 40
     assert not wrong, "\n".join(wrong)
 
 
@@ -170,6 +171,20 @@ def test_check_mode_writes_nothing_and_tells_what_a_run_would_do(name: str, vers
     assert sim.engine_changes
     assert outcome_of(sim, SCENARIOS[name].robot(OLD), check=True).outcome == "unchanged"
     assert not sim.engine_changes
+
+
+def test_what_the_inventory_does_not_know_is_told_and_left() -> None:
+    sim, _wanted = begin("two-steps", "good")
+    assert outcome_of(sim, robot(app("sensor", OLD))).outcome == "unchanged"
+    assert sim.said == ["not in the inventory, left as they are: stats"]
+    assert sim.deployment(("robot-robot1", "stats"))
+
+
+def test_images_are_there_before_anything_is_touched() -> None:
+    sim, wanted = begin("overlap", "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert sim.calls[:4] == ["there", "read", "bring", "apply"]
+    assert sim.brought == sorted([image("good"), "ros:noetic-ros-core"])
 
 
 def test_a_new_app_is_there_or_gone() -> None:

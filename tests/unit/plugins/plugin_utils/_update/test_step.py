@@ -121,17 +121,23 @@ def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
         return robot(
             app(
                 "planner", image, pattern="action", readiness={"actions": ["plan"]},
-                update={"idle": ["/move_base", "/gone"]},
+                update={"idle": ["/move_base", "/gone", "/dock"]},
             )
         )  # fmt: skip
 
     step = step_of(fleet("x.org/a:1"), fleet("x.org/a:2"))
     served = {"up": True, "servers": ["/planner"], "goals": {}}
-    actions = {"/plan": served, "/move_base": {**served, "servers": ["/base"]}, "/gone": {**served, "up": False}}
+    actions = {
+        "/plan": served,
+        "/move_base": {**served, "servers": ["/base"]},
+        "/gone": {**served, "up": False},
+        "/dock": served,
+    }
     graph = graph_of(step, actions=actions)
     assert step_gate(step, graph).rest == [
         {"name": "/plan", "server": "/planner"},
         {"name": "/move_base"},
+        {"name": "/dock"},  # idle it has to be, but nobody else will serve it
     ]
 
 
@@ -226,6 +232,15 @@ def test_the_masters_contract_is_everything_that_is_registered() -> None:
         return robot(app("sensor"), master={"image": image})
 
     step = step_of(fleet("x.org/ros:1"), fleet("x.org/ros:2"))
+    objects = [(item["kind"], item["metadata"]["name"]) for item in step_objects(step, {}, Bounds(0.1, 1180.0), 1000.0)]
+    assert objects == [
+        ("ConfigMap", "ros-master-update"),
+        ("ConfigMap", "ros-keeper-update"),
+        ("Deployment", "ros-master"),
+        ("Service", "ros-master"),
+        ("Deployment", "ros-keeper"),
+        ("Service", "ros-keeper"),
+    ]
     other = sensor_step()
     gate = step_gate(step, graph_of(other))
     conditions = proof(step, gate.contracts, 0.1)
