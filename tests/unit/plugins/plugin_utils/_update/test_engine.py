@@ -183,7 +183,7 @@ def test_what_the_inventory_does_not_know_is_told_and_left() -> None:
 def test_images_are_there_before_anything_is_touched() -> None:
     sim, wanted = begin("overlap", "good")
     assert outcome_of(sim, wanted).outcome == "updated"
-    assert sim.calls[:4] == ["there", "read", "bring", "apply"]
+    assert sim.calls[:7] == ["there", "read", "apply", "claim", "read", "bring", "apply"]
     assert sim.brought == sorted([image("good"), "ros:noetic-ros-core"])
 
 
