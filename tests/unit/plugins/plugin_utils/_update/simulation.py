@@ -255,7 +255,7 @@ class Simulation(SimulatedRobot):
             return
         if word == "unchanged":
             assert not {key for key in self.touched if key[2] != EVENTS_NAME}, f"unchanged, and {self.touched} was"
-        if self.unheld and word not in ("updated", "deferred-offline") and not away:
+        if self.unheld and word != "deferred-offline" and not away:
             assert not self.mine(), f"{word}, and goals of {self.mine()} are held still"
         for result, step in zip(outcome.steps, engine.plan.steps):
             deployments = [("Deployment", *deployment_key(item)) for item in step.workloads]
