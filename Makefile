@@ -71,7 +71,7 @@ test: ## What CI runs: everything that needs no host, and on hosts one case for 
 
 .PHONY: test-all
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
-	@"$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
+	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
 	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
 	    --lane $(HOSTLESS)
 
