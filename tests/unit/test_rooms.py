@@ -40,8 +40,8 @@ WRONG = {
         "plugins/module_utils/_common/poll.py: imports plugins.module_utils._ros.gate; _common stands on nothing",
     ),
     "two that do not know each other": (
-        {"module_utils/_host/k3s.py": "from .._exporter.http import serve\n"},
-        "plugins/module_utils/_host/k3s.py: imports plugins.module_utils._exporter.http.serve; "
+        {"module_utils/_host/k3s.py": "from .._exporter.server import serve\n"},
+        "plugins/module_utils/_host/k3s.py: imports plugins.module_utils._exporter.server.serve; "
         "_host stands on _common _ros _pod",
     ),
     "upward on the control node": (

@@ -15,9 +15,9 @@ from typing import Any, Mapping
 from . import families, updates
 from .claims import Claims
 from .families import Family
-from .http import PORT, Server
 from .observer import Observer
 from .poller import Poller
+from .server import PORT, Server
 
 ENDING = (signal.SIGTERM, signal.SIGINT)
 OPTIONS: Mapping[str, str] = {

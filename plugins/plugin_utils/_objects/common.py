@@ -63,15 +63,19 @@ def workload(  # noqa: PLR0913 - the parts of a Deployment in which ours differ
     pod: Mapping[str, Any],
     *,
     kind: str = "Deployment",
-    strategy: Mapping[str, Any] = RECREATE_STRATEGY,
+    strategy: Mapping[str, Any] | None = None,
     annotations: Mapping[str, str] | None = None,
 ) -> Object:
-    """The Deployment (or DaemonSet) of one pod, without hashes; `annotations` are the pod's."""
+    """The Deployment (or DaemonSet) of one pod, without hashes; `annotations` are the pod's.
+
+    Without a strategy the old pod goes before the new one comes.
+    """
+    how = dict(RECREATE_STRATEGY if strategy is None else strategy)
     spec: Object = {"revisionHistoryLimit": REVISION_HISTORY, "selector": {"matchLabels": pod_selector(name)}}
     if kind == "Deployment":
-        spec |= {"replicas": 1, "progressDeadlineSeconds": PROGRESS_DEADLINE, "strategy": dict(strategy)}
+        spec |= {"replicas": 1, "progressDeadlineSeconds": PROGRESS_DEADLINE, "strategy": how}
     else:
-        spec["updateStrategy"] = dict(strategy)
+        spec["updateStrategy"] = how
     notes = {"annotations": dict(annotations)} if annotations else {}
     spec["template"] = {"metadata": {"labels": object_labels(name, robot), **notes}, "spec": dict(pod)}
     return {

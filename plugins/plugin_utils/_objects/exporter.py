@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.http import HEALTHY, PATH, PORT, READY
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.server import HEALTHY, PATH, PORT, READY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value

@@ -75,11 +75,11 @@ RETENTION_PART = 0.8
 STORE_PART = 0.9
 
 
-def spec_of(variables: Mapping[str, Any], part: Mapping[str, Any] = VARIABLES) -> dict[str, Any]:
+def spec_of(variables: Mapping[str, Any], part: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The role's variables, all of them and of their specs' types, as the one input of what follows."""
     return {
         key: spec_of(variables, name) if isinstance(name, Mapping) else variables[f"observability_{name}"]
-        for key, name in part.items()
+        for key, name in (VARIABLES if part is None else part).items()
     }
 
 

@@ -43,6 +43,6 @@ def _circles(apps: Mapping[str, tuple[str, App]]) -> Iterator[Problem]:
                 (inside[name].append(other) if unit[other] == unit[name] else between[unit[name]].append(unit[other]))
     for needs in (inside, between):
         if members := circle(needs):
-            member = next(name for name in apps if members[0] in (name, unit[name]))
+            member, *_others = [name for name in apps if members[0] in (name, unit[name])]
             found = f"makes a circle: {' needs '.join([*members, members[0]])}"
             yield Problem(f"{apps[member][0]}.depends_on", found, "an order in which the apps can be updated")

@@ -34,7 +34,10 @@ def _stack(server: Server, api: dict[str, Any]) -> Task:
 def _waited(monkeypatch: pytest.MonkeyPatch) -> list[set[str]]:
     """The kinds that each wait was for."""
     found: list[set[str]] = []
-    wait = lambda _kube, refs, _settings: found.append({ref.kind for ref in refs})  # noqa: E731 - shorter than a class
+
+    def wait(_kube: Any, refs: Any, _settings: Any) -> None:
+        found.append({ref.kind for ref in refs})
+
     monkeypatch.setattr(_observability_stack, "wait_for_rollout", wait)
     return found
 

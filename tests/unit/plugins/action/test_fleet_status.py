@@ -40,7 +40,7 @@ def show(page: Path | str, result: dict[str, Any], check_mode: bool = False, **m
 
 def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
     page = tmp_path / "fleet.html"
-    first, second = (show(page, {"graph": GRAPH}) for _ in range(2))
+    first, second = (show(page, {"graph": GRAPH}) for _turn in range(2))
     assert (first["changed"], second["changed"]) == (True, False)
     assert "/sensor" in page.read_text()
     assert said == [f"\n{one['text']}" for one in (first, second)]

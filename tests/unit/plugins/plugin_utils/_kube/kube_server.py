@@ -72,12 +72,12 @@ class Server(ThreadingHTTPServer):
 
     def find(self, path: str) -> Any:
         """The object at that path, None if it is not there."""
-        listed, _, name = path.rpartition("/")
+        listed, _slash, name = path.rpartition("/")
         return next((item for item in self.lists.get(listed, []) if item["metadata"]["name"] == name), None)
 
     def put(self, path: str, obj: Any) -> Any:
         """Keep an object; what is the same as before keeps its version."""
-        listed, _, name = path.rpartition("/")
+        listed, _slash, name = path.rpartition("/")
         before = self.find(path)
         if before is not None and _bare(before) == _bare(obj):
             return before
@@ -88,7 +88,7 @@ class Server(ThreadingHTTPServer):
         return made
 
     def drop(self, path: str) -> None:
-        listed, _, name = path.rpartition("/")
+        listed, _slash, name = path.rpartition("/")
         self.lists[listed] = [item for item in self.lists.get(listed, []) if item["metadata"]["name"] != name]
 
     def write(self, method: str, path: str, query: dict[str, str], body: Any, content: str) -> tuple[int, Any]:  # noqa: PLR0911 - one return per answer

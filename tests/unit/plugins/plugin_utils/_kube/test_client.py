@@ -166,7 +166,7 @@ def test_many_of_a_kind_are_looked_up_by_one_list(server: Server, kube: Kube) ->
     while not server.requests.empty():
         server.requests.get()
     assert not any(one.changed for one in kube.apply([NAMESPACE, *maps]))
-    asked = [server.requests.get()[0] for _ in range(server.requests.qsize())]
+    asked = [server.requests.get()[0] for _request in range(server.requests.qsize())]
     assert asked == [MAPS, f"{NAMESPACES}/robot-robot1"]
 
 

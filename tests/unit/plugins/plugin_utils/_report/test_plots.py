@@ -65,7 +65,7 @@ def test_nothing_to_draw() -> None:
 def test_a_topics_rate_is_a_bar() -> None:
     (plot,) = plots({"topics": [topic(10.0), topic(40.0, name="/u")]})
     assert plot.caption == "Messages per second."
-    assert [(bar.label, bar.value, bar.parts, bar.dot) for bar in plot.bars] == [
+    assert [(one.label, one.value, one.parts, one.dot) for one in plot.bars] == [
         ("r /u", "40.0 Hz", [Part("c1", 0, 100)], None),
         ("r /t", "10.0 Hz", [Part("c1", 0, 25)], None),
     ]
@@ -74,7 +74,7 @@ def test_a_topics_rate_is_a_bar() -> None:
 def test_in_decades_a_rate_is_a_dot() -> None:
     (plot,) = plots({"topics": [topic(1.0), topic(100.0, name="/u"), topic(0.0, name="/none")]})
     assert "a power of ten" in plot.caption
-    assert [(bar.value, list(bar.parts), bar.dot) for bar in plot.bars] == [
+    assert [(one.value, list(one.parts), one.dot) for one in plot.bars] == [
         ("100 Hz", [], 100.0),
         ("1.00 Hz", [], 0.0),
         ("0 Hz", [], 0.0),
@@ -84,8 +84,8 @@ def test_in_decades_a_rate_is_a_dot() -> None:
 def test_of_many_robots_a_band_from_the_lowest_to_the_highest() -> None:
     rates = [10.0, *[100.0] * 23, 1000.0]
     (plot,) = plots({"topics": [topic(rate, f"robot{number}") for number, rate in enumerate(rates)]})
-    (bar,) = plot.bars
-    assert (bar.label, bar.value, bar.parts, bar.dot) == ("/t", "10.0 Hz to 1000 Hz", [Part("spread", 0, 100)], 50.0)
+    (one,) = plot.bars
+    assert (one.label, one.value, one.parts, one.dot) == ("/t", "10.0 Hz to 1000 Hz", [Part("spread", 0, 100)], 50.0)
 
 
 def test_phases_lie_one_after_the_other() -> None:

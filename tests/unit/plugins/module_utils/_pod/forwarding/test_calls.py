@@ -66,7 +66,7 @@ class Stage:
         node = Slave(KEEPER, "127.0.0.1", 0, self.master.uri)
         self.nodes.append(node)
         ros = Registrar(self.master.uri, 2.0, KEEPER)
-        made = GoalForwarding(ros, node, lambda content: self.record.append(content), self.said.append)
+        made = GoalForwarding(ros, node, self.record.append, self.said.append)
         offer(made, node)
         made.resume(self.record[-1] if self.record else [])
         node.start()

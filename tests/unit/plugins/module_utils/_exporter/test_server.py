@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import openmetrics
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.families import COUNTER, GAUGE, Family
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.http import Server
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.server import Server
 
 FAMILIES = [
     Family("ros_master_up", GAUGE, "Whether it answers", [({}, 1.0)]),
