@@ -144,6 +144,8 @@ class Engine:
 
     def _change(self) -> None:
         """Take the steps. What goes wrong before the first of them is an error, afterwards it is the step's result."""
+        if self.plan.orphans:
+            self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
         if self.plan.steps:
             self._prepare()
             self._record()
@@ -160,8 +162,6 @@ class Engine:
     def _plan(self) -> None:
         self.live = self._read()
         self.plan = update_plan(self.robot, self.live, self.settings.request)
-        if self.plan.orphans:
-            self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
 
     def _prepare(self) -> None:
         """What the steps need, while the robot works."""

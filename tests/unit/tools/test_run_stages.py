@@ -88,5 +88,5 @@ def test_ended_from_outside_it_begins_nothing_more(tmp_path: Path) -> None:
         assert running.stdout is not None
         assert running.stdout.readline() == "=== a begins\n"
         running.send_signal(signal.SIGTERM)
-        assert running.wait(timeout=20) == 128 + signal.SIGTERM
+        assert running.wait(timeout=60) == 128 + signal.SIGTERM
     assert not (tmp_path / "b.log").exists()
