@@ -21,7 +21,7 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -98,6 +98,8 @@ def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result
     rest = set(cores[len(cores) // 2 :])
     with ThreadPoolExecutor(len(lanes)) as pool:
         running = [pool.submit(stages.lane, lane, rest if number else None) for number, lane in enumerate(lanes)]
+        while wait(running, timeout=1.0).not_done:
+            pass  # Python acts on a signal that came just before a wait when that wait is over: it must not be endless
         return results + [result for lane in running for result in lane.result()]
 
 
