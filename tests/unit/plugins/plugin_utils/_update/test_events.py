@@ -41,14 +41,12 @@ def told(configmap: dict[str, Any]) -> list[dict[str, Any]]:
 
 def test_a_step_that_ended() -> None:
     found = events_map([step("temperature")], "robot1")
-    assert (found["kind"], found["metadata"]["name"], found["metadata"]["namespace"]) == (
-        "ConfigMap",
-        "robot-updates",
-        "robot-robot1",
-    )
-    assert found["metadata"]["labels"] == {
-        "app.kubernetes.io/managed-by": "rosops.fleet",
-        "rosops.fleet/robot": "robot1",
+    labels = {"app.kubernetes.io/managed-by": "rosops.fleet", "rosops.fleet/robot": "robot1"}
+    assert found == {
+        "apiVersion": "v1",
+        "kind": "ConfigMap",
+        "metadata": {"name": "robot-updates", "namespace": "robot-robot1", "labels": labels},
+        "data": found["data"],
     }
     assert told(found) == [
         {
@@ -72,7 +70,12 @@ def test_a_step_that_ended() -> None:
 
 def test_the_step_at_hand_runs_and_has_no_end() -> None:
     (event,) = told(events_map([], "robot1", running=step("temperature", outcome="")))
-    assert (event["outcome"], event["finished"]) == ("running", None)
+    (ended,) = told(events_map([step("temperature")], "robot1"))
+    assert event == {**ended, "outcome": "running", "finished": None}
+
+
+def test_the_time_for_which_a_busy_robot_was_waited_for() -> None:
+    assert told(events_map([step("a", phases={"wait": 30.5, "gate": 1.0})], "robot1"))[0]["busy_wait"] == 30.5
 
 
 def test_one_id_from_begin_to_end_and_another_for_the_next_time() -> None:
@@ -111,7 +114,7 @@ def test_a_clock_that_was_set_back_does_not_hide_the_new_step() -> None:
 
 
 def test_what_a_killed_run_left_open_has_failed() -> None:
-    before = events_map([], "robot1", running=step("a", outcome=""))
+    before = events_map([], "robot1", running=step("a", outcome="", phases={"gate": 1.0, "apply": 17.0004}))
     (event,) = told(events_map([], "robot1", [before]))
     assert (event["outcome"], event["reason"], event["finished"]) == ("failed", CUT_OFF, 1795252105.348)
 
@@ -119,6 +122,20 @@ def test_what_a_killed_run_left_open_has_failed() -> None:
 def test_the_same_steps_give_the_same_bytes() -> None:
     first = events_map([step("a"), step("b", outcome="deferred-busy", reason="a goal is active")], "robot1")
     assert events_map([], "robot1", [first]) == first
+
+
+def test_a_value_a_line_in_a_fixed_order_so_that_a_diff_is_small() -> None:
+    text = events_map([step("a")], "robot1")["data"]["updates.json"]
+    lines = text.splitlines()
+    assert lines[:4] == ["{", ' "updates": [', "  {", '   "app": "a",']
+    assert text.endswith("\n")
+    keys = re.findall(r'^ {3}"(\w+)":', text, re.MULTILINE)
+    assert keys == sorted(told({"data": {"updates.json": text}})[0])
+
+
+def test_a_step_that_began_with_the_clock_at_zero_is_known() -> None:
+    before = events_map([step("a", started=0.0)], "robot1")
+    assert events_map([], "robot1", [before]) == before
 
 
 @pytest.mark.parametrize(
@@ -137,8 +154,10 @@ def test_another_robots_configmap_is_not_taken_for_its_own() -> None:
     assert told(events_map([], "robot1", [other])) == []
 
 
-def test_a_new_app_has_nothing_before() -> None:
-    assert told(events_map([step("a", before={})], "robot1"))[0]["from"] == ""
+@pytest.mark.parametrize("nothing", [{}, {"a": {}}])
+def test_what_is_not_known_of_a_version_is_empty(nothing: dict[str, Any]) -> None:
+    (event,) = told(events_map([step("a", before=nothing, after=nothing)], "robot1"))
+    assert [event[key] for key in ("from", "to", "from_image", "to_image")] == ["", "", "", ""]
 
 
 def test_a_long_reason_is_cut() -> None:

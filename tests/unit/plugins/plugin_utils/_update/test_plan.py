@@ -4,11 +4,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, kept, update_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
+    Plan,
+    Request,
+    app_of,
+    described,
+    kept,
+    read_histories,
+    update_plan,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
@@ -78,6 +89,7 @@ def test_the_keeper_goes_back_with_its_master() -> None:
     (step,) = update_plan(after, applied(before)).steps
     assert set(step.previous) == {"ros-master", "ros-keeper"}
     assert (set(step.before), step.created) == ({"ros-master"}, [])
+    assert (step.kind, step.handoff, step.actions) == ("master", "replace", [])
 
 
 def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> None:
@@ -138,7 +150,9 @@ def test_a_step_that_was_cut_off_is_taken_up_again_and_goes_back_to_the_last_pro
     assert step.resume
     assert step.previous["one"] == entry(proven, "one")["deployment"]
     assert step.before["one"]["image"] == "example.org/app:1.0"
-    assert step.renames == {step.old_nodes["one"]: step.new_nodes["one"]}
+    assert step.unproven == ["one"]
+    proven_node = step.previous["one"]["spec"]["template"]["metadata"]["annotations"][names.ANNOTATION_NODE]
+    assert step.renames == {proven_node: step.new_nodes["one"]}
 
 
 def test_a_third_version_after_a_cut_off_step_is_a_new_step_from_the_proven_one() -> None:
@@ -155,6 +169,9 @@ def test_back_to_the_previous_version() -> None:
     assert step_names(plan) == [["one"]]
     assert plan.steps[0].after["one"]["image"] == "example.org/app:1.0"
     assert plan.steps[0].before["one"]["image"] == "x.org/a:2"
+    assert plan.unchanged == ["ros-master", "two"]
+    assert plan.steps[0].conditions == {}  # today's inventory says nothing about a version of then
+    assert plan.steps[0].histories == {"one": [entry(old, "one")]}
 
 
 def test_back_to_a_named_version() -> None:
@@ -167,7 +184,7 @@ def test_back_to_a_named_version() -> None:
 
 def test_back_from_an_old_version_is_the_newer_one_not_itself() -> None:
     old, new = robot(app("one")), robot(app("one", "x.org/a:2"))
-    history = update_map("one", [entry(new, "one"), entry(old, "one")])
+    history = update_map("one", [entry(old, "one"), entry(new, "one")])
     plan = update_plan(new, applied(old, history), PREVIOUS)
     assert plan.steps[0].after["one"]["image"] == "x.org/a:2"
 
@@ -180,14 +197,102 @@ def test_no_way_back_is_unchanged_for_a_fleet_and_an_error_for_a_named_app() -> 
 
 
 def test_an_unknown_revision_is_an_error_that_names_those_there_are() -> None:
-    old, new = robot(app("one")), robot(app("one", "x.org/a:2"))
-    history = update_map("one", [entry(old, "one")])
-    with pytest.raises(SpecError, match=rf"no revision 12345678 .* kept: {entry(old, 'one')['revision']} "):
-        update_plan(new, applied(new, history), Request(["one"], "12345678"))
+    first, second, third = (robot(app("one", f"x.org/a:{number}")) for number in (1, 2, 3))
+    bare = {key: value for key, value in entry(first, "one").items() if key != "image"}
+    history = update_map("one", [{**entry(second, "one"), "image": "x.org/a:2"}, bare])
+    with pytest.raises(SpecError) as error:
+        update_plan(third, applied(third, history), Request(["one"], "12345678"))
+    there = f"{entry(second, 'one')['revision']} (x.org/a:2), {bare['revision']} (?)"
+    assert str(error.value) == f"robot1: app one has no revision 12345678 to go back to; kept: {there}"
 
 
 def test_what_somebody_else_applied_is_kept_without_the_servers_bookkeeping() -> None:
     item = applied(robot(app("one"))).deployments[-1]
     item["metadata"]["managedFields"][0]["manager"] = "kubectl"
-    assert set(kept(item)["metadata"]) == {"name", "namespace", "labels", "annotations"}
-    assert "status" not in kept(item)
+    own = {key: item["metadata"][key] for key in ("name", "namespace", "labels", "annotations")}
+    assert kept(item) == {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": own, "spec": item["spec"]}
+
+
+def test_a_step_says_all_that_its_phases_need() -> None:
+    def fleet(image: str) -> Robot:
+        group, goals = {"group": "motion"}, ["plan", "~go"]
+        drain = {"pattern": "action", "readiness": {"actions": goals}}
+        return robot(
+            app("light", image),
+            app("map", image, readiness={"actions": ["scan"]}, update={**group, "idle": ["dock", "~lift"]}),
+            app("drive", image, **drain, update={**group, "idle": ["dock", "charge"], "on_busy": "defer"}),
+            app("arm", image, **drain, update=group),
+        )
+
+    wanted = fleet("x.org/a:2")
+    step = update_plan(wanted, applied(fleet("x.org/a:1"), update_map("map", []))).steps[-1]
+    assert (step.name, step.kind, step.apps, step.handoff) == ("motion", "app", ["map", "drive", "arm"], "drain")
+    assert step.actions == ["/plan", "/drive/go", "/arm/go"]
+    assert (step.idle, step.on_busy) == (["/dock", "/map/lift", "/charge"], "defer")
+    assert step.conditions["nodes"] == list(step.new_nodes.values())
+    assert step.objects == [item for item in app_objects(wanted) if app_of(item) in step.apps]
+    assert (step.histories, step.unproven, step.resume) == ({"map": []}, [], False)
+
+
+def test_a_groups_new_app_does_not_hide_the_way_back_of_the_next() -> None:
+    new, old = (app(name, "x.org/a:2", update={"group": "g"}) for name in ("new", "old"))
+    (step,) = update_plan(robot(new, old), applied(robot(app("old")))).steps
+    assert (step.apps, list(step.previous)) == (["new", "old"], ["old"])
+    assert [item["metadata"]["name"] for item in step.created] == ["new"]
+
+
+def test_a_group_waits_for_what_any_of_its_apps_depends_on() -> None:
+    wanted = robot(
+        app("user", depends_on=["sensor"], update={"group": "g"}), app("free", update={"group": "g"}), app("sensor")
+    )
+    assert step_names(update_plan(wanted, applied(robot()))) == [["sensor"], ["user", "free"]]
+
+
+def test_an_app_that_moves_to_another_namespace_is_a_new_one() -> None:
+    plan = update_plan(robot(app("planner")), applied(robot(app("planner", scope="fleet"))))
+    (created,) = plan.steps[0].created
+    metadata = {"name": "planner", "namespace": "robot-robot1"}
+    assert created == {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata}
+    assert plan.orphans == ["planner"]
+
+
+def test_a_node_that_cannot_be_known_is_not_renamed() -> None:
+    live = applied(robot(app("one")))
+    live.deployments[-1]["spec"]["template"]["metadata"]["annotations"].pop(names.ANNOTATION_NODE)
+    (step,) = update_plan(robot(app("one", "x.org/a:2")), live).steps
+    assert (step.old_nodes, step.renames) == ({"one": ""}, {})
+
+
+def test_unknown_apps_of_a_robot_without_any() -> None:
+    with pytest.raises(SpecError) as error:
+        update_plan(robot(master={"mode": "external", "uri": "http://m:11311"}), applied(robot()), Request(["b", "a"]))
+    assert str(error.value) == "robot1 has no app a, b; it has none"
+
+
+@pytest.mark.parametrize("data", [None, {}, {"history.json": ""}])
+def test_a_history_that_was_never_written_is_empty(data: dict[str, str] | None) -> None:
+    assert read_histories([{**update_map("one", []), "data": data}]) == {"one": []}
+
+
+@pytest.mark.parametrize(
+    ("labels", "annotations", "revision"),
+    [
+        ({names.LABEL_REVISION: "abc"}, {names.ANNOTATION_HASH: "0123456789"}, "abc"),
+        (None, {names.ANNOTATION_HASH: "0123456789"}, "01234567"),
+        ({}, {}, ""),
+        (None, None, ""),
+    ],
+)
+@pytest.mark.parametrize(
+    ("containers", "image"), [([{"image": "a:1"}, {"image": "b:1"}], "a:1"), ([{"name": "a"}], ""), ([], "")]
+)
+def test_a_version_is_told_by_its_image_and_revision(
+    labels: Any, annotations: Any, revision: str, containers: Any, image: str
+) -> None:
+    template = {"metadata": {"labels": labels, "annotations": annotations}, "spec": {"containers": containers}}
+    found = described({"spec": {"template": template}})
+    assert found == {"image": image, "revision": revision}
+
+
+def test_a_deployment_without_labels_is_of_no_app() -> None:
+    assert app_of({"metadata": {}}) == app_of({"metadata": {"labels": {"a": "b"}}}) == ""
