@@ -32,7 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
@@ -72,6 +72,27 @@ class MonotonicClock:
         return time.monotonic()
 
 
+class RobotHost(ActionHost):
+    """The robot's host. That it cannot be reached is an outcome, whatever was under way; what takes long says so."""
+
+    def module(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
+        with self._reached(name):
+            return super().module(name, args)
+
+    def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
+        with self._reached(f"copying {src}"):
+            return super().copy(src, dest, rate_limit)
+
+    @contextlib.contextmanager
+    def _reached(self, what: str) -> Iterator[None]:
+        robot = self.task_vars["inventory_hostname"]
+        with _ticking(lambda seconds: display.display(f"[{robot}] {what} for {seconds:.0f} s now")):
+            try:
+                yield
+            except AnsibleConnectionFailure as error:
+                raise AwayError(str(error)) from error
+
+
 class ActionModule(ClusterAction):
     TRANSFERS_FILES = True
     _requires_connection = True
@@ -101,17 +122,19 @@ class ActionModule(ClusterAction):
         settings = Settings(
             Request(tuple(params["apps"]), params["to"], params["shared"]),
             check=check,
-            code=app_files(),
+            code=CODE,
             edge_images={} if check else self._edge_images(),  # in check mode they have not been brought
             **{name: params[name] for name in (
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
             )},
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
-        self._modules = ActionHost(self, self._vars)
-        node = NodeImages(self._modules, params["image_directory"], params["image_rate_limit"], self._say)
+        there = RobotHost(self, self._vars)
+        node = NodeImages(there, params["image_directory"], params["image_rate_limit"], self._say)
         images = ImageSource(node, params["image_archives"], params["image_names"])
-        host = ModuleHost(self._reach, self._module, images, check)
+        host = ModuleHost(
+            self._reach, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), images, check
+        )
         with Kube(params) as kube, _cancellable():
             engine = Engine(robot, settings, self._world(kube, host))
             outcome = engine.run()
@@ -145,13 +168,6 @@ class ActionModule(ClusterAction):
             raise AwayError(str(error)) from error
         except ValueError:
             raise FleetError(f"{self._host} was asked for its time and said {said!r}") from None
-
-    def _module(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        with _ticking(lambda seconds: self._say(f"{name} for {seconds:.0f} s now")):
-            try:
-                return self._modules.module(f"rosops.fleet.{name}", arguments)
-            except AnsibleConnectionFailure as error:
-                raise AwayError(str(error)) from error
 
 
 @contextlib.contextmanager
