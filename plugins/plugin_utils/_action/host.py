@@ -8,6 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+SUDO_ASKS = (
+    "a limited rate is rsync's, and rsync cannot hand over the password for sudo: allow sudo without one for rsync on "
+    "this host, or leave out images_rate_limit"
+)
+
 
 class ActionHost:
     """The host of an action plugin's task.
@@ -35,6 +40,8 @@ class ActionHost:
     def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
         """Copy a file of the control node, mode 0600; with rsync and its --bwlimit where there is a `rate_limit`."""
         if rate_limit:
+            if self.plugin._play_context.become and self.plugin._play_context.become_pass:
+                return {"failed": True, "msg": SUDO_ASKS}
             options = {"archive": False, "partial": True, "rsync_opts": [f"--bwlimit={rate_limit}"]}
             return self.action("ansible.posix.synchronize", {"src": src, "dest": dest, **options})
         return self.action("ansible.builtin.copy", {"src": src, "dest": dest, "mode": "0600"})

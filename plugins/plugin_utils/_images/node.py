@@ -8,6 +8,7 @@ The host is handed in, so this knows neither SSH nor Ansible.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -114,16 +115,17 @@ class NodeImages:
         return _brought(plan, there, after)
 
     def _import(self, paths: Sequence[str]) -> None:
-        if not paths:
-            return
-        self._run("ansible.builtin.file", {"path": self.directory, "state": "directory", "mode": "0700"})
+        """One after the other: never more than one archive lies on the node beside the images that come out of it."""
         for path in paths:
+            place = self._place(path)
+            self._run("ansible.builtin.file", {"path": self.directory, "state": "directory", "mode": "0700"})
             self.say(f"copying {path}")
-            _require(self.host.copy(path, self._place(path), self.rate_limit), f"{path} could not be copied")
-        for path in paths:
+            _require(self.host.copy(path, place, self.rate_limit), f"{path} could not be copied")
             self.say(f"importing {path}")
-            self._command("ctr", "--namespace", "k8s.io", "images", "import", self._place(path))
-        self._run("ansible.builtin.file", {"path": self.directory, "state": "absent"})
+            try:
+                self._command("ctr", "--namespace", "k8s.io", "images", "import", place)
+            finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
+                self._run("ansible.builtin.file", {"path": place, "state": "absent"})
 
     def _pull(self, names: Sequence[str]) -> None:
         for name in names:
@@ -131,7 +133,8 @@ class NodeImages:
             self._command("crictl", "pull", name)
 
     def _place(self, path: str) -> str:
-        return f"{self.directory}/{Path(path).name}"
+        """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""
+        return f"{self.directory}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
 
     def _command(self, *arguments: str) -> None:
         self._run("ansible.builtin.command", {"argv": [BINARY, *arguments]})

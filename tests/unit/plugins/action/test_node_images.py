@@ -44,7 +44,8 @@ def action(check_mode: bool = False) -> Any:
         )
     )
     connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused"))
-    made = node_images.ActionModule(task, connection, SimpleNamespace(copy=str), None, None)
+    context = SimpleNamespace(copy=str, become=True, become_pass="")
+    made = node_images.ActionModule(task, connection, context, None, None)
     made._shared_loader_obj = loaders
     made.ran = []
 
@@ -116,3 +117,13 @@ def test_a_copy_gets_a_task_of_its_own_and_no_diff_of_megabytes() -> None:
 def test_a_rate_limit_needs_a_collection() -> None:
     result = ActionHost(action(), {}).copy("/a.tar", "/room/a.tar", "2m")
     assert result == {"failed": True, "msg": "ansible.posix.synchronize is not installed on the control node"}
+
+
+def test_a_rate_limit_needs_sudo_without_a_password() -> None:
+    made = action()
+    made._play_context.become_pass = "secret"  # noqa: S105 - an invented one
+    result = ActionHost(made, {}).copy("/a.tar", "/room/a.tar", "2m")
+    assert result["failed"]
+    assert "leave out images_rate_limit" in result["msg"]
+    assert "secret" not in result["msg"]
+    assert Other.made == []

@@ -58,6 +58,10 @@ class Node:
         return {"rc": 0}
 
 
+def place(archive: Mapping[str, str]) -> str:
+    return NodeImages(Node(), ROOM)._place(archive["path"])
+
+
 @pytest.fixture(name="archive")
 def _archive(tmp_path: Path) -> dict[str, str]:
     return {"path": docker(tmp_path / "apps.tar", ["lab/apps:1.0"])}
@@ -75,8 +79,8 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
         "look",
         "directory /room",
         "copy apps.tar 2m",
-        "ctr --namespace k8s.io images import /room/apps.tar",
-        "absent /room",
+        f"ctr --namespace k8s.io images import {place(archive)}",
+        f"absent {place(archive)}",
         "crictl pull docker.io/library/redis:7",
         "look",
     ]
@@ -114,7 +118,7 @@ def test_check_mode_meets_a_host_without_k3s_and_a_run_does_not_pass_over_it(arc
     ("broken", "message"),
     [
         ("copy", r"apps.tar could not be copied: no space"),
-        ("import", r"ctr --namespace k8s.io images import /room/apps.tar: no space"),
+        ("import", r"ctr --namespace k8s.io images import /room/\w+-apps.tar: no space"),
         ("pull", r"crictl pull docker.io/library/redis:7: no space"),
         ("directory", r"/room: no space"),
     ],
@@ -128,8 +132,34 @@ def test_an_interrupted_transfer_is_kept_for_the_next(archive: dict[str, str]) -
     node = Node(broken="copy")
     with pytest.raises(ImagesError):
         NodeImages(node, ROOM, rate_limit="2m").bring([archive], [])
-    assert list(node.files) == ["/room/apps.tar"]
-    assert "absent /room" not in node.calls
+    assert list(node.files) == [place(archive)]
+    assert not any("absent" in call for call in node.calls)
+
+
+def test_a_failed_import_leaves_nothing_on_the_nodes_disk(archive: dict[str, str]) -> None:
+    node = Node(broken="import")
+    with pytest.raises(ImagesError):
+        NodeImages(node, ROOM).bring([archive], [])
+    assert node.files == {}
+
+
+def test_two_archives_of_one_name_are_two(tmp_path: Path) -> None:
+    (tmp_path / "old").mkdir()
+    (tmp_path / "new").mkdir()
+    archives = [{"path": docker(tmp_path / name / "apps.tar", [f"lab/{name}:1.0"])} for name in ("old", "new")]
+    node = Node()
+    assert NodeImages(node, ROOM).bring(archives, []).problems == ()
+    assert {"docker.io/lab/old:1.0", "docker.io/lab/new:1.0"} == {*node.images}
+    assert place(archives[0]) != place(archives[1])
+
+
+def test_one_archive_at_a_time_lies_on_the_node(tmp_path: Path) -> None:
+    archives = [{"path": docker(tmp_path / f"{name}.tar", [f"lab/{name}:1.0"])} for name in ("one", "two")]
+    node = Node()
+    NodeImages(node, ROOM).bring(archives, [])
+    assert [call.split()[0] for call in node.calls if not call.startswith("directory")] == [
+        "look", "copy", "ctr", "absent", "copy", "ctr", "absent", "look",
+    ]  # fmt: skip
 
 
 def test_an_import_that_did_nothing_is_a_problem(archive: dict[str, str]) -> None:
