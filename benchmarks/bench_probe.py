@@ -46,18 +46,19 @@ class Pod:
         self.name = f"bench_{scene.port}"
         self.hooks = scene.directory / "hooks"
         self.hooks.mkdir()
+        self.given = "{}"
         for file, text in app_files().items():
             (self.hooks / file).write_text(text)
 
     def settings(self, contract: dict[str, Any] | None = None, **changes: Any) -> None:
-        (self.hooks / "app-app.json").write_text(json.dumps({**SETTINGS, "node": "/bench", **changes}))
+        self.given = json.dumps({**SETTINGS, "node": "/bench", **changes})
         (self.hooks / "contract.json").write_text(json.dumps(contract or {}))
 
     def call(self, word: str) -> tuple[float, float, str]:
         """CPU seconds of the call with its children, wall seconds, and what it said."""
         env = {
-            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_APP": "app",
-            "ROSOPS_NODE_NAME": self.name,
+            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_SETTINGS": self.given,
+            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": "0a1b2c3d",
         }  # fmt: skip
         began = time.monotonic()
         command = [self.python, "-I", "-S", str(self.hooks / "run.py"), word]

@@ -34,19 +34,19 @@ class Pod:
         self.hooks.mkdir(parents=True)
         for file, text in app_files().items():
             (self.hooks / file).write_text(text)
-        (self.hooks / "app-app.json").write_text(json.dumps({**SETTINGS, "node": f"/{name}", **settings}))
+        self.settings = json.dumps({**SETTINGS, "node": f"/{name}", **settings})
 
     def owe(self, **contract: Any) -> None:
         content = {
-            "revision": "", "until": time.time() + 600, "tolerance": 0.1, "node": self.node,
+            "revision": "0a1b2c3d", "tolerance": 0.1, "node": self.node,
             "topics": {}, "subscriptions": {}, "services": {}, "actions": [], **contract,
         }  # fmt: skip
         (self.hooks / "contract.json").write_text(json.dumps(content))
 
     def environ(self) -> dict[str, str]:
         return {
-            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_APP": "app",
-            "ROSOPS_NODE_NAME": self.name,
+            "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_SETTINGS": self.settings,
+            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": "0a1b2c3d",
         }  # fmt: skip
 
     def call(self, word: str) -> tuple[int, str]:

@@ -102,7 +102,7 @@ class Starting:
         if node not in state.nodes():
             return [Check("node", node, WAIT, "not registered with the master")]
         # read at every look: an update's contract may come to the pod after it has started
-        wanted = Wanted(node, load_contract(os.environ, node, time.time()), self.settings["min_rates"])
+        wanted = Wanted(node, load_contract(os.environ), self.settings["min_rates"])
         graph = self.ros.ask(state, first_questions(state, node))
         own = graph.nodes[node]
         if own.reachable and not is_here(own.uri):

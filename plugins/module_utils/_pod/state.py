@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the code in a pod knows: the app's settings, its contract, and what an earlier call left.
 
-Pods of the old and of the new revision share the settings, so the node's name comes from the pod's environment. The
-imports are few on purpose: the readiness probe is started every ten seconds.
+Settings come with the pod's revision, in its environment; the contract is a file, as a step writes it beside the pod.
+The imports are few on purpose: a probe is started often.
 """
 
 # importing pathlib would cost as much as all the rest of a call:
@@ -25,14 +25,13 @@ SCRATCH = f"/tmp/rosops-fleet-{os.getuid()}"  # noqa: S108
 DEFAULTS = {"handoff": "replace", "actions": [], "stop_deadline": 5, "command": None, "min_rates": {}, "keeper": None}
 
 
-def load_settings(environ: Mapping[str, str], directory: str = HERE) -> dict[str, Any]:
+def load_settings(environ: Mapping[str, str]) -> dict[str, Any]:
     """The app's settings, with its node's full name as `node`.
 
-    An app that was taken out of the inventory loses its settings while it runs on: its node is then looked for, and
-    nothing more.
+    Without any, the node is looked for where the environment says, and nothing more.
     """
     name = environ.get("ROSOPS_NODE_NAME", "")
-    found = _load(f"{directory}/app-{environ.get('ROSOPS_APP', '')}.json")
+    found = _mapping(environ.get("ROSOPS_SETTINGS", ""))
     if not found:
         node = f"{environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
         found = {"node": node, "expect_node": bool(load_state(node))}
@@ -44,13 +43,16 @@ def load_settings(environ: Mapping[str, str], directory: str = HERE) -> dict[str
     return settings
 
 
-def load_contract(environ: Mapping[str, str], node: str, now: float, directory: str = HERE) -> dict[str, Any] | None:
-    """What this revision owes the graph while an update is under way; None if nothing does that means this very pod."""
+def load_contract(environ: Mapping[str, str], directory: str = HERE) -> dict[str, Any] | None:
+    """What this revision owes the graph until it is proven; None where nothing is said of this very revision.
+
+    No clock ends it: a version that nobody proved is no better for waiting. Beside what `contract.record` makes of the
+    graph it has `revision`, `tolerance`, `ready_timeout` (seconds), `apps` (all of its step) and, once it is over,
+    `proven`.
+    """
     contract = _load(f"{directory}/contract.json")
-    revision = environ.get("ROSOPS_REVISION", "")
-    if not contract or contract.get("node") != node or contract.get("until", 0) < now:
-        return None
-    return contract if contract.get("revision") in (revision, None, "") or not revision else None
+    meant = contract.get("revision") == environ.get("ROSOPS_REVISION", "") and not contract.get("proven")
+    return contract if contract and meant else None
 
 
 def state_file(node: str) -> str:
@@ -78,7 +80,14 @@ def save_state(node: str, state: Mapping[str, Any]) -> None:
 def _load(path: str) -> dict[str, Any]:
     try:
         with open(path, encoding="utf-8") as file:
-            content = json.load(file)
+            return _mapping(file.read())
     except (OSError, ValueError):
+        return {}
+
+
+def _mapping(text: str) -> dict[str, Any]:
+    try:
+        content = json.loads(text)
+    except ValueError:
         return {}
     return content if isinstance(content, dict) else {}

@@ -19,6 +19,7 @@ Pure.
 from __future__ import annotations
 
 import re
+from fnmatch import fnmatchcase
 from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
 
 from .graph import ANY_TYPE
@@ -41,6 +42,11 @@ def is_tool(node: str) -> bool:
     return bool(_TOOL.search(node)) or node.rpartition("/")[2].startswith(_TOOL_NAMES)
 
 
+def matches(name: str, patterns: Iterable[str]) -> bool:
+    """Whether a graph name is one of these, or of a pattern of them: `*` stands for anything, slashes among it."""
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
 def renamed(name: str, renames: Mapping[str, str]) -> str:
     """A graph name after the nodes' renaming: a node's own name, and what stands in its private namespace."""
     if name in renames:
@@ -51,12 +57,11 @@ def renamed(name: str, renames: Mapping[str, str]) -> str:
     return name
 
 
-def record(  # noqa: PLR0913 - the last five have defaults and go into the result as they are
+def record(  # noqa: PLR0913 - the last four have defaults and go into the result as they are
     graph: Mapping[str, Any],
     nodes: Sequence[str],
     renames: Mapping[str, str] | None = None,
     revision: str = "",
-    until: float = 0,
     tolerance: float = TOLERANCE,
     ignore: Iterable[str] = (),
     least_rate: float = LEAST_RATE,
@@ -64,14 +69,13 @@ def record(  # noqa: PLR0913 - the last five have defaults and go into the resul
     """What `nodes` (their names now) are to the graph, in the names that hold after the update.
 
     `renames` maps the nodes of everything that is updated together, so that edges between them keep both ends.
-    `ignore`: topics, services and actions that the update is meant to change. A node that does not answer now leaves
-    nothing to restore.
+    `ignore`: topics, services and actions that the update is meant to change, as names or patterns (`/debug/*`). A node
+    that does not answer now leaves nothing to restore.
     """
-    taken = _Recorder(graph, nodes, renames or {}, frozenset(ignore), least_rate)
+    taken = _Recorder(graph, nodes, renames or {}, tuple(ignore), least_rate)
     own = [taken.new(name) for name in nodes]
     return {
         "revision": revision,
-        "until": until,
         "tolerance": tolerance,
         "node": own[0] if own else "",
         "nodes": [taken.new(name) for name in taken.alive],
@@ -89,7 +93,7 @@ class _Recorder:
         graph: Mapping[str, Any],
         nodes: Sequence[str],
         renames: Mapping[str, str],
-        ignore: frozenset[str],
+        ignore: tuple[str, ...],
         least_rate: float,
     ) -> None:
         self.graph, self.renames, self.ignore, self.least_rate = graph, renames, ignore, least_rate
@@ -104,7 +108,7 @@ class _Recorder:
 
     def counts(self, topic: str) -> bool:
         action = topic.rpartition("/")[0] if topic in self.action_topics else ""
-        return topic != "/rosout" and topic not in self.ignore and action not in self.ignore
+        return topic != "/rosout" and not matches(topic, self.ignore) and not matches(action, self.ignore)
 
     def peers(self, names: Iterable[str]) -> list[str]:
         """Nodes on the other side of a topic that an update must not lose."""
@@ -159,7 +163,7 @@ class _Recorder:
             for name, entry in self.graph["services"].items()
             if entry["up"]
             and self.own([entry["provider"]] if entry["provider"] else entry["providers"])
-            and name not in self.ignore
+            and not matches(name, self.ignore)
             and not name.endswith(_LOGGERS)
         }
 
@@ -167,7 +171,7 @@ class _Recorder:
         return sorted(
             self.new(name)
             for name, entry in self.graph["actions"].items()
-            if entry["up"] and self.own(entry["servers"]) and name not in self.ignore
+            if entry["up"] and self.own(entry["servers"]) and not matches(name, self.ignore)
         )
 
 

@@ -20,7 +20,7 @@ ANNOTATION_HANDOFF = "rosops.fleet/handoff"
 ANNOTATION_NODE = "rosops.fleet/ros-node"
 ANNOTATION_UPDATING = "rosops.fleet/updating"  # on a Deployment while a step changes it: its version is not proven yet
 NODE_NAME_ENV = "ROSOPS_NODE_NAME"
-APP_ENV = "ROSOPS_APP"
+SETTINGS_ENV = "ROSOPS_SETTINGS"
 REVISION_ENV = "ROSOPS_REVISION"
 CODE_NAME = "rosops-hooks"  # the ConfigMap of what runs in pods, and the volume of it
 CODE_DIR = "/opt/rosops-fleet/hooks"
@@ -46,11 +46,6 @@ def claim_name(volume: str) -> str:
 def update_name(app: str) -> str:
     """The ConfigMap that keeps an app's contract and its earlier versions."""
     return f"{app}-update"
-
-
-def fleet_code_name(app: str) -> str:
-    """The ConfigMap of an app of the whole fleet. Not in the others' map: a robot without the app applies that, too."""
-    return f"{CODE_NAME}-{app}"
 
 
 def default_mount_path(volume: str) -> str:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -33,6 +34,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code imp
     code_volume,
     probe_command,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
 
 REVISION_LENGTH = 8
 # Under `overlap` the new pod comes beside the old one, under a ROS node name of its own; else the old one goes first.
@@ -134,7 +136,8 @@ def _environment(app: App, robot: Robot) -> list[Object]:
     if namespace != "/":
         found.append(variable("ROS_NAMESPACE", namespace))
     if app.hooks:
-        found.append(variable(names.APP_ENV, app.name))
+        settings = json.dumps(app_settings(app, robot), sort_keys=True)
+        found.append(variable(names.SETTINGS_ENV, settings.replace("$", "$$")))  # $(NAME) is Kubernetes' own
         found.append(field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']"))
     found += [variable(key, value) for key, value in app.env.items()]
     return list({item["name"]: item for item in found}.values())

@@ -3,85 +3,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A robot and the in-pod code -> the ConfigMaps that pods mount. Pure.
 
-Neither the code nor an app's settings are part of a pod template: a newer collection, or another readiness, restarts
-nothing.
+The code is no part of a pod template: a newer collection restarts nothing.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, config_map, owner_labels
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import probe_command
-
-STOP_SECONDS = 5  # for a node to end that has nothing to drain
 
 
 def code_maps(robot: Robot, code: Mapping[str, str]) -> list[Object]:
-    """The ConfigMaps `rosops-hooks`, one per namespace that has pods with our code; `code` is file name -> content.
-
-    The one of the namespace `fleet` holds code alone, so that it is the same whichever robot it comes from; apps of
-    scope `fleet` have a map of their own beside it.
-    """
-    apps = [app for app in robot.apps if app.hooks]
-    own = [app for app in apps if app.scope != "fleet"]
-    shared = [app for app in apps if app.scope == "fleet"]
-    mode, fleet = robot.master.mode, names.FLEET_NAMESPACE
-    objects = []
-    if own or mode == "robot":  # the keeper of a master mounts it, too
-        data = {**code, **dict(_settings_file(app, robot) for app in own)}
-        objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), data))
-    if shared or mode == "shared":
-        objects.append(config_map(names.CODE_NAME, fleet, owner_labels(None), code))
-    for app in shared:
-        data = dict([_settings_file(app, robot)])
-        objects.append(config_map(names.fleet_code_name(app.name), fleet, owner_labels(None), data))
+    """The ConfigMaps `rosops-hooks`, one per namespace that has pods with our code; `code` is file name -> content."""
+    scopes = {app.scope for app in robot.apps if app.hooks}
+    mode, objects = robot.master.mode, []
+    if "robot" in scopes or mode == "robot":  # the keeper of a master mounts it, too
+        objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), code))
+    if "fleet" in scopes or mode == "shared":
+        objects.append(config_map(names.CODE_NAME, names.FLEET_NAMESPACE, owner_labels(None), code))
     return objects
-
-
-def app_settings(app: App, robot: Robot) -> dict[str, Any]:
-    """What the code in an app's pod has to know of it.
-
-    Names are full but for private ones that follow the node's name of a revision: those keep their `~`.
-    """
-    readiness, command = app.readiness, app.readiness.command
-
-    def full(name: str) -> str:
-        kept = app.handoff != "overlap" or name[1:].lstrip("/") in app.private_names
-        if name.startswith("~") and not kept:
-            return f"~{name[1:].lstrip('/')}"
-        return resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot))
-
-    # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
-    rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
-    stop_deadline = app.drain_deadline if app.handoff == "drain" else STOP_SECONDS
-    return {
-        "app": app.name,
-        "node": context.graph_node(app, robot),
-        "expect_node": readiness.nodes,
-        "pattern": app.pattern,
-        "handoff": app.handoff,
-        "actions": [full(action["name"]) for action in readiness.actions],
-        "drain_deadline": app.drain_deadline,
-        "stop_deadline": min(app.termination_grace_period, stop_deadline),
-        "command": probe_command(command) if command else None,
-        "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
-        "keeper": keeper_url(robot),
-    }
-
-
-def keeper_url(robot: Robot) -> str | None:
-    """Where pods find the keeper of their master; an external master has none."""
-    if robot.master.mode == "external":
-        return None
-    host = names.KEEPER_NAME + (f".{names.FLEET_NAMESPACE}" if robot.master.mode == "shared" else "")
-    return f"http://{host}:{names.KEEPER_PORT}"
-
-
-def _settings_file(app: App, robot: Robot) -> tuple[str, str]:
-    return f"app-{app.name}.json", json.dumps(app_settings(app, robot), sort_keys=True)

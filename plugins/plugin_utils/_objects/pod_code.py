@@ -32,11 +32,9 @@ def code_mount() -> Object:
 
 
 def code_volume(app: App | None = None) -> Object:
-    """The code; for an app with its settings, and its contract while a step of an update is under way."""
+    """The code; for an app with its contract, which is there while a step of an update is under way."""
     maps: list[dict[str, Any]] = [{"name": names.CODE_NAME}]
     if app is not None:
-        if app.scope == "fleet":
-            maps.append({"name": names.fleet_code_name(app.name)})
         contract = {"key": "contract.json", "path": "contract.json"}
         maps.append({"name": names.update_name(app.name), "items": [contract], "optional": True})
     return {"name": names.CODE_NAME, "projected": {"sources": [{"configMap": item} for item in maps]}}

@@ -70,7 +70,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the step never comes to its end
-CONTRACT_EXTRA = 60.0  # the pods hold to the contract for so long beyond the time that a version has to get ready
 MASTER_SECONDS = 30.0
 VERIFY_EXTRA = 20.0
 UNPROVEN = "it runs unproven beside the way back; the next run takes this step up again"
@@ -118,7 +117,6 @@ class Engine:
         self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
         self.recorded = self.cancelled = False
-        self.ahead = 0.0  # what the robot's clock shows when ours shows nothing
         self.results: list[StepResult] = []
         self.changes: list[Applied] = []
 
@@ -127,7 +125,7 @@ class Engine:
     def run(self) -> RobotOutcome:
         """From what differs to the outcome. Whatever goes wrong with this robot is its outcome, and no error."""
         try:
-            self.ahead = self.host.there() - self.clock.now()
+            self.host.there()
             self._plan()
             if self.settings.check or not self.plan.steps:
                 self._change()
@@ -264,9 +262,7 @@ class Engine:
         if self.settings.check:
             self._apply_all(now.step.objects)
             return
-        # by the robot's clock: pods that took the contract for an old one would not hold to it
-        until = self.clock.now() + self.ahead + self.settings.ready_timeout + CONTRACT_EXTRA
-        bounds = decide.Bounds(self.settings.rate_tolerance, until)
+        bounds = decide.Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
         objects = decide.step_objects(now.step, gate.contracts, bounds, self.clock.wall())
         now.applied = True  # from the first of these objects on
         self._apply_all([self._events(now), *objects])

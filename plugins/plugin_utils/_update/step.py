@@ -177,10 +177,10 @@ def _united(parts: Sequence[Mapping[str, Any]], absent: Sequence[str] = ()) -> d
 
 @dataclass(frozen=True)
 class Bounds:
-    """How far the pods hold to the contract: to what share of the rates, and until when (seconds since 1970)."""
+    """How far the pods hold to the contract: to what share of the rates; and the seconds a version has to get ready."""
 
     tolerance: float
-    until: float
+    ready_timeout: float
 
 
 def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
@@ -191,7 +191,12 @@ def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, 
 
 def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
     app, metadata = app_of(deployment), deployment["metadata"]
-    limits = {"tolerance": bounds.tolerance, "until": int(bounds.until), "revision": revision_of(deployment)}
+    limits = {
+        "tolerance": bounds.tolerance,
+        "ready_timeout": bounds.ready_timeout,
+        "revision": revision_of(deployment),
+        "apps": list(step.apps),
+    }
     content = {**contract, **limits} if contract else {}
     labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
     return {

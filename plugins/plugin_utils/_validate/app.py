@@ -188,7 +188,7 @@ def _resources(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Proble
 
 
 def _environment(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
-    for key in (names.NODE_NAME_ENV, names.APP_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
+    for key in (names.NODE_NAME_ENV, names.SETTINGS_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
         if key in app.env:
             reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
             yield Problem(f"{path}.env.{key}", reason, "leave it out")

@@ -93,7 +93,6 @@ def contract(**changes: Any) -> dict[str, Any]:
     """What the version before gave."""
     return {
         "revision": "0a1b2c3d",
-        "until": 2e9,
         "tolerance": 0.1,
         "node": OWN,
         "nodes": [OWN],

@@ -191,51 +191,54 @@ def test_a_child_that_keeps_the_output_open_keeps_nobody_waiting() -> None:
 
 # ---- settings, contract, state
 
-ENVIRON = {"ROSOPS_APP": "a", "ROSOPS_NODE_NAME": "a_0a1b2c3d", "ROSOPS_REVISION": "0a1b2c3d", "ROS_NAMESPACE": "/r1"}
+ENVIRON = {"ROSOPS_NODE_NAME": "a_0a1b2c3d", "ROSOPS_REVISION": "0a1b2c3d", "ROS_NAMESPACE": "/r1"}
 
 
-def test_settings_take_the_nodes_name_from_the_pod(tmp_path: Path) -> None:
+def test_settings_take_the_nodes_name_from_the_pod() -> None:
     content = {
         "node": "/r1/a", "expect_node": True, "handoff": "overlap", "actions": ["~move", "/arm"],
         "min_rates": {"~status": 1, "/out": 5}, "command": None, "keeper": None, "stop_deadline": 5,
     }  # fmt: skip
-    (tmp_path / "app-a.json").write_text(json.dumps(content))
-    found = kept.load_settings(ENVIRON, str(tmp_path))
+    found = kept.load_settings({**ENVIRON, "ROSOPS_SETTINGS": json.dumps(content)})
     assert found["node"] == "/r1/a_0a1b2c3d"
     assert found["actions"] == ["/r1/a_0a1b2c3d/move", "/arm"]
     assert found["min_rates"] == {"/r1/a_0a1b2c3d/status": 1, "/out": 5}
 
 
-def test_an_app_without_settings_is_still_asked_for_its_node(tmp_path: Path) -> None:
-    """It was taken out of the inventory and runs on."""
-    found = kept.load_settings(ENVIRON, str(tmp_path))
+@pytest.mark.parametrize("text", [None, "", "{", "[]"])
+def test_without_settings_a_pod_is_still_asked_for_its_node(text: str | None) -> None:
+    environ = ENVIRON if text is None else {**ENVIRON, "ROSOPS_SETTINGS": text}
+    found = kept.load_settings(environ)
     assert (found["node"], found["expect_node"], found["handoff"]) == ("/r1/a_0a1b2c3d", False, "replace")
     kept.save_state("/r1/a_0a1b2c3d", KNOWN)
-    assert kept.load_settings(ENVIRON, str(tmp_path))["expect_node"] is True
+    assert kept.load_settings(environ)["expect_node"] is True
 
 
 @pytest.mark.parametrize(
     ("changes", "counts"),
     [
         ({}, True),
-        ({"until": 99}, False),
+        ({"until": 99}, True),  # seconds since 1970: no clock lets a version in, whoever's it is
+        ({"proven": False}, True),
+        ({"proven": True}, False),
         ({"revision": "ffffffff"}, False),
-        ({"node": "/r1/a"}, False),
-        ({"revision": ""}, True),
+        ({"revision": ""}, False),
     ],
 )
-def test_a_contract_means_one_revision_for_a_while(tmp_path: Path, changes: dict[str, Any], counts: bool) -> None:
-    contract = {"revision": "0a1b2c3d", "until": 101, "node": "/r1/a_0a1b2c3d", **changes}
+def test_a_contract_means_one_revision_until_it_is_proven(
+    tmp_path: Path, changes: dict[str, Any], counts: bool
+) -> None:
+    contract = {"revision": "0a1b2c3d", "node": "/r1/a_0a1b2c3d", "ready_timeout": 120, "apps": ["a"], **changes}
     (tmp_path / "contract.json").write_text(json.dumps(contract))
-    found = kept.load_contract(ENVIRON, "/r1/a_0a1b2c3d", 100, str(tmp_path))
+    found = kept.load_contract(ENVIRON, str(tmp_path))
     assert found == (contract if counts else None)
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", "{"])
 def test_a_contract_that_is_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "contract.json").write_text(text)
-    assert kept.load_contract(ENVIRON, "/a", 100, str(tmp_path)) is None
-    assert kept.load_contract(ENVIRON, "/a", 100, str(tmp_path / "none")) is None
+    assert kept.load_contract(ENVIRON, str(tmp_path)) is None
+    assert kept.load_contract(ENVIRON, str(tmp_path / "none")) is None
 
 
 def test_state_is_kept_per_node_for_this_user_alone(scratch: Path) -> None:

@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorde
 
 OLD, NEW = "/temperature_1a2b3c4d", "/temperature_5e6f7a8b"
 STATS_OLD, STATS_NEW = "/stats_11111111", "/stats_22222222"
+COOK = ("/cook/status", "/cook/feedback")
 TOOL = "/rostopic_4711_1700000000000"
 
 
@@ -71,10 +72,9 @@ def graph() -> dict[str, Any]:
 
 
 def test_a_publishers_contract_in_its_new_names() -> None:
-    found = record(graph(), [OLD], {OLD: NEW}, "5e6f7a8b", 1790000000, 0.2)
-    assert {key: found[key] for key in ("revision", "until", "tolerance", "node", "nodes")} == {
+    found = record(graph(), [OLD], {OLD: NEW}, "5e6f7a8b", 0.2)
+    assert {key: found[key] for key in ("revision", "tolerance", "node", "nodes")} == {
         "revision": "5e6f7a8b",
-        "until": 1790000000,
         "tolerance": 0.2,
         "node": NEW,
         "nodes": [NEW],
@@ -255,3 +255,19 @@ def test_the_recorded_graph_gives_options_that_ros_ready_takes() -> None:
     assert EdgeCondition("/talker_b", "/chatter", "/relay", "publisher") in found.edges
     assert [(t.name, t.publisher, t.min_rate) for t in found.topics if t.min_rate] == [("/chatter", "/talker_a", 44.91)]
     assert (found.services, [action.name for action in found.actions]) == (("/trigger",), ["/work"])
+
+
+@pytest.mark.parametrize(
+    ("ignore", "left"),
+    [
+        (["/temperature"], {f"{NEW}/debug", "/latched", *COOK}),
+        (["/lat*", "/*/feedback"], {"/temperature", f"{NEW}/debug", "/cook/status"}),
+        (["/cook"], {"/temperature", f"{NEW}/debug", "/latched"}),  # an action with all its topics
+        (["/Latched", "latched", "/temperature/*"], {"/temperature", f"{NEW}/debug", "/latched", *COOK}),
+    ],
+)
+def test_what_an_update_is_meant_to_change_is_not_recorded(ignore: list[str], left: set[str]) -> None:
+    found = record(graph(), [OLD], {OLD: NEW}, ignore=ignore)
+    assert set(found["topics"]) == left
+    assert found["actions"] == ([] if "/cook" in ignore else ["/cook"])
+    assert {edge[1] for edge in found["edges"]} <= left | {"/config"}

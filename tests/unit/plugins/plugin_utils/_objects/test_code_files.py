@@ -48,14 +48,17 @@ def mounted(tmp_path: Path) -> Path:
     real = tmp_path / "hooks" / "..2026_01_01"
     real.mkdir(parents=True)
     (tmp_path / "hooks" / "..data").symlink_to(real.name)
-    for name, text in {**FILES, "app-a.json": json.dumps({"node": "/a", "expect_node": False})}.items():
+    for name, text in FILES.items():
         (real / name).write_text(text)
         (tmp_path / "hooks" / name).symlink_to(f"..data/{name}")
     return tmp_path / "hooks"
 
 
+SETTINGS = json.dumps({"node": "/a", "expect_node": False})
+
+
 def run(mounted: Path, word: str, python: str = sys.executable) -> tuple[int, str]:
-    environ = {"PATH": os.environ["PATH"], "ROSOPS_APP": "a", "ROSOPS_NODE_NAME": "a"}
+    environ = {"PATH": os.environ["PATH"], "ROSOPS_SETTINGS": SETTINGS, "ROSOPS_NODE_NAME": "a"}
     command = [python, "-I", "-S", str(mounted / "run.py"), word]
     found = subprocess.run(command, capture_output=True, text=True, check=False, env=environ, cwd="/")  # noqa: S603
     return found.returncode, found.stdout + found.stderr

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import app_settings, code_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import draft
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -37,13 +38,13 @@ EXTERNAL = {"mode": "external", "uri": "http://192.0.2.1:11311"}
     [
         ([], {}, {ROBOT: ONLY_CODE}),  # the keeper's pod needs it
         ([], EXTERNAL, {}),
-        ([app()], {}, {ROBOT: ["__init__.py", "app-a.json", "run.py"]}),
+        ([app()], {}, {ROBOT: ONLY_CODE}),
         ([app(hooks=False)], {}, {ROBOT: ONLY_CODE}),
         ([app(hooks=False)], EXTERNAL, {}),
-        ([app()], EXTERNAL, {ROBOT: ["__init__.py", "app-a.json", "run.py"]}),
-        ([app()], {"mode": "shared"}, {ROBOT: ["__init__.py", "app-a.json", "run.py"], FLEET: ONLY_CODE}),
-        ([app(scope="fleet")], {"mode": "shared"}, {FLEET: ONLY_CODE, f"{FLEET}-a": ["app-a.json"]}),
-        ([app(scope="fleet")], EXTERNAL, {FLEET: ONLY_CODE, f"{FLEET}-a": ["app-a.json"]}),
+        ([app()], EXTERNAL, {ROBOT: ONLY_CODE}),
+        ([app()], {"mode": "shared"}, {ROBOT: ONLY_CODE, FLEET: ONLY_CODE}),
+        ([app(scope="fleet")], {"mode": "shared"}, {FLEET: ONLY_CODE}),
+        ([app(scope="fleet")], EXTERNAL, {FLEET: ONLY_CODE}),
         ([], {"mode": "shared"}, {FLEET: ONLY_CODE}),
     ],
 )
@@ -113,20 +114,17 @@ def objects(**changes: Any) -> list[dict[str, Any]]:
 
 
 def test_maps_come_before_the_pods_that_mount_them_and_only_with_code() -> None:
-    assert [item["kind"] for item in objects()] == ["ConfigMap", "ConfigMap", "Deployment"]
+    assert [item["kind"] for item in objects()] == ["ConfigMap", "ConfigMap", "Deployment"]  # the shared master's, too
     assert [item["kind"] for item in app_objects(robot(app()))] == ["Deployment"]
 
 
-@pytest.mark.parametrize(
-    ("scope", "expected"),
-    [("robot", ["rosops-hooks", "a-update"]), ("fleet", ["rosops-hooks", "rosops-hooks-a", "a-update"])],
-)
-def test_a_pod_mounts_its_maps_and_its_contract(scope: str, expected: list[str]) -> None:
+@pytest.mark.parametrize("scope", ["robot", "fleet"])
+def test_a_pod_mounts_its_code_and_its_contract(scope: str) -> None:
     made = objects(scope=scope)
     pod = made[-1]["spec"]["template"]["spec"]
     sources = [source["configMap"] for source in pod["volumes"][0]["projected"]["sources"]]
-    assert [source["name"] for source in sources] == expected
-    assert [source.get("optional", False) for source in sources] == [False] * (len(expected) - 1) + [True]
+    assert [source["name"] for source in sources] == ["rosops-hooks", "a-update"]
+    assert [source.get("optional", False) for source in sources] == [False, True]
     assert sources[-1]["items"] == [{"key": "contract.json", "path": "contract.json"}]
     needed = {source["name"] for source in sources[:-1]}
     namespace = made[-1]["metadata"]["namespace"]
@@ -134,8 +132,24 @@ def test_a_pod_mounts_its_maps_and_its_contract(scope: str, expected: list[str])
         o["metadata"]["name"] for o in made if o["kind"] == "ConfigMap" and o["metadata"]["namespace"] == namespace
     }
     assert needed <= there
-    settings_file = next(o for o in made if f"app-{'a'}.json" in o.get("data", {}))["data"]["app-a.json"]
-    assert json.loads(settings_file)["app"] == "a"
+
+
+def template(**changes: Any) -> dict[str, Any]:
+    found: dict[str, Any] = app_objects(robot(app(**changes)))[-1]["spec"]["template"]
+    return found
+
+
+def test_settings_belong_to_the_revision_that_they_came_with() -> None:
+    """Going back to the version before brings back what was asked of it."""
+    before, after = template(), template(readiness={"command": "echo $(HOME) > /x"})
+    names = [item["metadata"]["labels"]["rosops.fleet/revision"] for item in (before, after)]
+    assert names[0] != names[1]
+    environment = {item["name"]: item.get("value") for item in after["spec"]["containers"][0]["env"]}
+    # the kubelet makes $ of $$, and would put its own variables in the place of $(NAME)
+    assert json.loads(environment["ROSOPS_SETTINGS"].replace("$$", "$")) == settings(
+        readiness={"command": "echo $(HOME) > /x"}, name="a",
+    )  # fmt: skip
+    assert "$$(HOME)" in environment["ROSOPS_SETTINGS"]
 
 
 def test_probes_and_the_stop_hook() -> None:

@@ -154,7 +154,7 @@ def test_an_image_that_an_edge_host_lacks_forbids_the_step() -> None:
 
 def applied_by(step: Step, graph: dict[str, Any]) -> list[dict[str, Any]]:
     contracts = step_gate(step, graph).contracts
-    return step_objects(step, contracts, Bounds(0.1, 1180.0), 1000.0)
+    return step_objects(step, contracts, Bounds(0.1, 180.0), 1000.0)
 
 
 def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
@@ -163,7 +163,8 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     assert [item["metadata"]["name"] for item in objects] == ["sensor-update", "sensor"]
     contract = json.loads(objects[0]["data"]["contract.json"])
     assert contract["revision"] == step.after["sensor"]["revision"]
-    assert contract["until"] == 1180
+    assert (contract["ready_timeout"], contract["apps"]) == (180.0, ["sensor"])
+    assert "until" not in contract  # a version that nobody proved is no better for waiting
     assert contract["tolerance"] == 0.1
     assert contract["topics"]["/temperature"]["rate"] == 500.0
     (kept,) = json.loads(objects[0]["data"]["history.json"])
@@ -232,7 +233,7 @@ def test_the_masters_contract_is_everything_that_is_registered() -> None:
         return robot(app("sensor"), master={"image": image})
 
     step = step_of(fleet("x.org/ros:1"), fleet("x.org/ros:2"))
-    objects = [(item["kind"], item["metadata"]["name"]) for item in step_objects(step, {}, Bounds(0.1, 1180.0), 1000.0)]
+    objects = [(item["kind"], item["metadata"]["name"]) for item in step_objects(step, {}, Bounds(0.1, 180.0), 1000.0)]
     assert objects == [
         ("ConfigMap", "ros-master-update"),
         ("ConfigMap", "ros-keeper-update"),

@@ -1,0 +1,57 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An app -> what the code in its pod has to know of it. Pure.
+
+It is part of the pod template: another readiness is another revision, which is proven and taken back as an image is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import probe_command
+
+STOP_SECONDS = 5  # for a node to end that has nothing to drain
+
+
+def app_settings(app: App, robot: Robot) -> dict[str, Any]:
+    """What the code in an app's pod has to know of it.
+
+    Names are full but for private ones that follow the node's name of a revision: those keep their `~`.
+    """
+    readiness, command = app.readiness, app.readiness.command
+
+    def full(name: str) -> str:
+        kept = app.handoff != "overlap" or name[1:].lstrip("/") in app.private_names
+        if name.startswith("~") and not kept:
+            return f"~{name[1:].lstrip('/')}"
+        return resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot))
+
+    # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
+    rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
+    stop_deadline = app.drain_deadline if app.handoff == "drain" else STOP_SECONDS
+    return {
+        "app": app.name,
+        "node": context.graph_node(app, robot),
+        "expect_node": readiness.nodes,
+        "pattern": app.pattern,
+        "handoff": app.handoff,
+        "actions": [full(action["name"]) for action in readiness.actions],
+        "drain_deadline": app.drain_deadline,
+        "stop_deadline": min(app.termination_grace_period, stop_deadline),
+        "command": probe_command(command) if command else None,
+        "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
+        "keeper": keeper_url(robot),
+    }
+
+
+def keeper_url(robot: Robot) -> str | None:
+    """Where pods find the keeper of their master; an external master has none."""
+    if robot.master.mode == "external":
+        return None
+    host = names.KEEPER_NAME + (f".{names.FLEET_NAMESPACE}" if robot.master.mode == "shared" else "")
+    return f"http://{host}:{names.KEEPER_PORT}"
