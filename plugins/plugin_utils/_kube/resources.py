@@ -51,6 +51,8 @@ RESOURCES: dict[str, Resource] = {
     "Pod": Resource("/api/v1", "pods"),
     "ReplicaSet": Resource("/apis/apps/v1", "replicasets"),
     "ResourceQuota": Resource("/api/v1", "resourcequotas"),
+    "Role": Resource("/apis/rbac.authorization.k8s.io/v1", "roles"),
+    "RoleBinding": Resource("/apis/rbac.authorization.k8s.io/v1", "rolebindings"),
     "Secret": Resource("/api/v1", "secrets"),
     "Service": Resource("/api/v1", "services"),
     "ServiceAccount": Resource("/api/v1", "serviceaccounts"),

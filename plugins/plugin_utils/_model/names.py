@@ -15,10 +15,13 @@ LABEL_ROBOT = "rosops.fleet/robot"
 LABEL_APP = "rosops.fleet/app"
 LABEL_REVISION = "rosops.fleet/revision"
 LABEL_PLACEMENT = "deploymentType"
+LABEL_KEPT = "rosops.fleet/kept"  # on a ConfigMap of the namespace `fleet`: the shared master's keeper watches over
+# the namespace of that name
 ANNOTATION_HASH = "rosops.fleet/spec-hash"
 ANNOTATION_HANDOFF = "rosops.fleet/handoff"
 ANNOTATION_NODE = "rosops.fleet/ros-node"
 ANNOTATION_UPDATING = "rosops.fleet/updating"  # on a Deployment while a step changes it: its version is not proven yet
+ANNOTATION_WENT_BACK = "rosops.fleet/went-back"  # on one that the keeper took back: JSON of from, to, at, reason
 NODE_NAME_ENV = "ROSOPS_NODE_NAME"
 SETTINGS_ENV = "ROSOPS_SETTINGS"
 REVISION_ENV = "ROSOPS_REVISION"

@@ -42,6 +42,8 @@ def keeper_objects(robot: Robot) -> list[Object]:
         [code_volume(), {"name": RECORD_VOLUME, "emptyDir": {"sizeLimit": RECORD_SIZE}}],
         robot.pull_secrets,
         terminationGracePeriodSeconds=10,
+        serviceAccountName=names.KEEPER_NAME,
+        automountServiceAccountToken=True,
         nodeSelector=node_selector(robot.master.placement, robot.name),
     )
     # two keepers would each forward the goals that they hold: one goes before the next comes

@@ -1,7 +1,11 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ROS master's Deployment and Service, and those of the keeper beside it."""
+"""The ROS master's Deployment and Service, and those of the keeper beside it.
+
+The two are never replaced together: the master's record is the keeper's, and the keeper's is the master's. The keeper
+goes first, and the master once the new keeper is ready, which it is not before it has read everything.
+"""
 
 from __future__ import annotations
 
@@ -40,16 +44,20 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 
 
 def master_objects(robot: Robot) -> list[Object]:
-    """Deployment and Service `ros-master` and the keeper's, in the robot's namespace or in `fleet`.
+    """`ros_core_objects` and `keeper_objects`: all of the robot's ROS master, as a robot that runs nothing gets it."""
+    return [*ros_core_objects(robot), *keeper_objects(robot)]
 
-    Nothing for an external master. The overrides are the master's alone.
+
+def ros_core_objects(robot: Robot) -> list[Object]:
+    """Deployment and Service `ros-master`, in the robot's namespace or in `fleet`; nothing for an external master.
+
+    The overrides are the master's alone.
     """
     if robot.master.mode == "external":
         return []
     deployment = hashed(deep_merge(plain_master(robot), robot.master.overrides))
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    service = cluster_service(names.MASTER_NAME, namespace, owner, names.MASTER_PORT)
-    return [deployment, service, *keeper_objects(robot)]
+    return [deployment, cluster_service(names.MASTER_NAME, namespace, owner, names.MASTER_PORT)]
 
 
 def plain_master(robot: Robot) -> Object:

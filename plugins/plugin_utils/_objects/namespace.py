@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A robot's namespace and its claims. Pure and deterministic; no I/O, no clock, no random.
+"""A robot's namespace, who may do what there, and its claims. Pure and deterministic; no I/O, no clock, no random.
 
 What is the whole fleet's (namespace `fleet`: a shared master, apps of scope `fleet`) comes out of every robot, the same
 bytes each time: applying it again is no change, and no robot's absence keeps it from existing.
@@ -18,10 +18,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, owner_labels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 
 
 def namespace_objects(robot: Robot) -> list[Object]:
-    """The robot's namespace with quota and limits; the namespace `fleet` where the robot needs it."""
+    """The robot's namespace with quota, limits and its keeper's rights; the namespace `fleet` where it needs that."""
     objects = [_namespace(robot.namespace, robot.name)]
     if robot.quota:
         quota = {"hard": _texts(robot.quota)}
@@ -31,7 +32,7 @@ def namespace_objects(robot: Robot) -> list[Object]:
         objects.append(_object("v1", "LimitRange", robot.namespace, robot.name, spec={"limits": limits}))
     if needs_fleet_namespace(robot):
         objects.append(_namespace(names.FLEET_NAMESPACE, None))
-    return objects
+    return [*objects, *keeper_access(robot)]
 
 
 def pull_secret_objects(robot: Robot, pull_secrets: Sequence[Mapping[str, Any]]) -> list[Object]:

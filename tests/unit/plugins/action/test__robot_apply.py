@@ -30,7 +30,8 @@ def named(result: dict[str, Any]) -> list[str]:
 
 def test_part_by_part(api: dict[str, Any]) -> None:
     parts = {part: apply(api, part) for part in ("namespace", "storage", "master", "apps")}
-    assert named(parts["namespace"]) == ["Namespace robot-robot1", "Secret pull"]
+    rights = [f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding")]
+    assert named(parts["namespace"]) == ["Namespace robot-robot1", *rights, "Secret pull"]
     assert named(parts["storage"]) == ["PersistentVolumeClaim data-pvc"]
     assert {"ConfigMap rosops-hooks", "Deployment ros-master", "Service ros-master"} <= set(named(parts["master"]))
     assert named(parts["apps"]) == ["ConfigMap rosops-hooks", "Deployment talker"]
@@ -92,5 +93,9 @@ def test_a_refusal_names_what_was_written_before(server: Server, api: dict[str, 
 
 def test_check_mode_writes_nothing(server: Server, api: dict[str, Any]) -> None:
     result = apply(api, "namespace", check_mode=True)
-    assert [one["before_header"] for one in result["diff"]] == ["Namespace robot-robot1", "Secret robot-robot1/pull"]
+    assert [one["before_header"] for one in result["diff"]] == [
+        "Namespace robot-robot1",
+        *(f"{kind} robot-robot1/ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding")),
+        "Secret robot-robot1/pull",
+    ]
     assert not server.find("/api/v1/namespaces/robot-robot1")

@@ -11,7 +11,7 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates as _exporter_updates
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.main import OPTIONS, options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import ros_core_objects
 from ansible_collections.rosops.fleet.tests.unit.golden import regenerate_exporter as golden
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -32,7 +32,7 @@ def test_golden(name: str) -> None:
 @pytest.mark.parametrize("mode", ["robot", "shared"])
 def test_beside_its_master(mode: str) -> None:
     config, deployment = objects(master={"mode": mode, "image": "ros:x"})
-    master = master_objects(robot(name="r1", master={"mode": mode, "image": "ros:x"}))[0]
+    master = ros_core_objects(robot(name="r1", master={"mode": mode, "image": "ros:x"}))[0]
     pod, masters = deployment["spec"]["template"]["spec"], master["spec"]["template"]["spec"]
     assert config["metadata"]["namespace"] == deployment["metadata"]["namespace"] == master["metadata"]["namespace"]
     assert pod["nodeSelector"] == masters["nodeSelector"]

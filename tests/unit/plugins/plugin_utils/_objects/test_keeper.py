@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_main import options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects, ros_core_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
@@ -24,7 +24,7 @@ def objects(**master: Any) -> list[dict[str, Any]]:
 )
 def test_beside_its_master(mode: str, namespace: str, uri: str, selector: dict[str, str]) -> None:
     deployment, service = objects(mode=mode, image="ros:x")
-    master = master_objects(robot(name="r1", master={"mode": mode, "image": "ros:x"}))[0]
+    master = ros_core_objects(robot(name="r1", master={"mode": mode, "image": "ros:x"}))[0]
     pod = deployment["spec"]["template"]["spec"]
     assert {item["metadata"]["namespace"] for item in (deployment, service)} == {namespace}
     assert pod["nodeSelector"] == selector == master["spec"]["template"]["spec"]["nodeSelector"]
