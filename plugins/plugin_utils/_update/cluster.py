@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import K
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object
 
 LEASE = "robot-update"
 LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
@@ -32,6 +32,7 @@ class KubeCluster:
 
     def __init__(self, kube: Kube, say: Callable[[str], None], holder: str) -> None:
         self._kube, self._say, self._holder = kube, say, holder
+        self._claims: list[_Claim] = []
 
     def read(self, namespaces: Iterable[str]) -> Live:
         """Only what is ours."""
@@ -49,16 +50,17 @@ class KubeCluster:
     def claim(self, namespace: str) -> Iterator[None]:
         lease = Lease(self._kube, namespace, LEASE, self._holder, LEASE_SECONDS)
         self._take(lease)
-        over = threading.Event()
-        keeper = threading.Thread(target=_renew, args=(lease, over), daemon=True)
-        keeper.start()
+        claim = _Claim(lease)
+        self._claims.append(claim)
         try:
-            yield
+            with claim.renewed():
+                yield
         finally:
-            over.set()
-            keeper.join()
-            with contextlib.suppress(KubeError):  # then it ends by itself
-                lease.release()
+            self._claims.remove(claim)
+
+    def confirm(self) -> None:
+        for claim in self._claims:
+            claim.confirm()
 
     def _take(self, lease: Lease) -> None:
         """A holder that lives renews its Lease; one that was killed does not, and its time runs out."""
@@ -73,9 +75,11 @@ class KubeCluster:
             hold = lease.acquire()
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        self.confirm()
         return self._kube.apply(objects, dry_run)
 
     def delete(self, objects: Sequence[Object]) -> None:
+        self.confirm()
         self._kube.delete([ref_of(item) for item in objects])
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
@@ -84,7 +88,48 @@ class KubeCluster:
             wait_for_rollout(self._kube, refs, Settings(timeout, fail_on_restart=fail_on_restart, say=self._say))
 
 
-def _renew(lease: Lease, over: threading.Event) -> None:
-    while not over.wait(RENEW_SECONDS):
-        with contextlib.suppress(KubeError):  # the next time may do
-            lease.renew()
+def awake_or_not() -> float:
+    """Seconds that go on while this machine sleeps: a Lease does not wait for it."""
+    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+
+
+class _Claim:
+    """A Lease that is ours, and whether it still is."""
+
+    def __init__(self, lease: Lease, now: Callable[[], float] = awake_or_not) -> None:
+        self._lease, self._now = lease, now
+        self._at, self._lost = now(), ""
+
+    @contextlib.contextmanager
+    def renewed(self) -> Iterator[None]:
+        over = threading.Event()
+        thread = threading.Thread(target=self._go_on, args=(over,), daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+            with contextlib.suppress(KubeError):  # then it ends by itself
+                self._lease.release()
+
+    def confirm(self) -> None:
+        """LostError if it is another one's; KubeError where the API cannot say so.
+
+        One that could not be renewed for its whole time may be, so then the API is asked.
+        """
+        if not self._lost and self._now() - self._at >= LEASE_SECONDS:
+            self._renew()
+        if self._lost:
+            raise LostError(self._lost)
+
+    def _go_on(self, over: threading.Event) -> None:
+        while not over.wait(RENEW_SECONDS) and not self._lost:
+            with contextlib.suppress(KubeError):  # the next time may do
+                self._renew()
+
+    def _renew(self) -> None:
+        hold, self._at = self._lease.renew(), self._now()
+        if not hold.mine:
+            who = f"{hold.holder} has this robot since {hold.since}" if hold.holder else "another one had this robot"
+            self._lost = f"{who}, as this run could not renew its Lease for {LEASE_SECONDS} s"

@@ -63,6 +63,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     Graph,
     HeldError,
     Live,
+    LostError,
     Object,
     Seen,
     World,
@@ -104,6 +105,7 @@ class _Now:
     phases: dict[str, float] = field(default_factory=dict)
     graph: Graph = field(default_factory=lambda: decide.NO_GRAPH)  # in the names that the steps before it have given
     gate: decide.Gate | None = None
+    maps: Sequence[Object] = ()  # the contracts and the way back, as they were applied
     held: bool = False
     applied: bool = False
 
@@ -116,7 +118,7 @@ class Engine:
         self.cluster, self.host, self.clock = world.cluster, world.host, world.clock
         self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
-        self.recorded = self.cancelled = False
+        self.recorded = self.over = False
         self.results: list[StepResult] = []
         self.changes: list[Applied] = []
 
@@ -131,12 +133,16 @@ class Engine:
                 self._change()
             else:
                 self._apply_all(namespace_objects(self.robot))
-                with self.cluster.claim(self.robot.namespace):
+                with contextlib.ExitStack() as claims:
+                    claims.enter_context(self.cluster.claim(self.robot.namespace))
                     self._plan()  # the run that had it may have ended just now
+                    if self._is_shared():
+                        claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
+                        self._plan()
                     self._change()
         except FleetError as error:
             if not self.results:
-                word = {HeldError: BUSY, AwayError: OFFLINE}.get(type(error), FAILED)
+                word = {HeldError: BUSY, LostError: BUSY, AwayError: OFFLINE}.get(type(error), FAILED)
                 return RobotOutcome(word, f"nothing was touched: {error}")
         return robot_outcome(self.results, len(self.plan.steps))
 
@@ -144,12 +150,13 @@ class Engine:
         """Take the steps. What goes wrong before the first of them is an error, afterwards it is the step's result."""
         if self.plan.orphans:
             self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
-        if self.plan.steps:
+        if any(not step.proven for step in self.plan.steps):
             self._prepare()
             self._record()
         for step in self.plan.steps:
-            self.results.append(self._step(step))
-            if self.results[-1].outcome != UPDATED or self.cancelled:
+            now = _Now(step, self.clock.wall())
+            self.results.append(self._finish(now) if step.proven else self._step(now))
+            if self.results[-1].outcome != UPDATED or self.over:
                 break
         self._tell()
 
@@ -160,6 +167,10 @@ class Engine:
     def _plan(self) -> None:
         self.live = self._read()
         self.plan = update_plan(self.robot, self.live, self.settings.request)
+
+    def _is_shared(self) -> bool:
+        places = {item["metadata"].get("namespace") for step in self.plan.steps for item in step.objects}
+        return names.FLEET_NAMESPACE in places
 
     def _prepare(self) -> None:
         """What the steps need, while the robot works."""
@@ -197,8 +208,7 @@ class Engine:
 
     # --- a step -----------------------------------------------------------------------------------------------------
 
-    def _step(self, step: Step) -> StepResult:
-        now = _Now(step, self.clock.wall())
+    def _step(self, now: _Now) -> StepResult:
         try:
             with self._phase(now, "gate"):
                 gate = self._gate(now)
@@ -209,17 +219,12 @@ class Engine:
             if self.settings.check:
                 return self._result(now, UPDATED)
             with self._phase(now, "rollout"):
-                self.cluster.wait(step.workloads, self.settings.ready_timeout, fail_on_restart=True)
+                self.cluster.wait(now.step.workloads, self.settings.ready_timeout, fail_on_restart=True)
             with self._phase(now, "verify"):
                 self._verify(now, gate)
             return self._finish(now)
-        except BusyError as error:
-            return self._result(now, BUSY, str(error))
-        except AwayError as error:
-            return self._result(now, OFFLINE, self._left(now, f"the robot went away: {error}"))
-        except CancelledError as error:
-            self._release(now)
-            return self._result(now, FAILED, self._left(now, str(error)))
+        except (BusyError, AwayError, CancelledError, LostError) as error:
+            return self._broken_off(now, error)
         except FleetError as error:
             return self._failed(now, error)
 
@@ -264,6 +269,7 @@ class Engine:
             return
         bounds = decide.Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
         objects = decide.step_objects(now.step, gate.contracts, bounds, self.clock.wall())
+        now.maps = [item for item in objects if item["kind"] == "ConfigMap"]
         now.applied = True  # from the first of these objects on
         self._apply_all([self._events(now), *objects])
 
@@ -282,19 +288,28 @@ class Engine:
         self.cluster.wait(now.step.workloads, 5.0, fail_on_restart=True)
 
     def _finish(self, now: _Now) -> StepResult:
-        """Take the mark off. Where that cannot be done the version is proven all the same."""
+        """Say that the contract is fulfilled, then take the mark off. Where that cannot be done it is proven anyway."""
         self.trace(f"{now.step.name}: finish")
         try:
             result = self._result(now, UPDATED)
-            self._apply_all([*now.step.workloads, self._events(None, [result])])
+            self._apply_all([*decide.fulfilled(now.maps), *now.step.workloads, self._events(None, [result])])
             if now.step.resume:  # the new server may have been there before, and then the keeper waits for a next one
                 self._release(now)
             return result
         except FleetError as error:
-            self.cancelled = isinstance(error, CancelledError)
+            self.over = isinstance(error, (CancelledError, LostError))
             reason = f"its mark could not be taken off ({error}); the next run does that"
             self.say(f"{now.step.name}: {reason}")
             return self._result(now, UPDATED, reason)
+
+    def _broken_off(self, now: _Now, error: FleetError, before: str = "") -> StepResult:
+        """This run does nothing more to the robot."""
+        if isinstance(error, CancelledError):
+            self._release(now)  # not where another run has the robot: it may hold goals, too
+        away = "the robot went away: " if isinstance(error, AwayError) else ""
+        after = f"; before that: {before}" if before else ""
+        word = {AwayError: OFFLINE, CancelledError: FAILED}.get(type(error), FAILED if now.applied else BUSY)
+        return self._result(now, word, self._left(now, f"{away}{error}{after}"))
 
     def _failed(self, now: _Now, error: FleetError) -> StepResult:
         """Take back what was applied; what was not applied leaves nothing but held goals."""
@@ -306,8 +321,8 @@ class Engine:
             self.host.there()  # a robot that is away proves nothing, and cannot be helped from here
             with self._phase(now, "rollback"):
                 self._back(now)
-        except AwayError as away:
-            return self._result(now, OFFLINE, self._left(now, f"the robot went away: {away}; before that: {error}"))
+        except (AwayError, LostError) as other:
+            return self._broken_off(now, other, str(error))
         except FleetError as worse:
             self.say(f"{now.step.name}: the way back failed, too: {worse}")
             self._release(now)
@@ -352,6 +367,7 @@ class Engine:
         began = self.clock.now()
         while True:
             spent = self.clock.now() - began
+            self.cluster.confirm()
             seen = wait(max(min(timeout - spent, max(least, SLICE)), 0.0))
             spent = self.clock.now() - began
             if seen.verdict != WAIT or spent >= timeout:

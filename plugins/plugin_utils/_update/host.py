@@ -30,13 +30,13 @@ RunModule = Callable[[str, Mapping[str, Any]], Mapping[str, Any]]  # name and ar
 
 
 class ModuleHost:
-    """`reach` asks for the seconds since 1970, `run` executes a module of this collection; both raise AwayError."""
+    """`reach` is an answer of the host, `run` executes a module of this collection; both raise AwayError."""
 
-    def __init__(self, reach: Callable[[], float], run: RunModule, images: ImageSource, check: bool = False) -> None:
+    def __init__(self, reach: Callable[[], None], run: RunModule, images: ImageSource, check: bool = False) -> None:
         self._reach, self._run, self._images, self._check = reach, run, images, check
 
-    def there(self) -> float:
-        return self._reach()
+    def there(self) -> None:
+        self._reach()
 
     def bring(self, images: Sequence[str]) -> bool:
         source = self._images

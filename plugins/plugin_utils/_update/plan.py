@@ -48,6 +48,7 @@ class Step:
     previous: Mapping[str, Object]  # app, or the master's keeper -> the Deployment to go back to
     created: Sequence[Object]  # Deployments that were not there: the way back deletes them
     resume: bool  # an earlier run applied just this, and ended before it was proven
+    proven: bool  # an earlier run proved just this, and only its mark is left to be taken off
     unproven: Sequence[str]  # apps of which something runs that nobody has proven: its graph shows nothing to hold to
     new_nodes: Mapping[str, str]  # app -> its ROS node after the step
     old_nodes: Mapping[str, str]
@@ -100,14 +101,17 @@ class _Robot:
     desired: Mapping[str, Sequence[Object]]
     live: Mapping[Key, Object]
     histories: Histories = field(default_factory=dict)
+    contracts: Mapping[str, Object] = field(default_factory=dict)  # app -> that of its last step
 
     def step(self, members: Sequence[str], back: bool = False) -> Step:
         objects = [item for app in members for item in self.desired[app]]
         apps = {app.name: app for app in self.robot.apps if app.name in members}
         first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
         unproven = [
-            app for app in members for item in deployments_of(self.desired[app]) if _updating(self.live.get(_key(item)))
-        ]
+            app for app in members for item in deployments_of(self.desired[app])
+            if self._unproven(self.live.get(_key(item)))
+        ]  # fmt: skip
+        changed = any(_differs(item, self.live) for item in deployments_of(objects))
         previous = self._previous(objects)
         running = {app: _node(self.live[_key(first[app])]) for app in apps if _key(first[app]) in self.live}
         return Step(
@@ -120,7 +124,8 @@ class _Robot:
             created=[
                 identity(item) for item in deployments_of(objects) if app_of(item) not in previous
             ],
-            resume=bool(unproven) and not any(_differs(item, self.live) for item in deployments_of(objects)),
+            resume=bool(unproven) and not changed,
+            proven=not (unproven or changed),
             unproven=unproven,
             new_nodes={app: _node(first[app]) for app in apps},
             old_nodes={app: _node(previous[app]) for app in apps if app in previous} if unproven else running,
@@ -140,11 +145,23 @@ class _Robot:
             app, there = app_of(item), self.live.get(_key(item))
             if there is None:
                 continue
-            if not _updating(there):
+            if not self._unproven(there):
                 found.setdefault(app, kept(there))
             elif self.histories.get(app):
                 found[app] = self.histories[app][0]["deployment"]
         return found
+
+    def _unproven(self, there: Object | None) -> bool:
+        """Whether it carries the mark of a step that has not proven it.
+
+        A step proves all its apps at once, and then says so of one after the other.
+        """
+        if there is None or not _updating(there):
+            return False
+        own = self.contracts.get(app_of(there)) or {}
+        step = [self.contracts.get(app) or {} for app in [app_of(there), *own.get("apps", [])]]
+        proven = any(one.get("proven") and one.get("apps") == own.get("apps") for one in step)
+        return own.get("revision") != revision_of(there) or not proven
 
     def _actions(self, apps: Iterable[App], which: str) -> list[str]:
         """Full names of the actions that the apps serve (`own`), or that have to rest while they change (`idle`)."""
@@ -163,7 +180,8 @@ def update_plan(robot: Robot, live: Live, request: Request = Request()) -> Plan:
     unknown = sorted(set(request.only) - set(desired))
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
-    there = _Robot(robot, desired, {_key(item): item for item in live.deployments}, read_histories(live.maps))
+    running = {_key(item): item for item in live.deployments}
+    there = _Robot(robot, desired, running, read_histories(live.maps), read_contracts(live.maps))
     asked = [
         app for app, objects in desired.items()
         if (not request.only or app in request.only) and (request.shared or not _is_shared(objects))
@@ -197,7 +215,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
         elif app in request.only or request.to != PREVIOUS:
             raise SpecError(_no_history(app, there, request.to))
     changed = [app for app in target if any(_open(item, there.live) for item in target[app])]
-    back = _Robot(there.robot, {**there.desired, **target}, there.live, there.histories)
+    back = _Robot(there.robot, {**there.desired, **target}, there.live, there.histories, there.contracts)
     steps = [back.step(members, back=True) for members in ordered(there.robot.apps, changed)]
     return Plan(steps, [app for app in there.desired if app not in changed])
 
@@ -223,6 +241,15 @@ def read_histories(maps: Iterable[Object]) -> dict[str, list[dict[str, Any]]]:
     """App -> what its ConfigMap `<app>-update` keeps, the last one first."""
     return {
         str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(HISTORY_KEY) or "[]")
+        for item in maps
+        if names.LABEL_APP in (item["metadata"].get("labels") or {})
+    }
+
+
+def read_contracts(maps: Iterable[Object]) -> dict[str, Object]:
+    """App -> what its last step asked of it (`_ros/contract.py`), with `revision`, `apps` and `proven`."""
+    return {
+        str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(CONTRACT_KEY) or "{}")
         for item in maps
         if names.LABEL_APP in (item["metadata"].get("labels") or {})
     }
@@ -258,12 +285,13 @@ def _desired(robot: Robot) -> dict[str, list[Object]]:
 def kept(deployment: Object) -> dict[str, Any]:
     """A live Deployment in the form in which it can be applied again."""
     part = applied_part(deployment, names.MANAGER)
-    if part is not None:
-        return part
-    # somebody else applied it: without what the API server keeps for itself it is what it was
-    own = {"name", "namespace", "labels", "annotations"}
-    metadata = {key: value for key, value in deployment["metadata"].items() if key in own}
-    return {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": deployment["spec"]}
+    if part is None:
+        # somebody else applied it: without what the API server keeps for itself it is what it was
+        own = {"name", "namespace", "labels", "annotations"}
+        metadata = {key: value for key, value in deployment["metadata"].items() if key in own}
+        part = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": deployment["spec"]}
+    annotations = {key: text for key, text in _annotations(part).items() if key != names.ANNOTATION_UPDATING}
+    return {**part, "metadata": {**part["metadata"], "annotations": annotations}}
 
 
 def described(deployment: Object) -> dict[str, str]:

@@ -20,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     Step,
     app_of,
     described,
+    read_contracts,
     revision_of,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
@@ -27,6 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 HISTORY_KEPT = 5
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
 NO_GRAPH: Graph = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
+NO_CONTRACT: Mapping[str, Any] = ros_contract.record(NO_GRAPH, ())  # of what is nothing to the graph
 
 Contract = Mapping[str, Any]  # what an app is to the graph, as _ros/contract.py records it
 
@@ -59,8 +61,8 @@ def step_contracts(step: Step, graph: Graph, maps: Iterable[Object] = ()) -> dic
     Where a step was cut off, or its way back was, the old nodes are gone or going, so what was recorded when it began
     counts. The master's part is everything that is registered with it.
     """
-    there = {str(item["metadata"]["name"]): item.get("data") or {} for item in maps}
-    kept = {app: json.loads(there.get(names.update_name(app), {}).get(CONTRACT_KEY) or "{}") for app in step.unproven}
+    there = read_contracts(maps)
+    kept = {app: there.get(app) or NO_CONTRACT for app in step.unproven}
     renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept}
     return {
         app: _renamed(kept[app], renames) if app in kept else ros_contract.record(graph, nodes, step.renames)
@@ -126,7 +128,7 @@ def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[
 def proof(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> dict[str, Any]:
     """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds."""
     gone = sorted(set(step.old_nodes.values()) - set(step.new_nodes.values()) - {""})
-    parts = [step.conditions, *(ros_contract.conditions(contract, tolerance) for contract in _recorded(contracts))]
+    parts = [step.conditions, *(ros_contract.conditions(contract, tolerance) for contract in contracts.values())]
     return _united(parts, absent=gone if step.handoff == "overlap" else ())
 
 
@@ -136,7 +138,7 @@ def proof_of_old(step: Step, contracts: Mapping[str, Contract], tolerance: float
     Rates are left out: there is no third version to go to from an old one that is slower than it was.
     """
     old = {new: before for before, new in step.renames.items()}
-    found = _united([ros_contract.conditions(_renamed(one, old), tolerance) for one in _recorded(contracts)])
+    found = _united([ros_contract.conditions(_renamed(one, old), tolerance) for one in contracts.values()])
     found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
     return found
 
@@ -146,10 +148,6 @@ def renamed_graph(graph: Graph, steps: Iterable[Step]) -> Graph:
     renames = {old: new for step in steps for old, new in step.renames.items()}
     found: Graph = _renamed(dict(graph), renames) if renames else graph
     return found
-
-
-def _recorded(contracts: Mapping[str, Contract]) -> list[Contract]:
-    return [contract for contract in contracts.values() if contract]
 
 
 def _renamed(value: Any, renames: Mapping[str, str]) -> Any:
@@ -177,7 +175,7 @@ def _united(parts: Sequence[Mapping[str, Any]], absent: Sequence[str] = ()) -> d
 
 @dataclass(frozen=True)
 class Bounds:
-    """How far the pods hold to the contract: to what share of the rates; and the seconds a version has to get ready."""
+    """How far rates may fall below the recorded ones, as a share, and the seconds that a version has to get ready."""
 
     tolerance: float
     ready_timeout: float
@@ -185,19 +183,24 @@ class Bounds:
 
 def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
     """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
-    maps = [_update_map(item, step, contracts.get(app_of(item)) or {}, bounds, now) for item in step.workloads]
+    maps = [_update_map(item, step, contracts.get(app_of(item), NO_CONTRACT), bounds, now) for item in step.workloads]
     return [*maps, *marked(step.objects, str(int(now)))]
 
 
+def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:
+    """The ConfigMaps of a step's contracts, once these are fulfilled. Only then may the mark come off."""
+    found = []
+    for item in maps:
+        contract = {**json.loads(item["data"][CONTRACT_KEY]), "proven": True}
+        found.append({**item, "data": {**item["data"], CONTRACT_KEY: json.dumps(contract, sort_keys=True)}})
+    return found
+
+
 def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
+    """No clock ends a contract: it counts for its revision until it says `proven`."""
     app, metadata = app_of(deployment), deployment["metadata"]
-    limits = {
-        "tolerance": bounds.tolerance,
-        "ready_timeout": bounds.ready_timeout,
-        "revision": revision_of(deployment),
-        "apps": list(step.apps),
-    }
-    content = {**contract, **limits} if contract else {}
+    limits = {"tolerance": bounds.tolerance, "ready_timeout": bounds.ready_timeout}
+    content = {**contract, **limits, "revision": revision_of(deployment), "apps": list(step.apps)}
     labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
     return {
         "apiVersion": "v1",

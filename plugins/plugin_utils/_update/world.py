@@ -28,6 +28,10 @@ class HeldError(FleetError):
     """Another run changes this robot."""
 
 
+class LostError(FleetError):
+    """Another one has this robot now: the Lease went to it, while this run could not renew it."""
+
+
 class CancelledError(FleetError):
     """The run was told to stop (SIGINT, SIGTERM)."""
 
@@ -54,10 +58,13 @@ class Cluster(Protocol):
     def read(self, namespaces: Iterable[str]) -> Live: ...
 
     def claim(self, namespace: str) -> AbstractContextManager[None]:
-        """Be the only run that changes the robot of this namespace; HeldError names who is. It ends with its run."""
+        """Be the only run that changes what is in this namespace; HeldError names who is. It ends with its run."""
+
+    def confirm(self) -> None:
+        """Whether all that was claimed is still this run's; LostError says whose it is."""
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        """In this order. After an error some of them may be applied."""
+        """In this order. After an error some of them may be applied; none after a LostError."""
 
     def delete(self, objects: Sequence[Object]) -> None:
         """What is not there is no error."""
@@ -78,8 +85,8 @@ class Seen:
 class Host(Protocol):
     """The robot's own host, where its ROS graph is asked. AwayError where it cannot be reached."""
 
-    def there(self) -> float:
-        """Its own seconds since 1970, and so whether it can be reached."""
+    def there(self) -> None:
+        """Whether it can be reached."""
 
     def bring(self, images: Sequence[str]) -> bool:
         """Have these images on the node; whether anything had to be brought."""

@@ -133,6 +133,7 @@ class Pod:
     node: str
     offer: Offer
     handoff: str
+    revision: str
     process: Process | None = None
     boot: float = 0.0
     restarts: int = 0
@@ -248,7 +249,7 @@ class SimulatedRobot:
         pod = Pod(
             len(self.pods), key, app, template, version_of(spec["spec"]["containers"][0]["image"]),
             said.get(names.ANNOTATION_NODE, ""), OFFERS.get(app, Offer()),
-            said.get(names.ANNOTATION_HANDOFF, "replace"),
+            said.get(names.ANNOTATION_HANDOFF, "replace"), revision_of(wanted),
         )  # fmt: skip
         self.pods.append(pod)
         self.kubelet(START, lambda: self.run_pod(pod))
@@ -308,7 +309,7 @@ class SimulatedRobot:
 
     def hang(self, pod: Pod, start: int) -> None:
         if not pod.gone and pod.restarts == start and pod.process:
-            pod.process.alive = pod.ready = False
+            pod.process.alive = False  # ready all the same: the kubelet asks a pod that is at work nothing
             self.changed()
 
     def enter(self, pod: Pod, start: int) -> None:
@@ -347,7 +348,7 @@ class SimulatedRobot:
 
     def broken_promise(self, pod: Pod, process: Process) -> str:
         contract = self.contract(pod)
-        if not contract or contract.get("proven") or contract["revision"] != self.revision(pod):
+        if not contract or contract.get("proven") or contract["revision"] != pod.revision:
             return ""
         lacking = [name for name in contract["services"] if name not in process.services]
         lacking += [name for name in contract["topics"] if name not in topics_of(process)]
@@ -360,12 +361,13 @@ class SimulatedRobot:
         return ""
 
     def contract(self, pod: Pod) -> Any:
-        item = self.objects.get(("ConfigMap", pod.key[0], names.update_name(pod.app))) or {"data": {}}
-        return json.loads(item["data"].get("contract.json") or "{}")
+        return self.promised(pod.key[0], pod.app)
 
-    def revision(self, pod: Pod) -> str:
-        found = self.deployment(pod.key)
-        return revision_of(found) if found and template_of(found) == pod.template else ""
+    def promised(self, namespace: str, app: str) -> Any:
+        return json.loads(self.update_map(namespace, app)["data"]["contract.json"])
+
+    def update_map(self, namespace: str, app: str) -> Mapping[str, Any]:
+        return self.objects.get(("ConfigMap", namespace, names.update_name(app))) or NO_MAP
 
     def stop(self, pod: Pod) -> None:
         if pod.stopping or pod.gone:
@@ -562,6 +564,7 @@ class SimulatedRobot:
             self.let_go(action)
 
 
+NO_MAP = {"data": {"contract.json": "{}", "history.json": "[]"}}
 INFRASTRUCTURE = (names.MASTER_NAME, names.KEEPER_NAME)
 
 

@@ -9,6 +9,7 @@ at every event, and an outcome's word is held against what the robot shows, neve
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -30,10 +31,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import app_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     CancelledError,
     Live,
+    LostError,
     Object,
     Seen,
     World,
@@ -55,11 +58,13 @@ DAY = 86400.0
 CONNECT = 10.0  # a call gives an API up that was away for so long, and a wait says something so often
 SILENCE = 11.0  # nobody looks at a silent run for longer than ten seconds, and what a call takes to notice
 KEY = tuple[str, str, str]  # kind, namespace, name
+LEASE, LOOK = 15.0, 2.0  # of the Lease of a run, and between two looks of the keeper at it
+RUN = "the run"
 CLUSTER_CALLS = ("read", "apply", "delete", "rollout")
 FAULTS = (
     "api-blip", "api-away", "api-gone", "robot-away", "robot-gone", "master-silent", "master-gone",
-    "refused", "time-out", "slow", "stalled", "clock-ahead", "clock-back", "killed", "cancelled", "cancelled-after",
-    "lost-answer", "away-after", "half", "half-killed", "half-cancelled",
+    "refused", "time-out", "slow", "stalled", "clock-ahead", "clock-back", "killed", "asleep",
+    "cancelled", "cancelled-after", "lost-answer", "away-after", "half", "half-killed", "half-cancelled",
 )  # fmt: skip
 
 
@@ -73,7 +78,9 @@ class Simulation(SimulatedRobot):
     def __init__(self) -> None:
         super().__init__()
         self.skew = 0.0
-        self.api_until = -1.0
+        self.api_since = self.api_until = -1.0
+        self.holder, self.renewed = "", FOREVER  # of the Lease; when it was renewed last, if nobody does any more
+        self.looking, self.alone = False, FOREVER  # the keeper; since when a step has nobody
         self.fault, self.at = "", 0
         self.calls: list[str] = []
         self.said: list[str] = []
@@ -122,6 +129,40 @@ class Simulation(SimulatedRobot):
         self.truth(engine, outcome, before)
         return outcome
 
+    # --- the keeper goes back by itself -----------------------------------------------------------------------------
+
+    def leaderless(self) -> bool:
+        """Whether the Lease is over."""
+        since = self.api_since if self.api_until > self.time else self.time
+        return not self.holder or self.time - min(self.renewed, since) > LEASE
+
+    def look(self) -> None:
+        """What the keeper does again and again, as long as a step is not at its end."""
+        marked = [item for key, item in self.objects.items() if key[0] == "Deployment" and is_marked(item)]
+        self.looking = bool(marked)
+        if marked:
+            self.later(LOOK, self.look)
+        if not (marked and self.leaderless()):
+            self.alone = FOREVER
+        elif self.is_up(names.KEEPER_NAME) and self.robot_until <= self.time:
+            self.alone = min(self.alone, self.time)
+            for item in marked:
+                self.consider(item)
+
+    def consider(self, item: Object) -> None:
+        key = deployment_key(item)
+        contract, pods = self.promised(key[0], app_of(item)), self.of(key)
+        done = [pod.template for pod in pods] == [template_of(item)] and pods[0].ready
+        busy = any(goal.process is pod.process and not goal.ended for pod in pods for goal in self.goals)
+        if self.time - self.alone < contract["ready_timeout"] or done or busy or contract.get("proven"):
+            return
+        self.holder = "ros-keeper"
+        for app in contract["apps"]:
+            earlier = json.loads(self.update_map(key[0], app)["data"]["history.json"])
+            if earlier:
+                self.write(earlier[0]["deployment"])
+        self.holder, self.renewed = "", FOREVER
+
     def now(self) -> float:
         """The clock that nobody sets."""
         return self.time
@@ -169,6 +210,7 @@ class Simulation(SimulatedRobot):
     def strike(self, fault: str, name: str) -> None:
         """What comes before the call does anything."""
         now, cluster = self.time, name in CLUSTER_CALLS
+        self.api_since = now if fault.startswith("api-") else self.api_since
         self.api_until = {"api-blip": now + 5, "api-away": now + 45, "api-gone": FOREVER}.get(fault, self.api_until)
         self.robot_until = {"robot-away": now + 30, "robot-gone": FOREVER}.get(fault, self.robot_until)
         self.master_until = {"master-silent": now + 20, "master-gone": FOREVER}.get(fault, self.master_until)
@@ -177,6 +219,10 @@ class Simulation(SimulatedRobot):
             raise Killed(name)
         if fault == "cancelled":
             raise self.cancel()
+        if fault == "asleep":  # the control node, so that nobody renews the Lease
+            self.renewed = self.time
+            self.advance(600.0)
+            self.renewed = FOREVER
         self.advance({"slow": 50.0, "stalled": 600.0}.get(fault, 0.0))
         if fault in ("refused", "time-out"):
             self.advance(40.0 if fault == "time-out" else 0.0)
@@ -308,13 +354,26 @@ class Simulation(SimulatedRobot):
         if not dry_run:
             if kind == "Deployment" and self.time:
                 assert not self.cancelled, "a run that was cancelled goes on"
+                assert self.holder == RUN, "a run that lost its Lease goes on"
                 self.prove(item)
-            self.objects[key] = after
             self.touched.add(key)
-            self.changed()
-            if kind == "Deployment":
-                self.reconcile(deployment_key(item))
+            self.write(item, after)
         return Applied(ref_of(item), before, after, True)
+
+    def write(self, item: Object, after: dict[str, Any] | None = None) -> None:
+        """Whoever it is that writes it."""
+        key = (item["kind"], item["metadata"].get("namespace", ""), item["metadata"]["name"])
+        self.objects[key] = after or {**self.objects[key], **item, "applied": item}
+        self.changed()
+        if item["kind"] == "Deployment":
+            self.reconcile(deployment_key(item))
+            if is_marked(item) and not self.looking:
+                self.looking = True
+                self.later(LOOK, self.look)
+
+
+def is_marked(item: Object) -> bool:
+    return names.ANNOTATION_UPDATING in item["metadata"]["annotations"]
 
 
 def field_set(item: Object) -> dict[str, Any]:
@@ -341,13 +400,25 @@ class SimulatedCluster:
 
     @contextlib.contextmanager
     def claim(self, _namespace: str) -> Iterator[None]:
-        with self.sim.call("claim", 0.1):
-            assert not self.sim.checking
-        yield
+        sim = self.sim
+        with sim.call("claim", 0.1):
+            assert not sim.checking
+        sim.holder, sim.renewed = RUN, FOREVER
+        try:
+            yield
+        except Killed:
+            sim.renewed = sim.time
+            raise
+        sim.holder = ""
+
+    def confirm(self) -> None:
+        if self.sim.holder != RUN and "claim" in self.sim.calls:
+            raise LostError("ros-keeper had this robot")
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         sim = self.sim
         with sim.call("apply", 0.1) as fault:
+            self.confirm()
             half = len(objects) // 2 if fault.startswith("half") else len(objects)
             changes = [sim.put(item, dry_run) for item in objects[:half]]
             if fault == "half-cancelled":
@@ -360,6 +431,7 @@ class SimulatedCluster:
         sim = self.sim
         with sim.call("delete", 0.1):
             assert not sim.checking
+            self.confirm()
             for item in objects:
                 key = (item["kind"], *deployment_key(item))
                 if sim.objects.pop(key, None) is not None:
@@ -408,9 +480,9 @@ class SimulatedHost:
     def __init__(self, sim: Simulation) -> None:
         self.sim = sim
 
-    def there(self) -> float:
+    def there(self) -> None:
         with self.sim.call("there", 0.2):
-            return EPOCH + self.sim.time
+            pass
 
     def bring(self, images: Sequence[str]) -> bool:
         with self.sim.call("bring", 0.5):

@@ -19,7 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import VERSIONS, image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import DAY, FAULTS, Simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -125,6 +125,67 @@ def test_faults_at_every_call(name: str, version: str) -> None:
     print(f"{name}, {version}: {len(calls)} calls, {runs} runs")  # shown by pytest -rP
     assert runs >= 40
     assert not wrong, "\n".join(wrong)
+
+
+UNSEEN = ("good", "crashes-once", "hangs")  # what is ready stays for the next run, and a node that hangs is
+ALONE = [(name, version) for name, version in MATRIX if version not in UNSEEN and name != "master"]
+
+
+@pytest.mark.parametrize("skew", [-DAY, 0.0, DAY])
+@pytest.mark.parametrize(("name", "version"), ALONE)
+def test_a_refused_version_stays_refused_without_anybody(name: str, version: str, skew: float) -> None:
+    """The control node dies anywhere and stays dead for hours: the old version serves, and then one run converges."""
+    sim, wanted = begin(name, version)
+    sim.run(wanted, settings())
+    apps = [app.name for app in wanted.apps]
+    for at in range(1, len(sim.calls) + 1):
+        for fault in ("killed", "half-killed"):
+            sim, wanted = begin(name, version)
+            old = {app: running(sim, app) for app in apps}
+            sim.skew = skew
+            sim.run(wanted, settings(), fault, at)
+            sim.advance(3 * 3600.0)
+            assert {app: running(sim, app) for app in apps} == old, (fault, at)
+            assert outcome_of(sim, wanted).outcome == "rolled-back", (fault, at)
+            assert {app: running(sim, app) for app in apps} == old, (fault, at)
+
+
+def running(sim: Simulation, app: str) -> list[str]:
+    """The versions of an app that are part of the graph."""
+    return [
+        pod.template for pod in sim.pods if pod.app == app and pod.up and sim.registered.get(pod.node) is pod.process
+    ]
+
+
+@pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "master"])
+def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
+    sim, wanted = begin(name, "good")
+    sim.run(wanted, settings())
+    for at in range(1, len(sim.calls) + 1):
+        sim, wanted = begin(name, "good")
+        sim.run(wanted, settings(), "half-killed", at)
+        step = [app.name for app in wanted.apps]
+        if any(sim.promised(place, app).get("proven") for _kind, place, _name in [*sim.objects] for app in step):
+            assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
+            if name != "two-steps":
+                assert not {"graph", "hold", "rollout", "ready"} & {*sim.calls}, (at, sim.calls)
+            break
+    else:
+        pytest.fail("no run was cut off there")
+
+
+def test_a_run_that_lost_its_lease_ends() -> None:
+    """The control node sleeps for longer than a Lease lasts, and the keeper goes back meanwhile."""
+    sim, wanted = begin("overlap", "never-connects")
+    sim.run(wanted, settings())
+    at = sim.calls.index("rollout") + 1
+    sim, wanted = begin("overlap", "never-connects")
+    old = running(sim, "sensor")
+    found = sim.run(wanted, settings(), "asleep", at)
+    assert found is not None
+    assert (found.outcome, "ros-keeper had this robot" in found.reason) == ("failed", True)
+    assert running(sim, "sensor") == old
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
 
 
 def outcome_of(sim: Simulation, wanted: Robot, **more: Any) -> RobotOutcome:
