@@ -33,8 +33,8 @@ def test_part_by_part(api: dict[str, Any]) -> None:
     rights = [f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding")]
     assert named(parts["namespace"]) == ["Namespace robot-robot1", *rights, "Secret pull"]
     assert named(parts["storage"]) == ["PersistentVolumeClaim data-pvc"]
-    assert {"ConfigMap rosops-hooks", "Deployment ros-master", "Service ros-master"} <= set(named(parts["master"]))
-    assert named(parts["apps"]) == ["ConfigMap rosops-hooks", "Deployment talker"]
+    assert {"ConfigMap rosops-code", "Deployment ros-master", "Service ros-master"} <= set(named(parts["master"]))
+    assert named(parts["apps"]) == ["ConfigMap rosops-code", "Deployment talker"]
     assert all(result["changed"] for result in parts.values())
     assert not any(apply(api, part)["changed"] for part in parts)
 

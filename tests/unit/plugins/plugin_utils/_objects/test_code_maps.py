@@ -28,7 +28,7 @@ def maps(*apps: dict[str, Any], **more: Any) -> dict[str, list[str]]:
     return {f"{o['metadata']['namespace']}/{o['metadata']['name']}": sorted(o["data"]) for o in objects}
 
 
-ROBOT, FLEET = "robot-r1/rosops-hooks", "fleet/rosops-hooks"
+ROBOT, FLEET = "robot-r1/rosops-code", "fleet/rosops-code"
 ONLY_CODE = ["__init__.py", "run.py"]
 EXTERNAL = {"mode": "external", "uri": "http://192.0.2.1:11311"}
 
@@ -123,7 +123,7 @@ def test_a_pod_mounts_its_code_and_its_contract(scope: str) -> None:
     made = objects(scope=scope)
     pod = made[-1]["spec"]["template"]["spec"]
     sources = [source["configMap"] for source in pod["volumes"][0]["projected"]["sources"]]
-    assert [source["name"] for source in sources] == ["rosops-hooks", "a-update"]
+    assert [source["name"] for source in sources] == ["rosops-code", "a-update"]
     assert [source.get("optional", False) for source in sources] == [False, True]
     assert sources[-1]["items"] == [{"key": "contract.json", "path": "contract.json"}]
     needed = {source["name"] for source in sources[:-1]}

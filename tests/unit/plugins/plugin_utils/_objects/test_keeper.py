@@ -48,8 +48,8 @@ def test_what_it_mounts() -> None:
     pod = objects()[0]["spec"]["template"]["spec"]
     volumes = {volume["name"]: volume for volume in pod["volumes"]}
     mounts = {mount["name"]: mount for mount in pod["containers"][0]["volumeMounts"]}
-    assert set(volumes) == set(mounts) == {"rosops-hooks", "record"}
-    assert mounts["rosops-hooks"]["readOnly"]
+    assert set(volumes) == set(mounts) == {"rosops-code", "record"}
+    assert mounts["rosops-code"]["readOnly"]
     assert "emptyDir" in volumes["record"]
     assert mounts["record"]["mountPath"] in pod["containers"][0]["command"][-1]
 

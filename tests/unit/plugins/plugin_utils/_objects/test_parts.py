@@ -24,11 +24,11 @@ def test_every_part_says_where_all_of_it_lives() -> None:
 
 
 def test_a_master_of_ones_own_comes_with_its_keeper_s_code() -> None:
-    assert kinds(part_objects("master", robot()))[0] == "ConfigMap rosops-hooks"
+    assert kinds(part_objects("master", robot()))[0] == "ConfigMap rosops-code"
     assert part_objects("master", robot(TALKER, master={"mode": "external", "uri": "http://a:1"})) == []
 
 
 def test_what_is_awaited() -> None:
     awaited = kinds(awaited_objects(robot(TALKER, volumes=[{"name": "data"}])))
     assert {"PersistentVolumeClaim data-pvc", "Deployment ros-master", "Deployment talker"} <= set(awaited)
-    assert not [name for name in awaited if name.startswith(("Service", "ConfigMap rosops-hooks"))]
+    assert not [name for name in awaited if name.startswith(("Service", "ConfigMap rosops-code"))]
