@@ -18,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     clusters_of,
     graphs_to_read,
     members,
+    unmeasured,
     usage_of,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows
@@ -44,7 +45,8 @@ def _look(task_vars: dict[str, Any], volumes: str) -> dict[str, Any]:
         "hosts": [host.row() for host in hosts],
         "graphs": graphs_to_read(hosts, {name: one.objects.get("Service", ()) for name, one in answers.items()}),
         "problems": [
-            {"where": f"cluster {cluster}", "what": f"does not answer: {why}"} for cluster, why in problems.items()
+            *({"where": f"cluster {cluster}", "what": f"does not answer: {why}"} for cluster, why in problems.items()),
+            *unmeasured(results),
         ],
         **cluster_rows(together, usage_of(results.values())),
     }

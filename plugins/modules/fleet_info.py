@@ -21,6 +21,7 @@ options:
     description:
       - Name of the variable that holds, on every host, the registered result of a task that printed C(du -sb) of the
         directories below local-path's storage. It also tells which hosts are unreachable.
+      - Where C(timeout) ended that (status 124 or 137), the host is among the C(problems).
     type: str
     required: true
 notes:
@@ -37,9 +38,10 @@ author:
 
 EXAMPLES = r"""
 - name: Measure what the volumes hold
-  ansible.builtin.command: find /var/lib/rancher/k3s/storage -mindepth 1 -maxdepth 1 -type d -exec du -sb {} +
+  ansible.builtin.command: timeout 30 find /var/lib/rancher/k3s/storage -mindepth 1 -maxdepth 1 -type d -exec du -sb {} +
   become: true
   changed_when: false
+  failed_when: volumes.rc | default(0) not in [0, 1, 124, 137]
   ignore_unreachable: true
   register: volumes
 

@@ -14,15 +14,35 @@ description:
     the module.
 options:
   rates:
-    description: Measure the topics' messages per second, of each publisher and in sum.
+    description: Measure the topics' messages per second.
     type: bool
     default: false
+  rate_source:
+    description:
+      - V(messages) subscribes and counts what comes, of each publisher.
+      - V(counters) subscribes to nothing. It asks the publishers twice how much they have sent to those who listen, so
+        it tells only of topics that somebody listens to, no publisher that works on demand begins to work, and
+        C(rates) stays empty.
+    type: str
+    choices: [messages, counters]
+    default: messages
   rate_topics:
     description: Measure these topics only; by default all.
     type: list
     elements: str
+  rate_nodes:
+    description:
+      - Measure only what these nodes publish, and only where somebody listens to it already, so that no publisher that
+        works on demand (image_transport) begins to work. O(md5sums) then are those of these topics, too.
+      - Empty means all nodes and all of their topics.
+    type: list
+    elements: str
+    default: []
   rate_seconds:
-    description: Seconds to measure for; all topics are measured at the same time.
+    description:
+      - Seconds to measure for; all topics are measured at the same time.
+      - A publisher that has sent too little by then to know its rate is listened to until it has, up to some six
+        seconds longer, as long as its messages are not much more than a second apart.
     type: float
     default: 2.0
   md5sums:
@@ -55,7 +75,7 @@ EXAMPLES = r"""
 - name: Read what an update of an app has to know
   rosops.fleet.ros_graph_info:
     rates: true
-    rate_topics: [/temperature]
+    rate_nodes: [/temperature_publisher]
     md5sums: true
     service_connections: true
   become: true
@@ -88,8 +108,12 @@ graph:
       description:
         - By name, who publishes and who subscribes, by the master's word.
         - C(connections) are those that the publishers report.
-        - C(rate), and each publisher's in C(rates), is null where it was not or could not be measured.
-        - C(rates) leaves out what a publisher sends all at once after it was held up, so it is what may be expected.
+        - C(rate) is null where it was not or could not be measured, or the messages were too few to tell, which
+          C(rate_error) says.
+        - C(rates) has the publishers whose rate may be expected of them from now on. One that sends irregularly, when
+          something happens, is not in it, nor one with too few messages. What a publisher sends all at once after it
+          was held up does not count.
+        - C(latched) lists the publishers whose first message had been sent before anybody listened; it is in no rate.
         - C(md5sum) is null where it was not asked for, or no publisher answers.
       type: dict
       sample:
@@ -101,6 +125,7 @@ graph:
           connections: [{publisher: /talker, subscriber: /listener}]
           rate: 499.8
           rates: {/talker: 499.8}
+          latched: []
           rate_error: ""
     services:
       description:
@@ -138,18 +163,21 @@ elapsed:
 """
 
 import time
-from typing import Any
+from typing import Any, Mapping, Sequence
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.graph import Extras, everything
+from ..module_utils._ros.counters import sent
+from ..module_utils._ros.graph import Extras, Graph, Rate, everything
 
 INFO_ARGS = {
     "rates": {"type": "bool", "default": False},
+    "rate_source": {"type": "str", "choices": ["messages", "counters"], "default": "messages"},
     "rate_topics": {"type": "list", "elements": "str"},
+    "rate_nodes": {"type": "list", "elements": "str", "default": []},
     "rate_seconds": {"type": "float", "default": 2.0},
     "md5sums": {"type": "bool", "default": False},
     "service_connections": {"type": "bool", "default": False},
@@ -161,13 +189,24 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
     sockets = ServiceConnections() if params["service_connections"] else None
     state = ros.state(types=True)
     graph = ros.ask(state, everything(state))
-    measured = graph.topics if params["rate_topics"] is None else params["rate_topics"]
+    publishers = graph.heard(params["rate_nodes"])
     extras = Extras(
-        ros.rates(graph, dict.fromkeys(measured, params["rate_seconds"])) if params["rates"] else {},
-        ros.md5sums(graph, graph.topics) if params["md5sums"] else {},
+        rates(ros, graph, publishers, params) if params["rates"] else {},
+        ros.md5sums(graph, publishers) if params["md5sums"] else {},
         sockets.count(graph) if sockets else {},
     )
     return graph.as_dict(extras)
+
+
+def rates(
+    ros: Ros1Client, graph: Graph, publishers: Mapping[str, Sequence[str]], params: dict[str, Any]
+) -> dict[str, Rate]:
+    """The rates of what is wanted of these publishers, by topic."""
+    wanted = publishers if params["rate_topics"] is None else params["rate_topics"]
+    measured = {topic: publishers[topic] for topic in wanted if topic in publishers}
+    if params["rate_source"] == "counters":
+        return sent(ros, graph, measured, params["rate_seconds"])
+    return ros.rates(graph, dict.fromkeys(measured, params["rate_seconds"]), measured, patient=True)
 
 
 def main() -> None:

@@ -28,9 +28,14 @@ class Backend(Protocol):
         """Topic -> what identifies its type's definition, by a publisher's word; none, no entry."""
 
     def rates(
-        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
+        self,
+        graph: Graph,
+        seconds: Mapping[str, float],
+        only: Mapping[str, Iterable[str]] | None = None,
+        patient: bool = False,
     ) -> dict[str, Rate]:
         """Count the messages of topics, all at the same time, each for its number of seconds.
 
-        `only` names the publishers to count for some of the topics; of the others it is all.
+        `only` names the publishers to count for some of the topics; of the others it is all. If `patient`, slow topics
+        are counted for longer, some seconds at most, for as long as that may still make their rate known.
         """

@@ -130,6 +130,20 @@ def _sum(flow: Flow, total: Count, steps: list[Count]) -> Count:
     return Count(total.messages + more, total.bytes + sum(step.bytes for step in steps))
 
 
+def sent(before: Stats, after: Stats) -> dict[str, int]:
+    """Topic -> how many messages the node published between two replies, to those who listened all the time.
+
+    Who came meanwhile does not count: the first message that it got may be a latched one.
+    """
+    found: dict[str, int] = {}
+    for link, count in after.links.items():
+        topic, direction, _number = link
+        if direction == OUT and link in before.links:
+            step = _step(before.links[link].messages, count.messages, after.wraps)
+            found[topic] = max(found.get(topic, 0), step)
+    return found
+
+
 def is_overflow(fault: str) -> bool:
     """Whether a fault is rospy's own trouble with a count past XML-RPC's 32 bits.
 

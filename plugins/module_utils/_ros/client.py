@@ -142,7 +142,11 @@ class Ros1Client(Master):
         return found
 
     def rates(
-        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
+        self,
+        graph: Graph,
+        seconds: Mapping[str, float],
+        only: Mapping[str, Iterable[str]] | None = None,
+        patient: bool = False,
     ) -> dict[str, Rate]:
         """See `Backend`. One of several publishers may be gone: what the others send is still the topic's rate."""
         sources = []
@@ -150,7 +154,8 @@ class Ros1Client(Master):
             wanted = set((only or {}).get(topic.name, topic.publishers))
             sources += [(topic.name, publisher) for publisher in topic.publishers if publisher in wanted]
         opened = self._open(graph, sources)
-        counted = count_messages({key: one[0] for key, one in opened.items() if not isinstance(one, str)}, seconds)
+        streams = {key: one for key, one in opened.items() if not isinstance(one, str)}
+        counted = count_messages(streams, seconds, patient)
         found = {}
         for topic_name in seconds:
             by = {key[1]: rate for key, rate in counted.items() if key[0] == topic_name}
@@ -161,7 +166,8 @@ class Ros1Client(Master):
                 found[topic_name] = Rate(error="; ".join(errors.values()) or "no publisher", by=by)
                 continue
             hz, messages = sum(rate.hz for rate in parts), sum(rate.messages for rate in parts)
-            found[topic_name] = Rate(hz, messages, max(rate.seconds for rate in parts), by=by)
+            few = all(rate.few for rate in parts)
+            found[topic_name] = Rate(hz, messages, max(rate.seconds for rate in parts), by=by, few=few)
         return found
 
 

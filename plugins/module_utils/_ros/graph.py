@@ -8,7 +8,7 @@ Pure, and the same for every kind of ROS: nothing here opens a connection or kno
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Iterable, Mapping
 
 ANY_TYPE = "*"  # what a node says that takes any message type
@@ -75,8 +75,9 @@ class StatusReading:
 class Rate:
     """Messages per second, summed over a topic's publishers; `by` has the same of each publisher that was counted.
 
-    `steady` is what a publisher sends without bursts after a stall, where that can be told: what may be expected of
-    it, and of its next version.
+    `known` is what may be expected of a publisher, and of its next version: None where its messages were too few or too
+    irregular to tell. `latched`: the first of its messages had been sent before anybody listened, and is not counted.
+    `few`: with so few messages, `hz` is no more than how many there were.
     """
 
     hz: float = 0.0
@@ -84,12 +85,9 @@ class Rate:
     seconds: float = 0.0
     error: str = ""
     by: Mapping[str, Rate] = field(default_factory=dict, compare=False)
-    steady: float | None = None
-
-    @property
-    def expected(self) -> Rate:
-        """The same at the lower of both rates."""
-        return self if self.steady is None else replace(self, hz=min(self.hz, self.steady))
+    known: float | None = None
+    latched: bool = False
+    few: bool = False
 
 
 @dataclass(frozen=True)
@@ -195,6 +193,21 @@ class Graph:
         reached = {peer for name, peer in found.connections if name == publisher}
         return [name for name in (found.subscribers if subscribers is None else subscribers) if name not in reached]
 
+    def heard(self, nodes: Iterable[str] = ()) -> dict[str, tuple[str, ...]]:
+        """Topic -> its publishers. With `nodes`: these alone, and of each only the topics that somebody listens to.
+
+        Whoever subscribes to a topic that nobody listens to may make its publisher begin to work: image_transport
+        encodes, depth pipelines compute, only while they have a subscriber.
+        """
+        wanted = set(nodes)
+        if not wanted:
+            return {name: topic.publishers for name, topic in self.topics.items()}
+        found = {
+            name: tuple(dict.fromkeys(publisher for publisher, _peer in topic.connections if publisher in wanted))
+            for name, topic in self.topics.items()
+        }
+        return {name: publishers for name, publishers in found.items() if publishers}
+
     def as_dict(self, extras: Extras | None = None) -> dict[str, Any]:
         """The graph as JSON-able data, the shape that ros_graph_info returns."""
         more = extras or Extras()
@@ -225,10 +238,11 @@ def _node_dict(node: Node) -> dict[str, Any]:
 
 
 def _hertz(rate: Rate | None) -> float | None:
-    return None if rate is None or rate.error else round(rate.hz, 3)
+    return None if rate is None or rate.error or rate.few else round(rate.hz, 3)
 
 
 def _topic_dict(topic: Topic, rate: Rate | None, md5sum: str | None) -> dict[str, Any]:
+    publishers = sorted(rate.by.items()) if rate else []
     return {
         "type": topic.type,
         "md5sum": md5sum,
@@ -236,9 +250,18 @@ def _topic_dict(topic: Topic, rate: Rate | None, md5sum: str | None) -> dict[str
         "subscribers": list(topic.subscribers),
         "connections": [{"publisher": publisher, "subscriber": peer} for publisher, peer in topic.connections],
         "rate": _hertz(rate),
-        "rates": {name: _hertz(part.expected) for name, part in sorted(rate.by.items())} if rate else {},
-        "rate_error": rate.error if rate else "",
+        "rates": {name: round(part.known, 3) for name, part in publishers if part.known is not None},
+        "latched": [name for name, part in publishers if part.latched],
+        "rate_error": _unknown(rate),
     }
+
+
+def _unknown(rate: Rate | None) -> str:
+    """Why a rate that was to be measured is not known."""
+    if rate is None or rate.error or not rate.few:
+        return rate.error if rate else ""
+    number = {0: "no message", 1: "1 message"}.get(rate.messages, f"{rate.messages} messages")
+    return f"{number} in {rate.seconds:.1f} s"
 
 
 def _service_dict(service: Service, connections: int | None) -> dict[str, Any]:

@@ -10,9 +10,10 @@ import selectors
 import socket
 import threading
 import time
-from typing import Any, Callable, Mapping
+from typing import Callable, Mapping, Tuple
 
 from .._common.errors import RosError
+from .arrivals import Arrivals
 from .graph import Rate
 from .rpc import Deadline, TimedSocket
 from .tcpros import FrameCounter
@@ -59,59 +60,86 @@ class TopicStream(threading.Thread):
                 self.sock.shutdown(socket.SHUT_RDWR)
 
 
-def count_messages(sockets: Mapping[Any, TimedSocket], seconds: Mapping[str, float]) -> dict[Any, Rate]:
-    """Read all streams until each topic's time is over. One thread; messages are skipped, not copied.
+Opened = Tuple[TimedSocket, Mapping[str, str]]  # a topic's stream and the publisher's header
+
+
+def count_messages(
+    streams: Mapping[tuple[str, str], Opened], seconds: Mapping[str, float], patient: bool = False
+) -> dict[tuple[str, str], Rate]:
+    """Read all streams, by topic and publisher, until each topic's time is over. One thread; messages are skipped.
 
     A stream's time begins when it was opened: what it sent while others were still being opened (one dead peer takes
-    its whole time-out) waits here and belongs to that time.
+    its whole time-out) waits here and belongs to that time. If `patient`, a stream whose messages come slowly, but do
+    come, is read until they are enough to know a rate.
     """
-    start = time.monotonic()
-    counters = {key: FrameCounter() for key in sockets}
-    ends = {key: start + seconds[key[0]] for key in sockets}
-    buffer = bytearray(1 << 18)
-    view = memoryview(buffer)
-    rates: dict[Any, Rate] = {}
+    counted = {key: _Counted(*opened) for key, opened in streams.items()}
+    buffer = memoryview(bytearray(1 << 18))
+    rates: dict[tuple[str, str], Rate] = {}
     with selectors.DefaultSelector() as selector:
-        for key, sock in sockets.items():
-            sock.setblocking(False)
-            selector.register(sock, selectors.EVENT_READ, key)
+        for key, stream in counted.items():
+            stream.sock.setblocking(False)
+            selector.register(stream.sock, selectors.EVENT_READ, key)
+            if not stream.drain(buffer):
+                _leave(selector, stream.sock)
+        start = time.monotonic()
         while True:
             at = time.monotonic()
-            for key in [key for key in sockets if key not in rates and ends[key] <= at]:
-                began = sockets[key].opened
-                counter = counters[key]
-                steady = counter.steady(start, at)  # before that nobody read, and a tenth without a message is no news
-                rates[key] = Rate(counter.rate(began, at), counter.count, at - began, steady=steady)
-                _leave(selector, sockets[key])
-            if len(rates) == len(sockets):
+            for key in [key for key in counted if key not in rates and start + seconds[key[0]] <= at]:
+                stream = counted[key]
+                if not (patient and stream.arrivals.undecided(stream.sock.opened, at)):
+                    rates[key] = stream.rate(start, at)
+                    _leave(selector, stream.sock)
+            if len(rates) == len(counted):
                 return rates
             for ready, _events in selector.select(timeout=TICK * 4):
-                if not _drain(sockets[ready.data], view, counters[ready.data]):
-                    _leave(selector, sockets[ready.data])  # the rest of its window is silence
+                stream = counted[ready.data]
+                if not stream.drain(buffer):
+                    _leave(selector, stream.sock)  # the rest of its window is silence
             time.sleep(TICK)
+
+
+class _Counted:
+    """A stream whose messages are counted."""
+
+    def __init__(self, sock: TimedSocket, header: Mapping[str, str]) -> None:
+        self.sock = sock
+        self.frames = FrameCounter()
+        # both client libraries say it, with 0 or 1
+        self.arrivals = Arrivals(header["latching"] == "1" if "latching" in header else None)
+
+    def drain(self, buffer: memoryview) -> bool:
+        """Take what has arrived; False at the stream's end."""
+        for _read in range(16):  # one fast stream must not keep the others waiting
+            try:
+                size = socket.socket.recv_into(self.sock, buffer)
+            except (BlockingIOError, InterruptedError):
+                return True
+            except OSError:
+                return False
+            if not size:
+                return False
+            self.arrivals.add(time.monotonic(), self.frames.feed(buffer[:size]))
+            if size < len(buffer):
+                return True
+        return True
+
+    def rate(self, start: float, end: float) -> Rate:
+        """What came until `end`; nobody read before `start`."""
+        found, began = self.arrivals, self.sock.opened
+        return Rate(
+            found.hz(began, end),
+            len(found.times),
+            end - began,
+            known=found.known(start, end),
+            latched=found.latched,
+            few=not found.tells,
+        )
 
 
 def _leave(selector: selectors.BaseSelector, sock: TimedSocket) -> None:
     if sock.fileno() >= 0:
         selector.unregister(sock)
         sock.close()
-
-
-def _drain(sock: TimedSocket, view: memoryview, counter: FrameCounter) -> bool:
-    """Feed what has arrived; False at the stream's end."""
-    for _read in range(16):  # one fast stream must not keep the others waiting
-        try:
-            size = socket.socket.recv_into(sock, view)
-        except (BlockingIOError, InterruptedError):
-            return True
-        except OSError:
-            return False
-        if not size:
-            return False
-        counter.feed(view[:size], time.monotonic())
-        if size < len(view):
-            return True
-    return True
 
 
 def hang_up(sock: socket.socket) -> None:

@@ -63,73 +63,28 @@ class Reader:
         return self.take(self.uint32()).decode("utf-8", "replace")
 
 
-STEADY_MESSAGES, STEADY_TENTHS = 50, 8  # for tenths of a second to tell a rate
-
-
 class FrameCounter:
     """Counts messages in a stream without keeping them: reads each length, skips what it says."""
 
     def __init__(self) -> None:
-        self.count = 0
-        self.second = 0.0  # when the second message was there, and
-        self.last = 0.0  # the last one
-        self._tenths: dict[int, int] = {}  # messages by tenth of a second
         self._skip = 0
         self._prefix = b""
 
-    def feed(self, data: bytes | memoryview, at: float) -> None:
-        """`data` arrived at time `at`."""
-        position, size = 0, len(data)
+    def feed(self, data: bytes | memoryview) -> int:
+        """How many messages end in `data`, which follows what was fed before."""
+        position, size, ended = 0, len(data), 0
         while True:
             if self._skip > size - position:
                 self._skip -= size - position
-                return
+                return ended
             position += self._skip
             self._skip = 0
             if len(self._prefix) == 4:  # a message ends here
                 self._prefix = b""
-                self._ended(at)
+                ended += 1
             take = min(4 - len(self._prefix), size - position)
             self._prefix += bytes(data[position : position + take])
             position += take
             if len(self._prefix) < 4:
-                return
+                return ended
             self._skip = _LENGTH.unpack(self._prefix)[0]
-
-    def _ended(self, at: float) -> None:
-        self.count += 1
-        if self.count == 2:
-            self.second = at
-        self.last = at
-        tenth = int(at * 10)
-        self._tenths[tenth] = self._tenths.get(tenth, 0) + 1
-
-    def steady(self, start: float, end: float) -> float | None:
-        """Messages per second without what is sent all at once, after the publisher was held up; None where too few.
-
-        The mean of the middle half of the tenths of a second: a burst, and the stall before it, are in the others.
-        """
-        tenths = range(int(start * 10) + 1, int(end * 10))
-        if self.count < STEADY_MESSAGES or len(tenths) < STEADY_TENTHS:
-            return None
-        counts = sorted(self._tenths.get(tenth, 0) for tenth in tenths)
-        cut = len(counts) // 4
-        middle = counts[cut : len(counts) - cut]
-        return 10 * sum(middle) / len(middle)
-
-    def rate(self, start: float, end: float) -> float:
-        """Messages per second between `start` and `end`.
-
-        Taken between arrivals, which is exact where a window holds only a few messages. The first message does not
-        count: it may be a latched one of any age. A silence at the end does: it is no part of a steady stream. Nor is
-        one at the beginning, after which a publisher that was held up sends all at once what it owes: never more than
-        what the whole window holds.
-        """
-        if self.count < 3:
-            return self.count / (end - start) if end > start else 0.0
-        intervals, most = self.count - 2, (self.count + 1) / (end - start)
-        if end - self.last > 2 * (self.last - self.second) / intervals + 0.05:
-            return min(most, intervals / (end - self.second))
-        if self.last <= self.second:
-            return self.count / (end - start)
-        return min(most, intervals / (self.last - self.second))

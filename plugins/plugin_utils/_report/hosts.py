@@ -21,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import me
 
 Variables = Mapping[str, Any]
 # What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
+TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
 _USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
 KUBECONFIG_DIR = "~/.kube/rosops-fleet"
 
@@ -121,6 +122,15 @@ def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
     wanted = (master_namespace(robot), names.MASTER_NAME)
     found = (one["spec"]["clusterIP"] for one in services if (meta(one).get("namespace"), name_of(one)) == wanted)
     return next((f"http://{address}:{names.MASTER_PORT}" for address in found), "")
+
+
+def unmeasured(results: Mapping[str, Variables]) -> list[dict[str, str]]:
+    """Hosts whose volumes took longer to measure than `timeout` gave them: what is known of them is not all."""
+    return [
+        {"where": f"volumes of {host}", "what": "measuring what they hold took too long; some have no number"}
+        for host, result in results.items()
+        if result.get("rc") in TIMED_OUT
+    ]
 
 
 def usage_of(results: Iterable[Variables]) -> dict[str, int]:

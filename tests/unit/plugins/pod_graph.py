@@ -81,8 +81,8 @@ class World:
         self.asked.append("md5sums")
         return {name: self.sums[name] for name in topics if name in self.sums}
 
-    def rates(self, graph: Graph, seconds: Any, only: Any = None) -> dict[str, Rate]:
-        assert only is None
+    def rates(self, graph: Graph, seconds: Any, only: Any = None, patient: bool = False) -> dict[str, Rate]:
+        assert (only, patient) == (None, False)
         assert all(graph.topics[name].publishers == (OWN,) for name in seconds)
         self.asked.append("rates")
         rates = {name: Rate(self.hz.get(name, 0.0), 50, seconds[name]) for name in seconds}

@@ -32,15 +32,17 @@ class FakeMaster:
         assert set(wanted.nodes) == set(state.nodes())
         return build(state, recorded_answers())
 
-    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
+    def rates(
+        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]], patient: bool
+    ) -> dict[str, Rate]:
+        assert (patient, set(seconds) <= set(graph.topics)) == (True, True)
         return {
-            name: Rate(5.0, 10, taken, by={publisher: Rate(2.5) for publisher in graph.topics[name].publishers})
+            name: Rate(5.0, 10, taken, by={publisher: Rate(2.4, known=2.5) for publisher in only[name]})
             for name, taken in seconds.items()
         }
 
     def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
-        assert set(topics) == set(graph.topics)
-        return {"/chatter": "99"}
+        return {name: "99" for name in topics if name in graph.topics}
 
 
 class FakeSockets:
@@ -84,9 +86,39 @@ def test_rates_of_some_topics(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     assert {topic["rate"] for topic in topics.values()} == {None}
 
 
+def test_rates_of_some_nodes_are_of_what_they_publish_to_somebody(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody else's streams are opened, nor one that nobody listens to: a lazy publisher would wake up."""
+    graph = run(monkeypatch, capsys, rates=True, rate_nodes=["/talker_a", "/nobody"], md5sums=True)["graph"]
+    topics = graph["topics"]
+    assert {name: topic["rates"] for name, topic in topics.items() if topic["rates"]} == {
+        "/chatter": {"/talker_a": 2.5},
+        "/rosout": {"/talker_a": 2.5},
+    }
+    assert {name for name, topic in topics.items() if topic["md5sum"]} == {"/chatter", "/rosout"}
+    unheard = run(monkeypatch, capsys, rates=True, rate_nodes=["/worker"])["graph"]["topics"]
+    alone = {name for name, topic in unheard.items() if "/worker" in topic["publishers"] and not topic["connections"]}
+    assert alone
+    assert not any(unheard[name]["rates"] for name in alone)
+
+
+def test_rates_by_counters_subscribe_to_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(FakeMaster, "rates", None)
+    monkeypatch.setattr(ros_graph_info, "sent", lambda _ros, _graph, publishers, seconds: {
+        "/chatter": Rate(100.0, int(100 * seconds), seconds),
+        "/rosout": Rate(0.5, 1, seconds, few=True),
+    } if "/chatter" in publishers else {})  # fmt: skip
+    topics = run(monkeypatch, capsys, rates=True, rate_source="counters")["graph"]["topics"]
+    assert (topics["/chatter"]["rate"], topics["/chatter"]["rates"]) == (100.0, {})
+    assert (topics["/rosout"]["rate"], topics["/rosout"]["rate_error"]) == (None, "1 message in 2.0 s")
+
+
 def test_md5sums(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     topics = run(monkeypatch, capsys, md5sums=True)["graph"]["topics"]
-    assert (topics["/chatter"]["md5sum"], topics["/chatter_relay"]["md5sum"]) == ("99", None)
+    assert {topic["md5sum"] for topic in topics.values()} == {"99"}
 
 
 def test_service_connections(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -247,7 +247,9 @@ def test_only_an_end_that_is_not_ours_may_leave() -> None:
 def test_the_recorded_graph_gives_options_that_ros_ready_takes() -> None:
     probes = {"/trigger": ServiceProbe("rosrpc://h:1", "/helper", "std_srvs/Trigger", md5sum="9")}
     statuses = {"/work": {"/worker": StatusReading(((), ()))}}
-    rates = Extras({"/chatter": Rate(99.9, 100, 1.0, by={"/talker_a": Rate(49.9, 50, 1.0), "/talker_b": Rate(50.0)})})
+    rates = Extras(
+        {"/chatter": Rate(99.9, 100, 1.0, by={"/talker_a": Rate(49.9, 50, 1.0, known=49.9), "/talker_b": Rate(50.0)})}
+    )
     of = build(recorded_state(), recorded_answers(), probes, statuses).as_dict(rates)
     nodes = ["/talker_a", "/helper", "/worker", "/relay"]
     found = conditions_from(conditions(record(of, nodes)))

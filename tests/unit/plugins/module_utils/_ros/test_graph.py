@@ -231,8 +231,13 @@ def test_the_graph_as_json() -> None:
         "/relay/get_loggers": ServiceProbe("rosrpc://h:2", error="nothing listens at rosrpc://h:2"),
     }
     graph = build(recorded_state(), recorded_answers(), probes, statuses)
-    by = {"/talker_a": Rate(49.98765, 50, 1.0), "/talker_b": Rate(error="gone")}
-    rates = {"/chatter": Rate(99.98765, 100, 1.0, by=by), "/rosout": Rate(error="/x: gone")}
+    by = {"/talker_a": Rate(51.0, 50, 1.0, known=49.98765), "/talker_b": Rate(error="gone")}
+    by["/talker_c"] = Rate(0.0, 1, 1.0, latched=True, few=True)
+    rates = {
+        "/chatter": Rate(99.98765, 100, 1.0, by=by),
+        "/rosout": Rate(error="/x: gone"),
+        "/work/status": Rate(2.0, 2, 1.0, few=True),
+    }
     data = json.loads(json.dumps(graph.as_dict(Extras(rates, {"/chatter": "99"}, {"/trigger": 2}))))
     assert data["nodes"][DEAD] == {
         "uri": "http://127.0.0.1:9/",
@@ -251,9 +256,13 @@ def test_the_graph_as_json() -> None:
         "connections": [{"publisher": "/relay", "subscriber": "/listener_relay"}],
         "rate": None,
         "rates": {},
+        "latched": [],
         "rate_error": "",
     }
-    assert data["topics"]["/chatter"]["rates"] == {"/talker_a": 49.988, "/talker_b": None}
+    assert data["topics"]["/chatter"]["rates"] == {"/talker_a": 49.988}
+    assert data["topics"]["/chatter"]["latched"] == ["/talker_c"]
+    few = data["topics"]["/work/status"]
+    assert (few["rate"], few["rate_error"]) == (None, "2 messages in 1.0 s")  # which is not 2 Hz
     assert data["topics"]["/chatter"]["md5sum"] == "99"
     assert (data["services"]["/trigger"]["md5sum"], data["services"]["/trigger"]["connections"]) == ("93", 2)
     assert data["services"]["/rosout/get_loggers"]["connections"] is None

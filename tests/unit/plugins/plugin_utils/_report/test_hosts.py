@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     graphs_to_read,
     kubeconfig_of,
     members,
+    unmeasured,
     usage_of,
 )
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet
@@ -145,3 +146,14 @@ def test_what_volumes_hold() -> None:
             {"stdout_lines": ["7\t/var/lib/rancher/k3s/storage/pvc-aa_fleet_maps"]},
         ]
     ) == {"robot-robot1/logs-pvc": 4096, "fleet/maps": 7}
+
+
+def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
+    results: dict[str, Any] = {
+        "fine": {"rc": 0},
+        "empty": {"rc": 1},
+        "slow": {"rc": 124},
+        "stuck": {"rc": 137},
+        "off": OFF,
+    }
+    assert [problem["where"] for problem in unmeasured(results)] == ["volumes of slow", "volumes of stuck"]

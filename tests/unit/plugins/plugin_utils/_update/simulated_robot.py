@@ -514,9 +514,13 @@ class SimulatedRobot:
         raise NotImplementedError
 
     def rates(
-        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
+        self,
+        graph: Graph,
+        seconds: Mapping[str, float],
+        only: Mapping[str, Iterable[str]] | None = None,
+        patient: bool = False,
     ) -> dict[str, Rate]:
-        del only
+        del only, patient
         self.advance(max(seconds.values(), default=0.0))
         found = {}
         for topic, window in seconds.items():
@@ -524,7 +528,7 @@ class SimulatedRobot:
             for node in graph.topics[topic].publishers if topic in graph.topics else ():
                 process = self.registered.get(node)
                 hz = process.topics.get(topic, 0.0) if process and process.alive else 0.0
-                by[node] = Rate(hz, int(hz * window), window)
+                by[node] = Rate(hz, int(hz * window), window, known=hz or None)
             found[topic] = Rate(sum(rate.hz for rate in by.values()), 0, window, by=by)
         return found
 
