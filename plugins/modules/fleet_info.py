@@ -38,7 +38,7 @@ author:
 
 EXAMPLES = r"""
 - name: Measure what the volumes hold
-  ansible.builtin.command: timeout 30 find /var/lib/rancher/k3s/storage -mindepth 1 -maxdepth 1 -type d -exec du -sb {} +
+  ansible.builtin.command: timeout 30 find /var/lib/rancher/k3s/storage -mindepth 1 -maxdepth 1 -exec du -sb {} +
   become: true
   changed_when: false
   failed_when: volumes.rc | default(0) not in [0, 1, 124, 137]
