@@ -14,8 +14,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.kubeconfig import keep, local_kubeconfig
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import is_foreign, keep, local_kubeconfig
 
 
 class ActionModule(FleetAction):
@@ -26,6 +26,8 @@ class ActionModule(FleetAction):
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         variables = role_variables("k3s", self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
+        if is_foreign(part.kubeconfig):
+            return {"changed": False, "msg": f"{part.kubeconfig} was not written by this role and stays as it is"}
         if self._task.check_mode and not params["there"]:
             return {"changed": True, "msg": f"{part.kubeconfig} would be written"}
         read = ActionHost(self, known).module("ansible.builtin.slurp", {"src": KUBECONFIG})

@@ -16,11 +16,15 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.kubeconfig import is_made_from, kubeconfig_head
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import old_archives, plan
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import source
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
+    is_foreign,
+    is_made_from,
+    kubeconfig_head,
+)
 
 
 class ActionModule(FleetAction):
@@ -48,7 +52,8 @@ def _plan(now: Mapping[str, Any], part: Wanted, variables: Mapping[str, Any], ho
         raise SpecError(f"{host} was left as it is. {' '.join(refused)}")
     origin, servers = source(variables, now["machine"]), variables["k3s_server_hosts"]
     head = kubeconfig_head(now["kubeconfig_sha256"], part.url, variables["k3s_cluster"])
-    work = plan(now, part, origin, variables["k3s_version"], is_made_from(part.kubeconfig, head))
+    right = is_made_from(part.kubeconfig, head) or is_foreign(part.kubeconfig)
+    work = plan(now, part, origin, variables["k3s_version"], right)
     return {
         **work,
         "source": asdict(origin),

@@ -32,14 +32,21 @@ class ActionModule(ClusterAction):
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         ref, node, check = Ref("Node", params["name"], "", "v1"), _node(params), self._task.check_mode
-        with Kube(params) as kube:
+        with self.cluster(params, known) as kube:
             if check and kube.get(ref) is None:
                 return self.foresee(params, known)
             # Applying a node that is not there would create one: the wait comes first.
             if not check and look_once(kube, [ref])["objects"][0]["verdict"] != PASS:
                 wait_for_rollout(kube, [ref], Settings(timeout=params["timeout"], say=self.say(known)))
-            done = kube.apply([node], check)
+            done = kube.apply([*self._identity(known), node], check)
             return written([*done, *_taint(kube, ref, params["taints"], check)])
+
+    def _identity(self, known: Mapping[str, Any]) -> list[Object]:
+        """What makes the cluster carry its fleet's identity, where it does not yet."""
+        if self.adoption is None:
+            return []
+        self.say(known)(f"the cluster carries no identity of a fleet yet; it becomes {self.adoption}")
+        return [self.adoption.as_object()]
 
     def foresee(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
         labels = _node(params)["metadata"]["labels"]

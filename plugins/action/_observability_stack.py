@@ -29,7 +29,7 @@ class ActionModule(ClusterAction):
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         spec, files, variables = self._given(known)
         check = self._task.check_mode
-        with Kube(params) as kube:
+        with self.cluster(params, known) as kube:
             admin = {"password": "", "version": ""}
             if stack.has_grafana(spec):
                 there = kube.get(ref_of(stack.ADMIN_SECRET))

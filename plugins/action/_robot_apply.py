@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings
@@ -34,7 +34,7 @@ class ActionModule(ClusterAction):
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         check, objects = self._task.check_mode, self._objects(params, known)
         removed = removed_claims(robot_from_vars(known), params["remove_claims"], params["remove_confirm"])
-        with Kube(params) as kube:
+        with self.cluster(params, known) as kube:
             return written([*kube.apply(objects, check), *kube.delete(map(ref_of, removed), check)])
 
     def foresee(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:

@@ -32,7 +32,7 @@ class ActionModule(ClusterAction):
             return {"changed": False, "skipped": True, "msg": "check mode made nothing that could be waited for"}
         robot = robot_from_vars(known)
         refs = parse_refs(awaited_objects(robot))
-        with Kube(params) as kube:
+        with self.cluster(params, known) as kube:
             settings = Settings(timeout=params["timeout"], say=self.say(known))
             rollout = wait_for_rollout(kube, refs, settings) if refs else {"objects": [], "elapsed": 0.0}
             conditions = {"master_uri": _master_uri(kube, robot), **graph_conditions(robot)}

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
+from functools import partial
 from itertools import chain
 from typing import Any, ClassVar
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
@@ -24,29 +25,37 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows
 
 
-class ActionModule(FleetAction):
-    _requires_connection = False
+class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = {"volumes": {"type": "str", "required": True}}
 
+    def options(self) -> dict[str, Any]:
+        return dict(self.ARGUMENTS)  # no access is that of all clusters
+
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        return {"changed": False, **_look(known, params["volumes"])}
+        fleet, hostvars = Fleet.from_vars(known), HostVariables(known["hostvars"])
+        variables = {host: hostvars[host] for host in known["ansible_play_hosts_all"]}
+        results = {host: own.get(params["volumes"], {}) for host, own in variables.items()}
+        hosts = members(fleet, variables, results)
+        asked, silent = clusters_of(hosts)
 
+        def connect(host: str) -> Kube:
+            path = str(variables[host].get("k3s_kubeconfig_path") or "")
+            # whoever looks wants to see it now, and can look again
+            return self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, patience=0)
 
-def _look(task_vars: dict[str, Any], volumes: str) -> dict[str, Any]:
-    hostvars = HostVariables(task_vars["hostvars"])
-    variables = {host: hostvars[host] for host in task_vars["ansible_play_hosts_all"]}
-    results = {host: own.get(volumes, {}) for host, own in variables.items()}
-    hosts = members(Fleet.from_vars(task_vars), variables, results, os.environ)
-    asked, silent = clusters_of(hosts)
-    answers = ask(asked)
-    problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
-    together = {kind: list(chain(*(one.objects.get(kind, ()) for one in answers.values()))) for kind in KINDS}
-    return {
-        "hosts": [host.row() for host in hosts],
-        "graphs": graphs_to_read(hosts, {name: one.objects.get("Service", ()) for name, one in answers.items()}),
-        "problems": [
-            *({"where": f"cluster {cluster}", "what": f"does not answer: {why}"} for cluster, why in problems.items()),
-            *unmeasured(results),
-        ],
-        **cluster_rows(together, usage_of(results.values())),
-    }
+        answers = ask({cluster: partial(connect, host) for cluster, host in asked.items()})
+        problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
+        together = {kind: list(chain(*(one.objects.get(kind, ()) for one in answers.values()))) for kind in KINDS}
+        return {
+            "changed": False,
+            "hosts": [host.row() for host in hosts],
+            "graphs": graphs_to_read(hosts, {name: one.objects.get("Service", ()) for name, one in answers.items()}),
+            "problems": [
+                *(
+                    {"where": f"cluster {cluster}", "what": f"does not answer: {why}"}
+                    for cluster, why in problems.items()
+                ),
+                *unmeasured(results),
+            ],
+            **cluster_rows(together, usage_of(results.values())),
+        }

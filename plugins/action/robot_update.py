@@ -27,11 +27,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
@@ -105,6 +105,8 @@ class ActionModule(ClusterAction):
         try:
             refusal = ledger.refusal(params["failure_budget"], len(self._vars["ansible_play_hosts_all"]))
             outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
+        except ServersAwayError as error:
+            outcome = RobotOutcome(OFFLINE, f"nothing was touched: {error}")
         except NoClusterError as error:
             outcome = RobotOutcome(UNCHANGED if self._task.check_mode else FAILED, f"nothing was touched: {error}")
         except FleetError as error:
@@ -135,7 +137,7 @@ class ActionModule(ClusterAction):
         host = ModuleHost(
             self._reach, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), images, check
         )
-        with Kube(params) as kube, _cancellable():
+        with self.cluster(params, self._vars) as kube, _cancellable():
             engine = Engine(robot, settings, self._world(kube, host))
             outcome = engine.run()
         result["changed"] = any(change.changed for change in engine.changes)

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import ROLLOUT_ARGS, run, settings_from
 
 
@@ -20,6 +19,6 @@ class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = ROLLOUT_ARGS
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        with Kube(params, patience=0) as kube:  # the wait has a patience of its own
+        with self.cluster(params, known, patience=0) as kube:  # the wait has a patience of its own
             settings = settings_from(params, self.say(known))
             return {"changed": False, **run(params, kube, settings, self._task.check_mode)}

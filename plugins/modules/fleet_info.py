@@ -25,8 +25,9 @@ options:
     type: str
     required: true
 notes:
-  - The kubeconfig of a cluster is C(k3s_kubeconfig_path) of its hosts, by default C(<cluster>.yaml) below
-    C(fleet_kubeconfig_dir). With C(K8S_AUTH_HOST) or C(K8S_AUTH_KUBECONFIG) in the environment these say it.
+  - The access to each cluster is fetched from its own server over SSH, unless one is given by C(k3s_kubeconfig_path) of
+    its hosts or, for the cluster C(edge), by C(K8S_AUTH_HOST), C(K8S_AUTH_KUBECONFIG) or C(K8S_AUTH_CONTEXT). A cluster
+    of another fleet is a problem, and nothing of it is shown.
 extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:

@@ -114,7 +114,6 @@ EXAMPLES = r"""
   tasks:
     - name: Take the robot's steps
       rosops.fleet.robot_update:
-        kubeconfig: ~/.kube/config
         on_busy: defer
       become: true
 """

@@ -80,7 +80,7 @@ EXAMPLES = r"""
 - name: Wait for all of it
   rosops.fleet.rollout_ready:
     objects: "{{ robot_objects }}"
-    kubeconfig: ~/.kube/rosops-fleet/edge.yaml
+    kubeconfig: ~/.kube/config
     timeout: 120
 
 - name: Wait for one Deployment and the nodes

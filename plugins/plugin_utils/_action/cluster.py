@@ -1,18 +1,43 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What action plugins on a cluster share: access, check mode without a cluster, the result of writes."""
+"""What action plugins on a cluster share: the access to the right one, check mode without one, the result of writes."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBECONFIG
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import Fetch, Way, first_time, given_way
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC, NoClusterError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.elsewhere import run_on
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import (
+    AUTH_ARG_SPEC,
+    NoClusterError,
+    ServersAwayError,
+    access_from,
+    given_options,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError, Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import (
+    REF,
+    Identity,
+    WrongClusterError,
+    identity_in,
+    to_be_adopted,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import UNNAMED, Home, home_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+
+display = Display()
 
 
 class ClusterAction(FleetAction):
@@ -23,6 +48,11 @@ class ClusterAction(FleetAction):
     """
 
     _requires_connection = False
+    adoption: Identity | None = None  # what the cluster is and does not say yet
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._apis: dict[str, dict[str, str]] = {}
 
     def options(self) -> dict[str, Any]:
         return {**AUTH_ARG_SPEC, **self.ARGUMENTS}
@@ -31,15 +61,81 @@ class ClusterAction(FleetAction):
         # The task's `environment`, which a module would find in its own. This process, too, is of one task alone.
         os.environ.update(self._environment())
         try:
-            return self.work(params, known)
+            result = self.work(params, known)
         except NoClusterError:
             if not self._task.check_mode:
                 raise
             return self.foresee(params, known)
+        return {**result, **({"apis": self._apis} if self._apis else {})}  # which API it was, for the report
 
     def foresee(self, _params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
         """The task's result in check mode, where there is no cluster yet."""
         return {"changed": False, "skipped": True, "msg": "there is no cluster yet"}
+
+    @contextlib.contextmanager
+    def cluster(self, params: Mapping[str, Any], known: dict[str, Any], patience: float = PATIENCE) -> Iterator[Kube]:
+        """The host's cluster, once it is known to be the inventory's; WrongClusterError where it is another one.
+
+        Without a validated fleet there is nothing to compare with: then the options count, as kubernetes.core's do.
+        """
+        home, path = home_from_vars(known), str(self._templar.template(known.get("k3s_kubeconfig_path")) or "")
+        with self.opened(home, path, known, params) if home else Kube(params) as kube:
+            kube.patience = patience
+            yield kube
+
+    def opened(
+        self, home: Home, path: str, known: dict[str, Any], params: Mapping[str, Any], patience: float = PATIENCE
+    ) -> Kube:
+        """An open connection to a cluster of the fleet; `path` is the k3s_kubeconfig_path of its hosts."""
+        way = given_way(params, path, os.environ, home.part.cluster)
+        if way:
+            return self._compared(way, home, patience)
+        fetch = Fetch(Path(C.DEFAULT_LOCAL_TMP), lambda server: self._read(known, server))
+        hostvars = HostVariables(known.get("hostvars") or {})
+        try:
+            return self._compared(fetch.way(home, hostvars, given_options(params)), home, patience)
+        except ApiError as error:
+            if not error.misfit:
+                raise
+        # made anew since it was fetched
+        fetch.forget(home.part.cluster)
+        return self._compared(fetch.way(home, hostvars, given_options(params)), home, patience)
+
+    def _compared(self, way: Way, home: Home, patience: float) -> Kube:
+        """An open connection to a cluster that says to be the host's."""
+        kube = Kube(access_from(way.options, way.environment), patience)
+        try:
+            where = f"{kube.host} (from {way.source})"
+            if not (way.own or home.fleet):
+                raise WrongClusterError(
+                    f"{where} is an access that was given, and the inventory has no fleet_name by which to tell "
+                    "whether it leads to the right cluster. Nothing was read or changed. Set fleet_name for all hosts, "
+                    "and run the stage node of rosops.fleet.site once without this access."
+                )
+            wanted = Identity(home.fleet or UNNAMED, home.part.cluster)
+            if to_be_adopted(identity_in(kube.get(REF)), wanted, way.own, where):
+                self.adoption = wanted
+        except BaseException:
+            kube.close()
+            raise
+        self._apis[home.part.cluster] = {"host": kube.host, "source": way.source}
+        if first_time(Path(C.DEFAULT_LOCAL_TMP), home.part.cluster):
+            display.v(f"cluster {home.part.cluster}: {where}")
+        return kube
+
+    def _read(self, known: Mapping[str, Any], server: str) -> str:
+        """A server's own kubeconfig."""
+        found = run_on(self, known, server, f"cat {KUBECONFIG}")
+        said = f"{found.get('stdout') or ''}{found.get('stderr') or ''}"
+        if found.get("unreachable"):
+            raise ServersAwayError(" ".join(str(found.get("msg") or "unreachable").split()))
+        if "No such file" in said:
+            raise NoClusterError(f"it has no {KUBECONFIG}")
+        _before, begin, rest = said.partition("apiVersion:")  # a shell may say something before
+        if not begin:
+            why = " ".join(f"{found.get('msg') or ''} {said}".split())
+            raise KubeError(f"{KUBECONFIG} cannot be read there: {why[:300]}")
+        return begin + rest
 
     def _environment(self) -> dict[str, str]:
         found: dict[str, Any] = {}

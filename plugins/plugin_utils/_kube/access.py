@@ -9,9 +9,10 @@ limit of time, so that one robot that is off would hold up the run for minutes. 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,11 +34,15 @@ try:
 except ImportError:
     IMPORT_ERROR = traceback.format_exc()
 
-__all__ = ["AUTH_ARG_SPEC", "Access", "NoClusterError", "access_from", "forget_key_files"]
+__all__ = ["AUTH_ARG_SPEC", "Access", "NoClusterError", "ServersAwayError", "access_from", "forget_key_files"]
 
 
 class NoClusterError(KubeError):
-    """There is no kubeconfig where one is looked for: the run that writes it has not been there yet."""
+    """There is no kubeconfig where one is looked for: the run that makes the cluster has not been there yet."""
+
+
+class ServersAwayError(KubeError):
+    """No server of the cluster can be reached over SSH, so there is no access to it."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,8 @@ class Access:
     source: str
 
 
-def access_from(params: Mapping[str, Any]) -> Access:
-    """The access that a task's options, and for those not given the process' environment, describe.
+def access_from(params: Mapping[str, Any], environment: bool = True) -> Access:
+    """The access that a task's options describe, and for those not given, if it counts, the process' environment.
 
     Raises NoClusterError where the kubeconfig is not there, KubeError when the library is missing or no credentials
     can be read.
@@ -61,9 +66,10 @@ def access_from(params: Mapping[str, Any]) -> Access:
             "The Python library kubernetes is missing where this runs (the control node): install it there.",
             exception=IMPORT_ERROR,
         )
-    # An empty option is one that is not given: "{{ path | default('') }}" must not hide the environment's.
-    given = {key: params[key] for key in AUTH_ARG_SPEC if params.get(key) not in (None, "", {}, [])}
-    auth = _create_auth_spec(None, **given)
+    given = given_options(params)
+    with contextlib.nullcontext() if environment else _without_environment():
+        auth = _create_auth_spec(None, **given)
+        own_headers = _create_headers(None, **given)
     _look_for(auth.get("kubeconfig"))
     try:
         configuration = _create_configuration(auth)
@@ -79,19 +85,33 @@ def access_from(params: Mapping[str, Any]) -> Access:
         Configuration.set_default(None)
     headers = [
         (name, value)
-        for name, values in _create_headers(None, **given).items()
+        for name, values in own_headers.items()
         for value in (values if isinstance(values, list) else [values])
     ]
     return Access(configuration, RESTClientObject(configuration).pool_manager, tuple(headers), _source(auth))
+
+
+def given_options(params: Mapping[str, Any]) -> dict[str, Any]:
+    """The access's options that are given. An empty one is not: "{{ path | default('') }}" must hide nothing."""
+    return {key: params[key] for key in AUTH_ARG_SPEC if params.get(key) not in (None, "", {}, [])}
+
+
+@contextlib.contextmanager
+def _without_environment() -> Iterator[None]:
+    """kubernetes.core fills up every option from K8S_AUTH_*, also beside a kubeconfig that is given."""
+    hidden = {name: os.environ.pop(name) for name in list(os.environ) if name.startswith("K8S_AUTH_")}
+    try:
+        yield
+    finally:
+        os.environ.update(hidden)
 
 
 def _look_for(kubeconfig: Any) -> None:
     if not isinstance(kubeconfig, str) or any(Path(one).expanduser().exists() for one in kubeconfig.split(os.pathsep)):
         return
     raise NoClusterError(
-        f"There is no kubeconfig {kubeconfig} on the control node. The stage k3s of rosops.fleet.site writes it "
-        "(without --limit, or with a server of the cluster in it); k3s_kubeconfig_path or fleet_kubeconfig_dir say "
-        "where it is."
+        f"There is no kubeconfig {kubeconfig} on the control node. Without one that is given, a run fetches its access "
+        "from the cluster's own server."
     )
 
 

@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 from urllib.parse import urlencode
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import access_from, forget_key_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Access, access_from, forget_key_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
@@ -61,12 +61,16 @@ JSON, APPLY, MERGE = "application/json", "application/apply-patch+yaml", "applic
 
 
 class ApiError(KubeError):
-    """One request failed. `transient` says that the same request may succeed a moment later."""
+    """One request failed. `transient` says that the same request may succeed a moment later, `misfit` that these
+    credentials are not this API's."""
 
-    def __init__(self, message: str, status: int = 0, transient: bool = False, **details: Any) -> None:
+    def __init__(
+        self, message: str, status: int = 0, transient: bool = False, misfit: bool = False, **details: Any
+    ) -> None:
         super().__init__(message, **details)
         self.status = status
         self.transient = transient
+        self.misfit = misfit or status == 401
 
 
 def broken_off(exc: BaseException) -> bool:
@@ -111,15 +115,15 @@ class Kube:
 
     def __init__(
         self,
-        auth: Mapping[str, Any],
+        auth: Mapping[str, Any] | Access,
         patience: float = PATIENCE,
         now: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """`auth`: kubernetes.core's options; what is missing comes from the K8S_AUTH_* variables."""
-        self._access = access_from(auth)
+        """`auth`: kubernetes.core's options, of which those that are missing come from the K8S_AUTH_* variables."""
+        self._access = auth if isinstance(auth, Access) else access_from(auth)
         self._pool = self._access.pool
-        self._patience, self._now, self._sleep = patience, now, sleep
+        self.patience, self._now, self._sleep = patience, now, sleep
         self._found: dict[tuple[str, str], Resource] = {}
 
     @property
@@ -189,7 +193,9 @@ class Kube:
             else f"Check that its server runs, that it can be reached from here, and the address (from {source})"
         )
         return ApiError(
-            f"The Kubernetes API at {self.host} cannot be reached: {_cause(exc)}. {todo}.", transient=not untrusted
+            f"The Kubernetes API at {self.host} cannot be reached: {_cause(exc)}. {todo}.",
+            transient=not untrusted,
+            misfit=untrusted,
         )
 
     def _refused(self, answer: Any, what: str) -> ApiError:
@@ -217,7 +223,7 @@ class Kube:
             except ApiError as exc:
                 said[str(exc)] += 1
                 spent = self._now() - began
-                if not (exc.transient or exc.status in also) or spent >= self._patience:
+                if not (exc.transient or exc.status in also) or spent >= self.patience:
                     tries = sum(said.values())
                     if tries == 1:
                         raise
@@ -226,7 +232,7 @@ class Kube:
                         f"; before: {other[-1]}" if other else "."
                     )
                     raise ApiError(text, exc.status, exc.transient) from exc
-                self._sleep(min(pause, self._patience - spent))
+                self._sleep(min(pause, self.patience - spent))
                 pause = min(pause * 2, LONGEST_PAUSE)
 
     def _read(self, method: str, path: str, query: Mapping[str, Any], *body: Any) -> bytes:

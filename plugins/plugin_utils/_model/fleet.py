@@ -17,15 +17,20 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
 
 VARIABLE = "fleet"
+UNNAMED = "fleet"  # the name of a fleet whose inventory says no `fleet_name`
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """Robots and hosts by their inventory names; `edge_nodes` are the edge hosts' names in their cluster."""
+    """Robots and hosts by their inventory names; `edge_nodes` are the edge hosts' names in their cluster.
+
+    `name` is the variable `fleet_name`, empty where the inventory does not say it.
+    """
 
     robots: Mapping[str, Robot]
     hosts: Mapping[str, Host]
     edge_nodes: tuple[str, ...]
+    name: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """The fleet in mappings, lists and scalars."""
@@ -33,6 +38,7 @@ class Fleet:
             "robots": {name: robot.as_dict() for name, robot in self.robots.items()},
             "hosts": {name: {**asdict(host), "servers": list(host.servers)} for name, host in self.hosts.items()},
             "edge_nodes": list(self.edge_nodes),
+            "name": self.name,
         }
 
     @classmethod
@@ -41,9 +47,26 @@ class Fleet:
         found = _found(task_vars)
         return cls(
             {name: Robot.from_dict(robot) for name, robot in found["robots"].items()},
-            {name: Host(**{**host, "servers": tuple(host["servers"])}) for name, host in found["hosts"].items()},
+            {name: _host(host) for name, host in found["hosts"].items()},
             tuple(found["edge_nodes"]),
+            str(found["name"]),
         )
+
+
+@dataclass(frozen=True)
+class Home:
+    """The cluster that a host belongs to: the host's part in it, and the name of the fleet whose it is."""
+
+    part: Host
+    fleet: str
+
+
+def home_from_vars(task_vars: Mapping[str, Any]) -> Home | None:
+    """Where the host of an action plugin's task belongs; None where no fleet was validated, or not with this host."""
+    found = task_vars.get(VARIABLE)
+    hosts = found.get("hosts") if isinstance(found, Mapping) else None
+    host = (hosts or {}).get(str(task_vars.get("inventory_hostname")))
+    return Home(_host(host), str(found["name"])) if isinstance(found, Mapping) and host else None
 
 
 def robot_from_vars(task_vars: Mapping[str, Any] | None) -> Robot:
@@ -62,3 +85,7 @@ def _found(task_vars: Mapping[str, Any] | None) -> Mapping[str, Any]:
             "import the playbook rosops.fleet.validate before this one"
         )
     return found
+
+
+def _host(found: Mapping[str, Any]) -> Host:
+    return Host(**{**found, "servers": tuple(found["servers"])})

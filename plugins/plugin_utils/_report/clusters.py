@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -35,23 +35,17 @@ class Answer:
     problem: str = ""
 
 
-def connect(kubeconfig: str) -> Kube:
-    return Kube({"kubeconfig": kubeconfig}, patience=0)  # whoever looks wants to see it now, and can look again
-
-
-def ask(
-    kubeconfigs: Mapping[str, str], opened: Callable[[str], Kube] = connect, seconds: float = SECONDS
-) -> dict[str, Answer]:
-    """The answer of each cluster, by its name."""
+def ask(opened: Mapping[str, Callable[[], Kube]], seconds: float = SECONDS) -> dict[str, Answer]:
+    """The answer of each cluster, by its name; `opened` connects to it, or raises one of our errors."""
     answers: dict[str, Answer] = {}
     pool = ThreadPoolExecutor(MOST_AT_ONCE)
     # All are opened before any is closed: the client's temporary files of keys go with the first that is closed.
     with ExitStack() as open_ones:
         running = {}
-        for cluster, kubeconfig in kubeconfigs.items():
+        for cluster, connect in opened.items():
             try:
-                kube = open_ones.enter_context(opened(kubeconfig))
-            except KubeError as error:
+                kube = open_ones.enter_context(connect())
+            except FleetError as error:
                 answers[cluster] = Answer(problem=str(error))
             else:
                 running[cluster] = pool.submit(_read, kube)
@@ -59,7 +53,7 @@ def ask(
         late = Answer(problem=f"no answer within {seconds:.0f} s")
         answers.update((cluster, one.result() if one.done() else late) for cluster, one in running.items())
         pool.shutdown(wait=False, cancel_futures=True)
-    return {cluster: answers[cluster] for cluster in kubeconfigs}
+    return {cluster: answers[cluster] for cluster in opened}
 
 
 def _read(kube: Kube) -> Answer:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, name_of
@@ -23,7 +22,6 @@ Variables = Mapping[str, Any]
 # What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
 TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
 _USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
-KUBECONFIG_DIR = "~/.kube/rosops-fleet"
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,6 @@ class Member:
     name: str
     address: str
     part: Host
-    kubeconfig: str = ""
     robot: Robot | None = None
     away: str | None = None
 
@@ -55,16 +52,13 @@ class Member:
         }
 
 
-def members(
-    fleet: Fleet, variables: Mapping[str, Variables], results: Mapping[str, Variables], environ: Mapping[str, str]
-) -> list[Member]:
+def members(fleet: Fleet, variables: Mapping[str, Variables], results: Mapping[str, Variables]) -> list[Member]:
     """The hosts of a run, those that `variables` has; `results` are theirs of a task that ran on all of them."""
     return [
         Member(
             name,
             str(own.get("ansible_host", name)),
             fleet.hosts[name],
-            kubeconfig_of(own, fleet.hosts[name].cluster, environ),
             fleet.robots.get(name),
             message_of(results[name]) if results.get(name, {}).get("unreachable") else None,
         )
@@ -72,19 +66,8 @@ def members(
     ]
 
 
-def kubeconfig_of(variables: Variables, cluster: str, environ: Mapping[str, str]) -> str:
-    """Where a cluster's kubeconfig lies on the control node. Empty: the environment says how to reach the API."""
-    if environ.get("K8S_AUTH_HOST") or environ.get("K8S_AUTH_KUBECONFIG"):
-        return ""
-    if "k3s_kubeconfig_path" in variables:
-        given = str(variables["k3s_kubeconfig_path"])
-    else:
-        given = f"{variables.get('fleet_kubeconfig_dir', KUBECONFIG_DIR)}/{cluster}.yaml"
-    return str(Path(given).expanduser()) if given else ""
-
-
 def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]]:
-    """The kubeconfig of each cluster that can be asked, and why the others cannot. A server that is off would be
+    """Each cluster that can be asked with a host of it, and why the others cannot. A server that is off would be
     waited for; one that this run does not have may be up."""
     asked: dict[str, str] = {}
     silent: dict[str, str] = {}
@@ -94,7 +77,7 @@ def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]
         if servers and all(server.away is not None for server in servers):
             silent[host.part.cluster] = "its servers are unreachable"
         else:
-            asked.setdefault(host.part.cluster, host.kubeconfig)
+            asked.setdefault(host.part.cluster, host.name)
     return asked, silent
 
 

@@ -59,6 +59,7 @@ def check_fleet(given: Any) -> Report:
     wrong = [problem for name in hosts for problem in schema_problems(hosts[name], schema, f"hosts.{name}")]
     problems += wrong
     problems += _token_problems(groups, modes, hosts)
+    problems += _fleet_name_problems(hosts)
     problems += observability_problems(groups, modes, hosts, wrong)
     edge_count = len(members(groups, "edge"))
     drafts = [draft(robot, hosts.get(robot, {}), wrong) for robot in modes]
@@ -138,8 +139,21 @@ def _token_problems(
                 )
 
 
+def _fleet_name_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
+    """Every cluster carries it, so an inventory has one."""
+    first = next(iter(hosts), "")
+    for host, own in hosts.items():
+        if own.get("fleet_name") != hosts[first].get("fleet_name"):
+            yield Problem(
+                f"hosts.{host}.fleet_name",
+                f"differs from the one of {first}",
+                "one fleet_name for all hosts, in the group_vars of all",
+            )
+
+
 def _fleet(groups: Mapping[str, Any], hosts: Mapping[str, Any], drafts: Sequence[Draft]) -> Fleet:
     robots = {item.robot.name: item.robot for item in drafts}
     nodes = {host: str(item["k3s_node_name"]) for host, item in hosts.items() if item.get("k3s_node_name")}
     topology = fleet_topology(groups, {name: robot.mode for name, robot in robots.items()}, nodes)
-    return Fleet(robots, topology, tuple(topology[host].node for host in members(groups, "edge")))
+    name = next((str(own["fleet_name"]) for own in hosts.values() if own.get("fleet_name")), "")
+    return Fleet(robots, topology, tuple(topology[host].node for host in members(groups, "edge")), name)

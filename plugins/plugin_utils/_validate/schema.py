@@ -65,6 +65,7 @@ COMMAND: Schema = either(
 
 # Variables that are no role's.
 OWN: dict[str, Schema] = {
+    "fleet_name": text("dns-name"),
     "fleet_kubeconfig_dir": text(),
     "robot_mode": {"enum": ["agent", "standalone"]},
 }
@@ -95,9 +96,6 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].depends_on[]": text("app-name"),
     "ros_apps[].update.group": text("app-name"),
     "ros_apps[].update.idle[]": text("graph-name"),
-    "ros_apps[].update.ignore[]": text("graph-pattern"),
-    "ros_apps[].update.renamed": table("graph-name", text("graph-name")),
-    "ros_apps[].update.rates": table("graph-pattern", number(0)),
     "ros_apps[].drain_deadline": whole(0),
     "ros_apps[].termination_grace_period": whole(1),
     "ros_apps[].resources.requests": QUANTITIES,

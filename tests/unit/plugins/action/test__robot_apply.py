@@ -78,10 +78,10 @@ def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
     assert "import the playbook rosops.fleet.validate" in failed["msg"]
 
 
-def test_without_a_cluster_a_run_says_who_makes_the_kubeconfig() -> None:
+def test_a_kubeconfig_that_was_given_and_is_not_there() -> None:
     failed = apply({"kubeconfig": "/nowhere/edge.yaml"}, "apps")
     assert failed["failed"]
-    assert "The stage k3s of rosops.fleet.site writes it" in failed["msg"]
+    assert "There is no kubeconfig /nowhere/edge.yaml" in failed["msg"]
 
 
 def test_a_refusal_names_what_was_written_before(server: Server, api: dict[str, Any]) -> None:

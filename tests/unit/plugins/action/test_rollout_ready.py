@@ -13,7 +13,7 @@ import pytest
 from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import base
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import base, cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings
 
@@ -23,8 +23,9 @@ TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
 class FakeKube:
     given: dict[str, Any]
 
-    def __init__(self, auth: Mapping[str, Any], patience: float) -> None:
-        assert patience == 0
+    patience = 60.0
+
+    def __init__(self, auth: Mapping[str, Any]) -> None:
         type(self).given = {key: auth[key] for key in AUTH_ARG_SPEC if auth.get(key) is not None}
 
     def __enter__(self) -> FakeKube:
@@ -35,7 +36,7 @@ class FakeKube:
 
 
 def action(monkeypatch: pytest.MonkeyPatch, work: Any, args: dict[str, Any], check_mode: bool = False) -> Any:
-    monkeypatch.setattr(rollout_ready, "Kube", FakeKube)
+    monkeypatch.setattr(cluster, "Kube", FakeKube)
     monkeypatch.setattr(rollout_ready, "run", work)
     monkeypatch.setattr(os, "environ", dict(os.environ))
     task = SimpleNamespace(
@@ -58,7 +59,8 @@ def test_success(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr(base.display, "display", said.append)
 
-    def work(params: Any, _kube: Any, settings: Settings, check_mode: bool) -> dict[str, Any]:
+    def work(params: Any, kube: Any, settings: Settings, check_mode: bool) -> dict[str, Any]:
+        assert kube.patience == 0  # the wait has a patience of its own
         settings.say("1 of 1 still open")
         return {
             "objects": [],

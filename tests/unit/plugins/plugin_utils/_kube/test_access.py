@@ -34,6 +34,19 @@ def test_options_come_before_the_environment(
     assert {key: getattr(configuration, key) for key in expected} == expected
 
 
+def test_an_environment_that_does_not_count_adds_nothing(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {
+        "HOST": "https://b", "API_KEY": "b", "CONTEXT": "away", "VERIFY_SSL": "False", "IMPERSONATE_GROUPS": "a",
+    }.items():  # fmt: skip
+        monkeypatch.setenv(f"K8S_AUTH_{name}", value)
+    access = access_from({"kubeconfig": kubeconfig(server.url)}, environment=False)
+    assert (access.configuration.host, access.configuration.verify_ssl, access.headers) == (server.url, True, ())
+    with Kube(access) as kube:
+        kube.nodes()
+    assert server.seen()[2]["authorization"] == "Bearer from-file"
+    assert access_from({}).configuration.host == "https://b"  # it is there again
+
+
 def test_groups_to_act_as_come_from_the_environment_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("K8S_AUTH_IMPERSONATE_GROUPS", "a,b")
     headers = access_from({**HOST, "impersonate_user": "u"}).headers
@@ -80,8 +93,8 @@ def test_another_context_and_a_host_of_ones_own(server: Server) -> None:
         assert kube.nodes() == []
 
 
-def test_a_kubeconfig_that_is_not_there_says_who_writes_it(tmp_path: Path) -> None:
-    with pytest.raises(NoClusterError, match=r"no kubeconfig .*edge.yaml.*The stage k3s"):
+def test_a_kubeconfig_that_is_not_there_says_that_none_is_needed(tmp_path: Path) -> None:
+    with pytest.raises(NoClusterError, match=r"no kubeconfig .*edge.yaml.*a run fetches its access"):
         Kube({"kubeconfig": str(tmp_path / "edge.yaml")})
 
 

@@ -9,7 +9,12 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import (
+    Fleet,
+    Home,
+    home_from_vars,
+    robot_from_vars,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -18,6 +23,7 @@ FLEET = Fleet(
     {name: robot({"name": "a", "image": "a:1"}, name=name) for name in GROUPS["robots"]},
     fleet_topology(GROUPS, {"r2": "standalone"}, {"e1": "node-1"}),
     ("node-1", "e2"),
+    "production",
 )
 VARIABLES = {"fleet": {**json.loads(json.dumps(FLEET.as_dict())), "changed": False}, "inventory_hostname": "r2"}
 
@@ -27,6 +33,12 @@ def test_it_survives_its_way_through_a_variable() -> None:
     assert VARIABLES["fleet"]["hosts"]["e1"] == {
         "role": "agent", "cluster": "edge", "servers": ["e2"], "init": False, "node": "node-1",
     }  # fmt: skip
+
+
+def test_a_task_finds_where_its_host_belongs() -> None:
+    assert home_from_vars(VARIABLES) == Home(FLEET.hosts["r2"], "production")
+    assert home_from_vars({**VARIABLES, "inventory_hostname": "localhost"}) is None
+    assert home_from_vars({"inventory_hostname": "r2", "fleet": {"failed": True}}) is None
 
 
 def test_a_task_finds_its_robot() -> None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import threading
+from functools import partial
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
@@ -14,14 +15,14 @@ PATIENT = 60.0
 
 
 class Cluster:
-    """An API by its kubeconfig's name: `away` from the start, `half` breaks at the pods."""
+    """An API by its name: `away` from the start, `half` breaks at the pods."""
 
     closed: list[str] = []  # noqa: RUF012 - one list for the clusters of a test
 
-    def __init__(self, kubeconfig: str, before: Any = None) -> None:
-        if kubeconfig == "none":
+    def __init__(self, name: str, before: Any = None) -> None:
+        if name == "none":
             raise KubeError("No usable Kubernetes credentials in none")
-        self.name, self.before = kubeconfig, before
+        self.name, self.before = name, before
         self.asked: list[tuple[str, str]] = []
 
     def __enter__(self) -> Cluster:
@@ -40,14 +41,18 @@ class Cluster:
         return [f"{kind} of {self.name}"]
 
 
+def opened(name: str) -> Any:
+    return Cluster(name)
+
+
 def test_everything_that_is_shown_is_asked_for_once() -> None:
     made: list[Cluster] = []
 
-    def opened(kubeconfig: str) -> Any:
-        made.append(Cluster(kubeconfig))
+    def good() -> Any:
+        made.append(Cluster("good"))
         return made[0]
 
-    answer = ask({"edge": "good"}, opened, PATIENT)["edge"]
+    answer = ask({"edge": good}, PATIENT)["edge"]
     assert answer.problem == ""
     assert answer.objects == {kind: [f"{kind} of good"] for kind in KINDS}
     assert made[0].asked == list(KINDS.items())
@@ -57,7 +62,7 @@ def test_everything_that_is_shown_is_asked_for_once() -> None:
 def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:
     Cluster.closed.clear()
     given = {"a": "none", "b": "away", "c": "half", "d": "good"}
-    answers = ask(given, Cluster, PATIENT)  # type: ignore[arg-type] # stands in for Kube
+    answers = ask({name: partial(opened, api) for name, api in given.items()}, PATIENT)
     assert {name: one.problem for name, one in answers.items()} == {
         "a": "No usable Kubernetes credentials in none",
         "b": "connection refused",
@@ -72,21 +77,21 @@ def test_they_are_asked_side_by_side() -> None:
     Cluster.closed.clear()
     meeting = threading.Barrier(3)  # each waits for the others: one after the other this would never end
 
-    def opened(kubeconfig: str) -> Any:
-        return Cluster(kubeconfig, lambda: meeting.wait(PATIENT))
+    def meets() -> Any:
+        return Cluster("good", lambda: meeting.wait(PATIENT))
 
-    assert not any(one.problem for one in ask({name: name for name in "abc"}, opened, PATIENT).values())
+    assert not any(one.problem for one in ask(dict.fromkeys("abc", meets), PATIENT).values())
 
 
 def test_one_that_never_answers_is_given_up() -> None:
     Cluster.closed.clear()
     end = threading.Event()
 
-    def opened(kubeconfig: str) -> Any:
-        return Cluster(kubeconfig, lambda: kubeconfig == "slow" and end.wait(PATIENT))
+    def slow() -> Any:
+        return Cluster("slow", lambda: end.wait(PATIENT))
 
     try:
-        answers = ask({"a": "slow", "b": "good"}, opened, 0.2)
+        answers = ask({"a": slow, "b": partial(opened, "good")}, 0.2)
     finally:
         end.set()
     assert (answers["a"].objects, answers["a"].problem) == ({}, "no answer within 0 s")

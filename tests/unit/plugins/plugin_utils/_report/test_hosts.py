@@ -6,13 +6,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
     Member,
     clusters_of,
     graphs_to_read,
-    kubeconfig_of,
     members,
     unmeasured,
     usage_of,
@@ -34,7 +32,7 @@ def found(
 ) -> list[Member]:
     hostvars = {name: {**own, **(every or {}), **more.get(name, {})} for name, own in VARIABLES.items()}
     run = {name: hostvars[name] for name in names or hostvars}
-    return members(fleet(GROUPS, hostvars), run, dict.fromkeys(off, OFF), {})
+    return members(fleet(GROUPS, hostvars), run, dict.fromkeys(off, OFF))
 
 
 def service(namespace: str, address: str, name: str = "ros-master") -> dict[str, Any]:
@@ -63,28 +61,9 @@ def test_rows_of_hosts() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("variables", "environ", "path"),
-    [
-        ({}, {}, "/home/me/.kube/rosops-fleet/edge.yaml"),
-        ({"fleet_kubeconfig_dir": "/srv/kube"}, {}, "/srv/kube/edge.yaml"),
-        ({"fleet_kubeconfig_dir": "/srv/kube", "k3s_kubeconfig_path": "~/k.yaml"}, {}, "/home/me/k.yaml"),
-        ({"k3s_kubeconfig_path": ""}, {}, ""),
-        ({"fleet_kubeconfig_dir": "/srv/kube"}, {"K8S_AUTH_HOST": "https://edge1:6443"}, ""),
-        ({"fleet_kubeconfig_dir": "/srv/kube"}, {"K8S_AUTH_KUBECONFIG": "/k"}, ""),
-        ({"fleet_kubeconfig_dir": "/srv/kube"}, {"K8S_AUTH_HOST": ""}, "/srv/kube/edge.yaml"),
-    ],
-)
-def test_where_a_kubeconfig_lies(
-    variables: dict[str, str], environ: dict[str, str], path: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("HOME", "/home/me")
-    assert kubeconfig_of(variables, "edge", environ) == path
-
-
-def test_each_cluster_is_asked_with_its_own_kubeconfig() -> None:
-    asked, silent = clusters_of(found(every={"fleet_kubeconfig_dir": "/k"}))
-    assert (asked, silent) == ({"edge": "/k/edge.yaml", "lone": "/k/lone.yaml"}, {})
+def test_each_cluster_is_asked_with_one_of_its_hosts() -> None:
+    asked, silent = clusters_of(found())
+    assert (asked, silent) == ({"edge": "edge1", "lone": "lone"}, {})
 
 
 def test_a_cluster_whose_servers_are_off_is_not_waited_for() -> None:

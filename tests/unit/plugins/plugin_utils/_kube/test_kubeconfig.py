@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.kubeconfig import is_made_from, keep, local_kubeconfig
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
+    is_foreign,
+    is_made_from,
+    keep,
+    local_kubeconfig,
+    url_at,
+)
 
 SUM = "b" * 64
 ADMIN = """apiVersion: v1
@@ -37,6 +43,18 @@ def test_the_kubeconfig_names_the_cluster_and_says_what_it_was_made_from() -> No
     assert config["users"][0]["user"]["client-key-data"] == "S0VZ"
 
 
+def test_one_that_the_role_wrote_is_not_somebody_elses(tmp_path: Path) -> None:
+    path = tmp_path / "edge.yaml"
+    path.write_text(local_kubeconfig(ADMIN, "https://10.0.0.1:6443", "edge", SUM))
+    assert not is_foreign(str(path))
+    assert not is_foreign(str(tmp_path / "none"))
+
+
+def test_the_port_is_the_servers_own() -> None:
+    assert url_at(ADMIN, "[2001:db8::1]") == "https://[2001:db8::1]:6443"
+    assert url_at(ADMIN.replace(":6443", ""), "edge1") == "https://edge1:443"
+
+
 @pytest.mark.parametrize("text", ["", "[]", "clusters: []\nusers: []\n"])
 def test_what_is_no_kubeconfig(text: str) -> None:
     with pytest.raises(SpecError, match="no kubeconfig"):
@@ -53,6 +71,7 @@ def test_it_is_kept_for_its_owner_only_and_written_once(tmp_path: Path) -> None:
     assert is_made_from(str(path), "# head")
     assert not is_made_from(str(path), "# hea")
     assert not is_made_from(str(tmp_path / "none"), "# head")
+    assert is_foreign(str(path))
     path.chmod(0o644)
     assert keep(str(path), "# head\na: 1\n")
 

@@ -1,29 +1,28 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The kubeconfig of a cluster on the control node, made from the first server's."""
+"""The kubeconfig of a cluster on the control node, made from one of its servers'."""
 
 from __future__ import annotations
 
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 
+HEAD = "# rosops.fleet: "
 
-def local_kubeconfig(text: str, server: str, cluster: str, source: str) -> str:
+
+def local_kubeconfig(text: str, server: str, cluster: str, source: str = "") -> str:
     """k3s's kubeconfig for use elsewhere: the server's real address, everything named after the cluster.
 
     The first line says what it was made from, so that a look at it tells whether it must be made again.
     """
-    document = yaml.safe_load(text)
-    try:
-        inner = document["clusters"][0]["cluster"]
-        user = document["users"][0]["user"]
-    except (TypeError, KeyError, IndexError) as error:
-        raise SpecError("the server's k3s.yaml is no kubeconfig") from error
+    inner, user = _parts(text)
     config = {
         "apiVersion": "v1",
         "kind": "Config",
@@ -35,18 +34,42 @@ def local_kubeconfig(text: str, server: str, cluster: str, source: str) -> str:
     return f"{kubeconfig_head(source, server, cluster)}\n{yaml.safe_dump(config, sort_keys=True)}"
 
 
+def url_at(text: str, host: str) -> str:
+    """The URL of a kubeconfig's server, which is the loopback's there, at its real address."""
+    url = urlsplit(str(_parts(text)[0].get("server")))
+    return f"{url.scheme}://{host}:{url.port or 443}"
+
+
+def _parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The first cluster and the first user."""
+    try:
+        document = yaml.safe_load(text)
+        return dict(document["clusters"][0]["cluster"]), dict(document["users"][0]["user"])
+    except (yaml.YAMLError, TypeError, KeyError, IndexError, ValueError) as error:
+        raise SpecError("the server's k3s.yaml is no kubeconfig") from error
+
+
 def kubeconfig_head(source: str, server: str, cluster: str) -> str:
     """The first line; `source` is the SHA-256 of the server's k3s.yaml."""
-    return f"# rosops.fleet: {cluster} at {server}, from k3s.yaml sha256:{source}"
+    return f"{HEAD}{cluster} at {server}, from k3s.yaml sha256:{source}"
 
 
 def is_made_from(path: str, head: str) -> bool:
     """Whether the file is there and its first line is `head`."""
+    return _first_line(path) == head
+
+
+def is_foreign(path: str) -> bool:
+    """Whether the file is there and somebody else's: it is used, and not written over."""
+    return not (_first_line(path) or HEAD).startswith(HEAD)
+
+
+def _first_line(path: str) -> str:
     try:
         with Path(path).open(encoding="utf-8") as file:
-            return file.readline().rstrip("\n") == head
+            return file.readline().rstrip("\n")
     except OSError:
-        return False
+        return ""
 
 
 def keep(path: str, text: str, check: bool = False) -> bool:

@@ -1,0 +1,47 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A command on another host than the task's, as `delegate_to` has it: its own connection, also outside of --limit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ansible.executor.task_executor import TaskExecutor
+from ansible.playbook.task import Task
+
+
+def run_on(plugin: Any, known: Mapping[str, Any], host: str, command: str) -> dict[str, Any]:
+    """Run a command as root on a host; the result of ansible.builtin.raw, or one that says `unreachable`.
+
+    Neither the command's output nor its failure is shown, at no verbosity. Ansible's own executor does it: whatever an
+    inventory says about connections, keys and privileges holds.
+    """
+    hostvars, own = known["hostvars"], plugin._task
+    manager = hostvars._variable_manager  # the action gets it no other way
+    task = Task.load(
+        {
+            "name": own.get_name(),
+            "ansible.builtin.raw": command,
+            "delegate_to": host,
+            "become": True,
+            "no_log": True,
+            "check_mode": False,
+        },
+        block=own._parent,
+        variable_manager=manager,
+        loader=plugin._loader,
+    )
+    executor = TaskExecutor(
+        hostvars._inventory.get_host(str(known["inventory_hostname"])),
+        task,
+        dict(known),
+        plugin._play_context.copy(),
+        plugin._loader,
+        plugin._shared_loader_obj,
+        None,  # the queue of retries and of asynchronous tasks, and this is neither
+        manager,
+    )
+    found: dict[str, Any] = executor.run()
+    return found

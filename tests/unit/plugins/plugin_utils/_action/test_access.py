@@ -1,0 +1,190 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The way to a cluster: given, or fetched once from one of its servers."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import (
+    AWAY_SECONDS,
+    Fetch,
+    first_time,
+    given_way,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+
+HOME = Home(Host("agent", "edge", ("edge1", "edge2", "edge3"), False, "robot1"), "production")
+HOSTVARS: dict[str, dict[str, Any]] = {
+    "edge1": {"ansible_host": "10.0.0.1"},
+    "edge2": {"ansible_host": "2001:db8::2"},
+    "edge3": {},
+}
+ADMIN = yaml.safe_dump(
+    {
+        "clusters": [{"name": "default", "cluster": {"server": "https://127.0.0.1:6444"}}],
+        "users": [{"name": "default", "user": {"token": "t"}}],
+    }
+)
+ENVIRONMENT = {"K8S_AUTH_HOST": "https://staging", "K8S_AUTH_API_KEY": "t"}
+
+
+# --- given ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("params", "environ", "source"),
+    [
+        ({"kubeconfig": "/k"}, ENVIRONMENT, "the task's options"),
+        ({"kubeconfig": ""}, ENVIRONMENT, "K8S_AUTH_HOST of the environment"),
+        (
+            {},
+            {"K8S_AUTH_KUBECONFIG": "/k", "K8S_AUTH_CONTEXT": "c"},
+            "K8S_AUTH_KUBECONFIG and K8S_AUTH_CONTEXT of the ",
+        ),
+        ({"context": "c"}, {}, "the task's options"),
+    ],
+)
+def test_what_is_given_for_the_shared_cluster(params: dict[str, Any], environ: dict[str, str], source: str) -> None:
+    way = given_way(params, "", environ, "edge")
+    assert way and way.source.startswith(source)
+    assert (way.environment, way.own) == (True, False)
+
+
+def test_the_environment_holds_one_access_and_a_standalone_robot_has_its_own(tmp_path: Path) -> None:
+    assert given_way({}, "", ENVIRONMENT, "robot2") is None
+    path = tmp_path / "robot2.yaml"
+    assert given_way({}, str(path), ENVIRONMENT, "robot2") is None  # not there: fetched
+    path.touch()
+    way = given_way({}, str(path), ENVIRONMENT, "robot2")
+    assert way and (way.options, way.environment) == ({"kubeconfig": str(path)}, False)
+    way = given_way({"kubeconfig": "/mine"}, "", ENVIRONMENT, "robot2")
+    assert way and way.environment is False
+
+
+def test_what_says_no_api_gives_no_access() -> None:
+    assert given_way({"validate_certs": False}, "", {"K8S_AUTH_API_KEY": "t", "K8S_AUTH_HOST": ""}, "edge") is None
+
+
+# --- fetched --------------------------------------------------------------------------------------------------------
+
+
+class Servers:
+    """The k3s.yaml of each server, or what is raised instead."""
+
+    def __init__(self, **texts: str | FleetError) -> None:
+        self.texts, self.asked, self.serving = texts, list[str](), {"10.0.0.1", "2001:db8::2", "edge3"}
+
+    def read(self, server: str) -> str:
+        self.asked.append(server)
+        found = self.texts.get(server, ADMIN)
+        if isinstance(found, FleetError):
+            raise found
+        return found
+
+    def accepts(self, host: str, port: int) -> bool:
+        assert port == 6444  # as the server's own file says
+        return host in self.serving
+
+
+def server_of(way: Any) -> str:
+    path = Path(way.options["kubeconfig"])
+    assert path.stat().st_mode & 0o777 == 0o600
+    return str(yaml.safe_load(path.read_text())["clusters"][0]["cluster"]["server"])
+
+
+def test_it_is_fetched_from_the_first_server_and_once(tmp_path: Path) -> None:
+    servers = Servers()
+    fetch = Fetch(tmp_path, servers.read, servers.accepts)
+    way = fetch.way(HOME, HOSTVARS, {"validate_certs": True})
+    assert server_of(way) == "https://10.0.0.1:6444"
+    assert (way.own, way.environment, way.options["validate_certs"]) == (True, False, True)
+    again = Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {})
+    assert again.options["kubeconfig"] == way.options["kubeconfig"]
+    assert servers.asked == ["edge1"]
+    fetch.forget("edge")
+    fetch.way(HOME, HOSTVARS, {})
+    assert servers.asked == ["edge1"] * 2
+
+
+def test_a_hundred_agents_at_once_fetch_it_once(tmp_path: Path) -> None:
+    servers, meeting = Servers(), threading.Barrier(100)
+
+    def agent(_number: int) -> Any:
+        meeting.wait(60)
+        return Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {}).options
+
+    with ThreadPoolExecutor(100) as pool:
+        ways = list(pool.map(agent, range(100)))
+    assert servers.asked == ["edge1"]
+    assert all(way == ways[0] for way in ways)
+
+
+def test_any_living_server_will_do(tmp_path: Path) -> None:
+    servers = Servers(edge1=ServersAwayError("no route"))
+    assert (
+        server_of(Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {}))
+        == "https://[2001:db8::2]:6444"
+    )
+
+
+def test_one_whose_k3s_is_down_only_where_there_is_no_other(tmp_path: Path) -> None:
+    servers = Servers(edge3=ServersAwayError("no route"))
+    servers.serving = {"2001:db8::2"}
+    fetch = Fetch(tmp_path, servers.read, servers.accepts)
+    assert server_of(fetch.way(HOME, HOSTVARS, {})) == "https://[2001:db8::2]:6444"
+    servers.serving = set()
+    fetch.forget("edge")
+    assert server_of(fetch.way(HOME, HOSTVARS, {})) == "https://10.0.0.1:6444"  # it may be back in a moment
+
+
+def test_what_stands_in_front_of_the_servers(tmp_path: Path) -> None:
+    hostvars = {host: {**own, "k3s_api_endpoint": "api.example.org"} for host, own in HOSTVARS.items()}
+    way = Fetch(tmp_path, Servers().read, lambda *_: True).way(HOME, hostvars, {})
+    assert server_of(way) == "https://api.example.org:6444"
+
+
+@pytest.mark.parametrize(
+    ("each", "kind", "said"),
+    [
+        (ServersAwayError("no route"), ServersAwayError, "No server of the cluster edge can be reached over SSH"),
+        (NoClusterError("it has no k3s.yaml"), NoClusterError, "There is no cluster edge yet"),
+        (KubeError("sudo: a password is required"), KubeError, "There is no access to the cluster edge: edge1: sudo"),
+    ],
+)
+def test_without_any_server_it_says_what_each_of_them_said(
+    tmp_path: Path, each: FleetError, kind: type[FleetError], said: str
+) -> None:
+    servers = Servers(edge1=each, edge2=each, edge3=each)
+    now = [100.0]
+    fetch = Fetch(tmp_path, servers.read, servers.accepts, lambda: now[0])
+    for _robot in range(3):  # the second and the third of the cluster's robots do not wait for it again
+        with pytest.raises(kind, match=said) as error:
+            fetch.way(HOME, HOSTVARS, {})
+        assert type(error.value) is kind
+        assert all(f"{server}: {each}" in str(error.value) for server in HOME.part.servers)
+    assert servers.asked == ["edge1", "edge2", "edge3"]
+    servers.texts.clear()
+    now[0] += AWAY_SECONDS
+    assert fetch.way(HOME, HOSTVARS, {}).own
+
+
+def test_a_server_that_is_away_is_no_server_without_k3s(tmp_path: Path) -> None:
+    servers = Servers(
+        edge1=ServersAwayError("no route"), edge2=NoClusterError("no k3s"), edge3=NoClusterError("no k3s")
+    )
+    with pytest.raises(KubeError) as error:
+        Fetch(tmp_path, servers.read, servers.accepts).way(HOME, HOSTVARS, {})
+    assert not isinstance(error.value, (NoClusterError, ServersAwayError))
+
+
+def test_which_way_a_run_takes_is_said_once(tmp_path: Path) -> None:
+    assert [first_time(tmp_path, cluster) for cluster in ("edge", "edge", "robot2")] == [True, False, True]

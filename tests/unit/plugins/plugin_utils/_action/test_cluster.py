@@ -1,0 +1,292 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every action on a cluster is on the inventory's, by an access of its own or one that is given."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible_collections.rosops.fleet.plugins.action import (
+    _node_apply,
+    _observability_stack,
+    _robot_apply,
+    _robot_ready,
+    fleet_info,
+    robot_update,
+    rollout_ready,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import conditions, obj
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+IDENTITY = "/api/v1/namespaces/kube-system/configmaps/rosops-fleet"
+GROUPS = {"edge": ["edge1", "edge2", "edge3"], "robots": ["robot1", "robot2"]}
+APP = {"name": "talker", "image": "i:1"}
+PLACE = {"name": "robot1", "placement": "local", "robot": "robot1"}
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    made = Server()
+    made.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
+    made.put("/api/v1/nodes/robot1", obj("Node", "robot1", status={"conditions": conditions(Ready="True")}))
+    yield made
+    made.stop()
+
+
+@pytest.fixture(autouse=True)
+def local_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(os, "environ", {key: value for key, value in os.environ.items() if "K8S_AUTH" not in key})
+    monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
+    return tmp_path
+
+
+def inventory(name: str = "production", own: str = "robot1", **variables: Any) -> dict[str, Any]:
+    """The variables of a task of one of its robots. `robot2` is a cluster of its own."""
+    hostvars = {host: {"ansible_host": "127.0.0.1", "usage": {}} for hosts in GROUPS.values() for host in hosts}
+    hosts = fleet_topology(GROUPS, {"robot2": "standalone"})
+    robots = {one: robot(APP, name=one) for one in GROUPS["robots"]}
+    return {
+        "fleet": Fleet(robots, hosts, tuple(GROUPS["edge"]), name).as_dict(),
+        "hostvars": {host: {**item, **variables} for host, item in hostvars.items()},
+        "inventory_hostname": own,
+        "ansible_play_hosts_all": ["edge1", "robot1"],
+        "ansible_play_batch": ["robot1"],
+        "groups": GROUPS,
+        **variables,
+    }
+
+
+def made_by(server: Server, fleet: str, name: str = "edge") -> None:
+    server.put(IDENTITY, Identity(fleet, name).as_object())
+
+
+def asked(server: Server) -> list[str]:
+    return [server.requests.get()[0] for _request in range(server.requests.qsize())]
+
+
+def serve(monkeypatch: pytest.MonkeyPatch, answer: Callable[[str], dict[str, Any]]) -> list[str]:
+    """What a server says when its kubeconfig is read over SSH; returns the list of the servers that were asked."""
+    servers: list[str] = []
+
+    def run_on(_plugin: Any, _known: Any, host: str, command: str) -> dict[str, Any]:
+        assert command == "cat /etc/rancher/k3s/k3s.yaml"
+        servers.append(host)
+        return answer(host)
+
+    monkeypatch.setattr(cluster, "run_on", run_on)
+    return servers
+
+
+def admin(server: Server, key: str = "t") -> dict[str, Any]:
+    config = {
+        "apiVersion": "v1",
+        "clusters": [{"name": "default", "cluster": {"server": server.url}}],
+        "users": [{"name": "default", "user": {"token": key}}],
+    }
+    return {"stdout": "Welcome to edge1\r\n" + yaml.safe_dump(config).replace("\n", "\r\n"), "rc": 0}
+
+
+# --- another fleet's cluster ----------------------------------------------------------------------------------------
+
+ACTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
+    "node": (_node_apply, PLACE),
+    "namespace": (_robot_apply, {"part": "namespace"}),
+    "storage": (_robot_apply, {"part": "storage", "remove_claims": ["old-logs"], "remove_confirm": True}),
+    "ready": (_robot_ready, {}),
+    "rollout": (rollout_ready, {"objects": [{"kind": "Deployment", "name": "a", "namespace": "b"}]}),
+    "observability": (_observability_stack, {}),
+}
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+@pytest.mark.parametrize(
+    "found", [Identity("staging", "edge"), Identity("production", "robot2"), None], ids=["fleet", "cluster", "none"]
+)
+@pytest.mark.parametrize("way", ["options", "environment", "variable"])
+def test_no_action_touches_or_reads_a_cluster_that_is_not_the_inventorys(
+    server: Server, local_tmp: Path, action: str, found: Identity | None, way: str
+) -> None:
+    if found:
+        made_by(server, found.fleet, found.cluster)
+    known, access = inventory(), {"host": server.url, "api_key": "t"}
+    if way == "environment":
+        os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
+    if way == "variable":
+        (local_tmp / "mine.yaml").write_text(
+            yaml.safe_dump(yaml.safe_load(admin(server)["stdout"].partition("\r\n")[2]) | MINE)
+        )
+        known["k3s_kubeconfig_path"] = str(local_tmp / "mine.yaml")
+    module, args = ACTIONS[action]
+    result = run(module, {**args, **(access if way == "options" else {})}, known)
+    assert result["failed"]
+    assert "the inventory's is the cluster edge of the fleet production" in result["msg"]
+    assert (str(found) if found else "carries no fleet's identity") in result["msg"]
+    assert (asked(server), server.writes) == ([IDENTITY], [])
+
+
+MINE = {
+    "contexts": [{"name": "c", "context": {"cluster": "default", "user": "default"}}],
+    "current-context": "c",
+}
+
+
+def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server: Server) -> None:
+    made_by(server, "staging")
+    os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
+    outcome = run(robot_update, {}, inventory())["ansible_facts"]["fleet_outcome"]
+    assert outcome["outcome"] == "failed"
+    assert "nothing was touched: " in outcome["reason"]
+    assert (
+        "the cluster edge of the fleet staging; the inventory's is the cluster edge of the fleet production"
+        in (outcome["reason"])
+    )
+    found = run(fleet_info, {"volumes": "usage"}, inventory())
+    assert [one["where"] for one in found["problems"]] == ["cluster edge"]
+    assert "the fleet staging" in found["problems"][0]["what"]
+    assert (found["nodes"], server.writes) == ([], [])
+
+
+def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
+    made_by(server, "fleet")
+    result = run(_robot_apply, {"host": server.url, "api_key": "t", "part": "namespace"}, inventory(name=""))
+    assert result["failed"]
+    assert "Set fleet_name for all hosts" in result["msg"]
+
+
+# --- its own --------------------------------------------------------------------------------------------------------
+
+
+def test_the_right_one_by_a_given_access(server: Server) -> None:
+    made_by(server, "production")
+    os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
+    result = run(_robot_apply, {"part": "namespace"}, inventory())
+    assert result["changed"]
+    assert result["apis"] == {"edge": {"host": server.url, "source": "K8S_AUTH_HOST of the environment"}}
+    assert asked(server)[0] == IDENTITY
+
+
+def test_access_is_fetched_from_the_clusters_own_server_and_the_environment_adds_nothing(
+    server: Server, local_tmp: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made_by(server, "production")
+    os.environ.update(K8S_AUTH_API_KEY="left in a shell", K8S_AUTH_VERIFY_SSL="False")
+    servers = serve(monkeypatch, lambda _host: admin(server))
+    for part in ("namespace", "storage"):
+        result = run(_robot_apply, {"part": part}, inventory())
+        assert result["apis"] == {"edge": {"host": server.url, "source": "the cluster's own server"}}
+    assert servers == ["edge1"]
+    assert {headers["authorization"] for _path, _query, headers in list(server.requests.queue)} == {"Bearer t"}
+    assert (local_tmp / "rosops-fleet-edge.yaml").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_standalone_robot_is_reached_by_its_own_access_whatever_the_environment_says(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hub = Server()
+    try:
+        os.environ.update(K8S_AUTH_HOST=hub.url, K8S_AUTH_API_KEY="t")
+        servers = serve(monkeypatch, lambda _host: admin(server))
+        assert run(_robot_apply, {"part": "namespace"}, inventory(own="robot2"))["changed"]
+        assert servers == ["robot2"]
+        assert (asked(hub), hub.writes) == ([], [])
+    finally:
+        hub.stop()
+
+
+@pytest.mark.parametrize("before", [None, "fleet"])
+def test_the_stage_node_adopts_a_cluster_that_has_no_identity(
+    server: Server, monkeypatch: pytest.MonkeyPatch, before: str | None
+) -> None:
+    if before:
+        made_by(server, before)
+    serve(monkeypatch, lambda _host: admin(server))
+    assert not run(_robot_apply, {"part": "storage"}, inventory()).get("failed")  # and others go on without
+    said: list[str] = []
+    monkeypatch.setattr(_node_apply.ActionModule, "say", lambda *_: said.append)
+    assert run(_node_apply, PLACE, inventory(), check_mode=True)["changed"]
+    assert (server.find(IDENTITY) or {"data": {"fleet": before}})["data"].get("fleet") == before
+    assert run(_node_apply, PLACE, inventory())["changed"]
+    assert server.find(IDENTITY)["data"] == {"fleet": "production", "cluster": "edge"}
+    assert said[-1] == (
+        "the cluster carries no identity of a fleet yet; it becomes the cluster edge of the fleet production"
+    )
+    said.clear()
+    assert not run(_node_apply, PLACE, inventory())["changed"]
+    assert not said
+
+
+def test_a_host_that_another_fleet_has_is_refused_over_ssh_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_by(server, "staging")
+    serve(monkeypatch, lambda _host: admin(server))
+    result = run(_node_apply, PLACE, inventory())
+    assert "the fleet staging" in result["msg"]
+    assert "delete the ConfigMap kube-system/rosops-fleet there" in result["msg"]
+    assert not server.writes
+
+
+def test_a_cluster_that_was_made_anew_since_is_asked_again(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_by(server, "production")
+    tokens = iter(["old", "new", "newer"])
+    servers = serve(monkeypatch, lambda _host: admin(server, next(tokens)))
+    server.refusals += [(401, "Unauthorized")]
+    assert run(_robot_apply, {"part": "namespace"}, inventory())["changed"]
+    assert servers == ["edge1", "edge1"]
+    server.refusals += [(401, "Unauthorized")] * 2
+    assert "refuses the credentials" in run(_robot_apply, {"part": "namespace"}, inventory())["msg"]
+    assert len(servers) == 3
+
+
+# --- no access ------------------------------------------------------------------------------------------------------
+
+AWAY = {"unreachable": True, "msg": "Failed to connect to the host via ssh: no route"}
+NOT_YET = {"failed": True, "rc": 1, "stdout": "cat: /etc/rancher/k3s/k3s.yaml: No such file or directory"}
+SECRET = {"failed": True, "rc": 1, "msg": "Missing sudo password"}
+
+
+def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    servers = serve(monkeypatch, lambda _host: AWAY)
+    for _robot in range(2):
+        outcome = run(robot_update, {}, inventory())["ansible_facts"]["fleet_outcome"]
+        assert outcome["outcome"] == "deferred-offline"
+        assert "No server of the cluster edge can be reached over SSH" in outcome["reason"]
+        assert "no route" in outcome["reason"]
+    assert servers == ["edge1", "edge2", "edge3"]  # not again by the next robot
+
+
+def test_check_mode_foresees_a_cluster_to_come(monkeypatch: pytest.MonkeyPatch) -> None:
+    serve(monkeypatch, lambda _host: NOT_YET)
+    result = run(_robot_apply, {"part": "namespace"}, inventory(), check_mode=True)
+    assert "there is no cluster yet; would create Namespace robot-robot1" in result["msg"]
+    failed = run(_robot_apply, {"part": "namespace"}, inventory())
+    assert "There is no cluster edge yet" in failed["msg"]
+
+
+def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    serve(monkeypatch, lambda _host: SECRET)
+    failed = run(_robot_apply, {"part": "namespace"}, inventory(), check_mode=True)
+    assert failed["failed"]
+    assert "edge1: /etc/rancher/k3s/k3s.yaml cannot be read there: Missing sudo password" in failed["msg"]
+
+
+def test_status_asks_each_cluster_by_its_own_access(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_by(server, "production")
+
+    servers = serve(monkeypatch, lambda host: admin(server) if host == "edge1" else NOT_YET)
+    known = {**inventory(), "ansible_play_hosts_all": ["robot1", "robot2"]}
+    found = run(fleet_info, {"volumes": "usage"}, known)
+    assert servers == ["edge1", "robot2"]
+    assert [row["name"] for row in found["nodes"]] == ["robot1"]
+    assert [one["where"] for one in found["problems"]] == ["cluster robot2"]
+    assert "There is no cluster robot2 yet" in found["problems"][0]["what"]
