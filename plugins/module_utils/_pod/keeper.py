@@ -1,7 +1,11 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The keeper at work: look at the master again and again, do what its memory says."""
+"""The keeper at work: look at the master again and again, do what its memory says.
+
+It is ready once it has read all that there is, or has it from before: until then a master that is replaced would lose
+what nobody else knows.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +43,7 @@ class Keeper:
         self.saved: Any = None
         self.params: str = str(record.load("parameters") or "")
         self.params_at = 0.0
+        self.complete = bool(self.memory.master and self.params)
         self.away = ""
         self.state: MasterState | None = None
         self.present: dict[str, Entry] = {}
@@ -57,7 +62,18 @@ class Keeper:
             self.state = None
             return AWAY
         self._save()
+        self.complete = bool(self.params)
         return LOOK
+
+    def take_back(self, nodes: Iterable[str]) -> None:
+        """Point the services of these nodes to them again, where they live: whoever has them now is about to go."""
+        wanted = {node: self.memory.nodes[node] for node in nodes if node in self.memory.nodes}
+        present = self.ros.snapshot() if wanted else {}
+        need = registrations.missing(wanted, present, take_services=True)
+        if need:
+            calls = registrations.restore(need, present, self.ros.ask(need, ASK)).calls
+            self.ros.apply(calls)
+            self.log(f"gave back {in_words(calls)}")
 
     # ---- the look
 
@@ -178,10 +194,10 @@ class Keeper:
     # ---- parameters and the record
 
     def _read_params(self, now: float) -> None:
-        self.params_at = now
         tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
         if isinstance(tree, RosError):
             return
+        self.params_at = now
         text = keeper_memory.parameters_text(tree)
         if text != self.params:
             self.params = text

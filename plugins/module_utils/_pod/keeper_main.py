@@ -8,13 +8,18 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 
+from .._common.errors import KubeError
+from .._ros.client import Ros1Client
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
+from .cluster_api import Cluster, in_cluster
 from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
 from .keeper_record import Record
+from .step_watch import Robot, Staying, StepWatch
 
 NAME = "/ros_keeper"
 PORT = 11411
@@ -37,6 +42,15 @@ def options(words: list[str]) -> dict[str, str]:
     return found
 
 
+def found_cluster() -> Cluster | None:
+    """The cluster around us; without one the keeper does all the rest."""
+    try:
+        return in_cluster(os.environ)
+    except KubeError as error:
+        tell(f"no step of an update is taken back from here: {error}")
+        return None
+
+
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
@@ -46,14 +60,20 @@ def main(words: list[str]) -> int:
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
-    if chosen["--goal-forwarding"] == "on":
-        goals = GoalForwarding(ros, slave, lambda content: record.save("goals", content), tell)
-        offer(goals, slave)
-        goals.resume(record.load("goals") or [])
-    else:
-        offer(SwitchedOff(), slave)
-    slave.start()
     keeper = Keeper(ros, record, tell)
+    slave.ready_when(lambda: keeper.complete)
+    cluster = found_cluster()
+    calls: GoalForwarding | SwitchedOff = SwitchedOff()
+    if chosen["--goal-forwarding"] == "on":
+        stays = Staying(cluster) if cluster else lambda _action, _server: True
+        calls = GoalForwarding(ros, slave, lambda content: record.save("goals", content), tell, stays)
+    offer(calls, slave)
+    calls.resume(record.load("goals") or [])
+    slave.start()
+    if cluster:
+        robot = Robot(calls.hold, calls.release, keeper.take_back)
+        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, tell)
+        threading.Thread(target=watch.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
     while signal.sigtimedwait(ENDING, pause) is None:

@@ -23,6 +23,7 @@ COMMANDS = {
     "keeper": "_pod.keeper_main",
     "exporter": "_exporter.main",
 }
+LONG_LIVED = ("keeper", "exporter")
 ROOT = "rosops_fleet"
 
 
@@ -57,7 +58,8 @@ def main(words: list[str]) -> int:
     if words[1] == "exporter":
         # its container has no place to write to
         sys.dont_write_bytecode = True
-        # ROS 1 knows no TLS. Without this, http.client would load OpenSSL, 4 MB that are never used.
+    if words[1] in LONG_LIVED:
+        # ROS 1 knows no TLS. Without this, http.client would load OpenSSL, 4 MB, whether somebody uses it or not.
         modules: dict[str, object] = sys.modules  # type: ignore[assignment]
         modules["ssl"] = None
     module = importlib.import_module(f"{ROOT}.{COMMANDS[words[1]]}")

@@ -31,8 +31,8 @@ class _Handler(SimpleXMLRPCRequestHandler):
     timeout = 30
 
     def do_GET(self) -> None:  # noqa: N802 - http.server's name
-        good = self.path == READY_PATH
-        self.send_response(200 if good else 404)
+        server: Any = self.server
+        self.send_response(404 if self.path != READY_PATH else 200 if server.ready() else 503)
         self.send_header("Content-Length", "0")
         self.end_headers()
 
@@ -45,6 +45,7 @@ class _Server(socketserver.ThreadingMixIn, SimpleXMLRPCServer):
     block_on_close = False
     request_queue_size = 64
     allow_reuse_address = True
+    ready: Callable[[], bool] = staticmethod(lambda: True)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A client that hung up is not our error."""
@@ -136,6 +137,10 @@ class Slave:
         """Answer these XML-RPC methods, too; before start()."""
         for method, function in methods.items():
             self.server.register_function(function, method)
+
+    def ready_when(self, true: Callable[[], bool]) -> None:
+        """What its answer to the readiness probe depends on; without it, on nothing but its being there."""
+        self.server.ready = true
 
     def start(self) -> None:
         threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": POLL}, daemon=True).start()

@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
     workload,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
+    FOR_EVER,
     code_command,
     code_mount,
     code_volume,
@@ -64,6 +65,7 @@ def _container(robot: Robot) -> Object:
         "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
         "resources": RESOURCES,
         "volumeMounts": [code_mount(), mount(RECORD_VOLUME, RECORD_DIR)],
-        "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": 60},
+        # until it has read the whole graph, for which its master has to be there
+        "startupProbe": {**probe, "periodSeconds": 1, "failureThreshold": FOR_EVER},
         "readinessProbe": {**probe, "periodSeconds": 10, "failureThreshold": 3},
     }

@@ -290,7 +290,8 @@ def kept(deployment: Object) -> dict[str, Any]:
         own = {"name", "namespace", "labels", "annotations"}
         metadata = {key: value for key, value in deployment["metadata"].items() if key in own}
         part = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": deployment["spec"]}
-    annotations = {key: text for key, text in _annotations(part).items() if key != names.ANNOTATION_UPDATING}
+    passing = (names.ANNOTATION_UPDATING, names.ANNOTATION_WENT_BACK)  # of this time, not of the next
+    annotations = {key: text for key, text in _annotations(part).items() if key not in passing}
     return {**part, "metadata": {**part["metadata"], "annotations": annotations}}
 
 

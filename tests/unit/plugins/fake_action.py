@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import threading
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.actionlib import STATUS_TYPE, cancel_id, goal_id
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Publication, Slave
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import tell_publishers
@@ -161,8 +163,9 @@ class FakeServer(Slave):
         for uri in uris:
             if (topic, uri) not in self.streams:
                 stream = TopicStream(self.name, topic, uri, self._goal if topic.endswith("goal") else self._cancel)
-                stream.connect(2.0)
-                self.streams[topic, uri] = stream
+                with contextlib.suppress(RosError):  # a publisher that has just left says so
+                    stream.connect(2.0)
+                    self.streams[topic, uri] = stream
         return [1, "", 0]
 
     def _goal(self, body: bytes) -> None:

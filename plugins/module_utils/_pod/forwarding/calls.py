@@ -44,6 +44,9 @@ def offer(calls: GoalCalls, slave: Slave) -> None:
 class SwitchedOff:
     """It holds nothing and says so: whoever asked goes on without."""
 
+    def resume(self, recorded: Sequence[Mapping[str, Any]]) -> None:
+        """What an earlier one held, with another option, is over."""
+
     def hold(self, action: str, server: str, seconds: float) -> list[Any]:  # noqa: ARG002 - the call's own shape
         return [0, OFF, 0]
 
@@ -55,10 +58,17 @@ class SwitchedOff:
 
 
 class GoalForwarding:
-    """All holds."""
+    """All holds. `stays` says of an action's server whether it will stay: only then it gets what is held."""
 
-    def __init__(self, ros: Registrar, slave: Slave, save: Callable[[Any], None], log: Callable[[str], None]) -> None:
-        self.ros, self.slave, self.log = ros, slave, log
+    def __init__(
+        self,
+        ros: Registrar,
+        slave: Slave,
+        save: Callable[[Any], None],
+        log: Callable[[str], None],
+        stays: Callable[[str, str], bool],
+    ) -> None:
+        self.ros, self.slave, self.log, self.stays = ros, slave, log, stays
         self.name, self.write = slave.name, save
         self.forwarders: dict[str, Forwarder] = {}
         self.lock = threading.RLock()

@@ -32,6 +32,7 @@ from .rules import Goal, Hold, Order, Sight
 
 TICK = 0.05
 LOOK = 0.1  # between looks at the master while goals are held
+TRIAL = 0.3  # between looks whether a server's version is still on trial
 CONNECT = 2.0
 AGAIN = 0.3  # between attempts to connect to the same publisher
 AWAY = 1.0  # before the next look at a master that does not answer
@@ -55,6 +56,8 @@ class Owner(Protocol):
 
     def save(self) -> None: ...
 
+    def stays(self, action: str, server: str, /) -> bool: ...
+
     def ended(self, forwarder: Forwarder) -> None: ...
 
 
@@ -74,7 +77,8 @@ class Forwarder(threading.Thread):
         self.scene: Participants | None = None
         self.advertised = False
         self.over = self.dirty = False
-        self.introduced = 0.0
+        self.introduced = self.asked = 0.0
+        self.stayer = ""  # the address of the server that stays
         self.senders: frozenset[str] = frozenset()  # clients that the server of now is connected to
 
     def log(self, text: str) -> None:
@@ -180,14 +184,20 @@ class Forwarder(threading.Thread):
                 edges = connections(api.call("getBusInfo"))
         except Exception as error:
             self.log(f"{name} does not say whom it is connected to: {reason(error, server, CONNECT)}")
-            return Sight(server, listening)
+            return Sight(server, listening, stays=False)
         out = {(edge.topic, edge.peer) for edge in edges if edge.direction != "i" and edge.connected}
         into = {edge.peer for edge in edges if edge.direction == "i" and edge.topic == f"{action}/goal"}
         living_clients = {client for client, uri in scene.clients.items() if self.is_open((GOALS, uri))}
         ready = all((topic, peer) in out for topic, peers in scene.hears.items() for peer in peers & living_clients)
         ready = ready and not any(role == TAKEN for role, _uri in self.pending)
         direct = all(scene.clients[client] in into for client in living_clients)
-        return Sight(server, listening, ready, direct, frozenset(into))
+        return Sight(server, listening, ready, direct, frozenset(into), self._stays(name, server))
+
+    def _stays(self, name: str, uri: str) -> bool:
+        if uri != self.stayer and time.monotonic() - self.asked >= TRIAL:
+            self.asked = time.monotonic()
+            self.stayer = uri if self.keeper.stays(self.hold.action, name) else self.stayer
+        return uri == self.stayer
 
     def _advertise(self) -> None:
         """Let the server come: it hears of us through the master, as of any client."""

@@ -4,9 +4,9 @@
 """What becomes of an action's goals while its server is replaced. Pure: what happens is told to it, with the time.
 
 From the hold on, every goal is seen here. One that a server lists in its status is that server's. The others are kept
-until a server is up that was not the one at the beginning, and forwarded to it in their order. actionlib's servers
-ignore a goal whose id they list already, so forwarding to one that got the goal directly a moment ago does no harm; it
-is avoided all the same.
+until a server is up that was not the one at the beginning, and will stay; then forwarded to it in their order.
+actionlib's servers ignore a goal whose id they list already, so forwarding to one that got the goal directly a moment
+ago does no harm; it is avoided all the same.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ class Sight:
     clients_ready: bool = False  # every client hears its results
     direct: bool = False  # it is connected to every client itself
     senders: frozenset[str] = frozenset()  # addresses of the clients that it is connected to itself
+    stays: bool = True  # its version is not on trial any more: goals that it gets are not taken away with it
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ class Hold:
             self.server, self.since = sight.server, now
         if not self.server:
             return self._without(now)
-        ready = sight.clients_ready or now - self.since > PATIENCE
+        ready = (sight.clients_ready or now - self.since > PATIENCE) and (sight.stays or now > self.until)
         if not (self.statuses and ready):
             return [Order(ADVERTISE)] if self.goals else []
         todo: list[Order] = []

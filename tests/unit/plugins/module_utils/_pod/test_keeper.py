@@ -144,6 +144,50 @@ def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> Non
     assert bench.said == []
 
 
+def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench) -> None:
+    """A master may be replaced as soon as its keeper is ready: nobody else knows the parameters then."""
+    answer = bench.ros._answer
+    bench.ros.up = False
+    bench.step()
+    assert not bench.keeper.complete  # it has seen nothing yet
+    bench.ros.up = True
+    lost = RosError("the parameters did not come")
+    bench.ros._answer = lambda method, *more: lost if more == ("/",) else answer(method, *more)  # type: ignore[method-assign]
+    bench.step()
+    assert not bench.keeper.complete
+    bench.ros._answer = answer  # type: ignore[method-assign]
+    bench.step()
+    assert bench.keeper.complete
+    bench.ros.up = False
+    bench.step()
+    assert bench.keeper.complete  # what it knows is worth the more
+    again = bench.start()
+    assert again.complete  # the record outlives its container
+    bench.ros.up = True
+    bench.ros.restart()
+    bench.step()
+    assert bench.ros.params["robot"] == {"wheels": 4}
+    assert bench.registered() == {node: entry for node, entry in bench.registered().items() if node in bench.ros.nodes}
+    assert set(bench.registered()) == {"/talker", "/listener"}
+
+
+def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> None:
+    bench.step()
+    canary = Entry("http://c:1/", 9, {}, {}, {"/talker/get": "rosrpc://c:2"})
+    bench.ros.nodes["/canary"] = canary
+    bench.ros.entries["/talker"] = Entry(TALKER.uri, 7, TALKER.publications)
+    bench.ros.entries["/canary"] = canary
+    bench.steps(20.0)
+    assert bench.ros.entries["/canary"].services  # the newer one has it, as the master says
+    bench.keeper.take_back(["/talker", "/nobody"])
+    assert bench.ros.entries["/talker"].services == TALKER.services
+    assert bench.said[-1] == "gave back /talker service /talker/get"
+    said = len(bench.said)
+    bench.keeper.take_back(["/talker"])
+    bench.keeper.take_back([])
+    assert len(bench.said) == said
+
+
 def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Bench) -> None:
     for _look in range(5):
         bench.step()

@@ -77,7 +77,10 @@ def test_another_md5sum_is_refused(slave: Slave) -> None:
 
 def test_its_own_calls_and_the_probe(slave: Slave) -> None:
     assert xmlrpc.client.ServerProxy(slave.uri).twice(21) == 42
-    for path, status in (("/ready", 200), ("/other", 404)):
+    ready = [True]
+    slave.ready_when(lambda: ready[0])
+    for path, status in (("/ready", 200), ("/other", 404), ("/ready", 503)):
+        ready[0] = status == 200
         link = http.client.HTTPConnection("127.0.0.1", slave.server.server_address[1], timeout=2)
         link.request("GET", path)
         assert link.getresponse().status == status

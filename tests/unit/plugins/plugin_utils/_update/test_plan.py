@@ -84,6 +84,18 @@ def test_providers_come_before_their_users_and_the_master_before_all() -> None:
     assert step_names(plan) == [["ros-master"], ["sensor"], ["map"], ["user"]]
 
 
+def test_what_the_keeper_took_back_is_planned_anew() -> None:
+    """It is as if the step had never been; how it came back is no part of the version."""
+    before, after = robot(app("one", "x.org/a:1")), robot(app("one", "x.org/a:2"))
+    live = applied(before)
+    (there,) = [item for item in live.deployments if item["metadata"]["name"] == "one"]
+    there["metadata"]["annotations"][names.ANNOTATION_WENT_BACK] = "{}"
+    (step,) = update_plan(after, live).steps
+    assert (step.apps, step.resume, step.unproven) == (["one"], False, [])
+    assert names.ANNOTATION_WENT_BACK not in step.previous["one"]["metadata"]["annotations"]
+    assert step.previous == update_plan(after, applied(before)).steps[0].previous
+
+
 def test_the_keeper_goes_back_with_its_master() -> None:
     before, after = (robot(app("one"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
     (step,) = update_plan(after, applied(before)).steps

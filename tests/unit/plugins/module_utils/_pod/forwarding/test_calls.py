@@ -60,17 +60,23 @@ class Stage:
         self.nodes: list[Slave] = [self.client, self.server]
         self.said: list[str] = []
         self.record: list[Any] = []
+        self.on_trial = False
+        self.asked: list[tuple[str, str]] = []
         self.keeper = self.start_keeper()
 
     def start_keeper(self) -> GoalForwarding:
         node = Slave(KEEPER, "127.0.0.1", 0, self.master.uri)
         self.nodes.append(node)
         ros = Registrar(self.master.uri, 2.0, KEEPER)
-        made = GoalForwarding(ros, node, self.record.append, self.said.append)
+        made = GoalForwarding(ros, node, self.record.append, self.said.append, self.stays)
         offer(made, node)
         made.resume(self.record[-1] if self.record else [])
         node.start()
         return made
+
+    def stays(self, action: str, server: str) -> bool:
+        self.asked.append((action, server))
+        return not self.on_trial
 
     def replace(self) -> FakeServer:
         """The old server ends, and a new one of its name comes at another address."""
@@ -119,6 +125,24 @@ def test_a_server_is_replaced_and_no_goal_is_lost(stage: Stage) -> None:
     stage.client.send("after")
     until(lambda: new.got == ["one", "two", "after"])
     assert "goals of /work: let go, 2 forwarded" in stage.said
+
+
+def test_a_server_on_trial_gets_no_goal_and_its_successor_gets_them_all(stage: Stage) -> None:
+    """A version that is refused later would take the goals that it got with it."""
+    stage.keeper.hold(ACTION, SERVER, 60.0)
+    stage.client.send("one")
+    until(lambda: stage.held() == ["one"])
+    stage.on_trial = True
+    refused = stage.replace()
+    until(lambda: stage.keeper.state()[2][ACTION]["server"] == refused.uri)
+    asked = len(stage.asked)
+    until(lambda: len(stage.asked) > asked + 1)
+    stage.client.send("two")
+    until(lambda: stage.held() == ["one", "two"])
+    stage.on_trial = False  # so is the one that comes back
+    good = stage.replace()
+    until(lambda: not stage.keeper.state()[2])
+    assert (refused.got, good.got) == ([], ["one", "two"])
 
 
 def test_without_goals_it_never_stands_in_the_graph(stage: Stage) -> None:

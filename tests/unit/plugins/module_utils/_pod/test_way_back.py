@@ -1,0 +1,241 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""When a robot goes back by itself, on a clock that the test turns."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import way_back
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Observed, Step, steps_of, unproven
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import CONTRACT_KEY, HISTORY_KEY
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
+    UPDATING,
+    WENT_BACK,
+    lease,
+    left,
+    live,
+    version,
+)
+
+OLD, NEW = version("camera", 1), version("camera", 2)
+RUN = "host 77"
+
+
+def only(*members: way_back.Unproven) -> Step:
+    return Step(members)
+
+
+def failing(**contract: Any) -> Step:
+    return only(unproven(live(NEW), left(OLD, **contract)))
+
+
+def test_the_words_are_those_of_the_control_node() -> None:
+    assert names.ANNOTATION_UPDATING == way_back.UPDATING
+    assert names.ANNOTATION_WENT_BACK == way_back.WENT_BACK
+    assert names.ANNOTATION_NODE == way_back.NODE
+    assert names.ANNOTATION_HASH == way_back.HASH
+    assert names.KEEPER_NAME == way_back.HOLDER
+    assert {CONTRACT_KEY, HISTORY_KEY} == set(left()["data"])
+
+
+# ---- whether a version is ready
+
+
+@pytest.mark.parametrize(
+    ("status", "ready"),
+    [
+        ({"observedGeneration": 2, "replicas": 1, "updatedReplicas": 1, "readyReplicas": 1}, True),
+        ({"observedGeneration": 1, "replicas": 1, "updatedReplicas": 1, "readyReplicas": 1}, False),  # the one before
+        ({"observedGeneration": 2, "replicas": 2, "updatedReplicas": 1, "readyReplicas": 1}, False),  # overlap: old
+        ({"observedGeneration": 2, "replicas": 2, "updatedReplicas": 1, "readyReplicas": 2}, False),  # old still there
+        ({"observedGeneration": 2, "replicas": 1, "updatedReplicas": 1}, False),
+        ({}, False),
+    ],
+)
+def test_ready_means_all_of_the_present_template(status: dict[str, Any], ready: bool) -> None:
+    assert way_back.rolled_out({**live(NEW), "status": status}) is ready
+
+
+def test_nobody_asked_for_a_pod() -> None:
+    asked = {**live(NEW), "spec": {**NEW["spec"], "replicas": 0}}
+    assert way_back.rolled_out({**asked, "status": {"observedGeneration": 2}})
+
+
+# ---- what is taken back
+
+
+def test_only_what_would_be_better_afterwards() -> None:
+    assert failing().failing
+    assert not only(unproven(live(NEW, ready=True), left(OLD))).failing  # it kept its contract
+    assert not failing(proven=True).failing  # only its mark has to come off
+    assert not only(unproven(live(NEW), left())).failing  # the step made it: no way back
+    assert not only(unproven(live(NEW), None)).failing
+    assert not only(unproven(live(OLD), left(OLD))).failing  # it is the way back itself, cut off
+    assert not only(unproven(live(NEW), left(version("lidar", 1)))).failing  # somebody else's
+
+
+@pytest.mark.parametrize("text", ["", "no JSON", "[]", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])
+def test_a_record_that_somebody_spoilt_is_none(text: str) -> None:
+    found = unproven(live(NEW), {"data": {"history.json": text, "contract.json": text}})
+    assert (found.before, found.apps, found.ready_timeout) == (None, ("camera",), 180.0)
+
+
+def test_a_group_goes_back_together_providers_first() -> None:
+    apps = ["lidar", "camera", "fusion"]
+    camera = unproven(live(NEW, ready=True), left(OLD, apps=apps, ready_timeout=60))
+    lidar = unproven(live(version("lidar", 2)), left(version("lidar", 1), apps=apps, ready_timeout=90))
+    fusion = unproven(live(version("fusion", 2)), left(apps=apps))  # new in this step
+    other = unproven(live(version("other", 2), ready=True), left(version("other", 1)))
+    group, alone = steps_of([camera, lidar, fusion, other], [])
+    assert (group.name, alone.name) == ("lidar, camera, fusion", "other")
+    assert group.failing
+    assert [member.name for member in group.going_back] == ["lidar", "camera"]
+    assert group.ready_timeout == 180.0  # that of the last to be ready
+    assert not alone.failing
+
+
+def test_a_group_of_which_one_is_back_already_goes_on_at_once() -> None:
+    apps = ["camera", "lidar"]
+    back = live(OLD, marked=False, ready=True)
+    back["metadata"]["annotations"][WENT_BACK] = "{}"
+    lidar = unproven(live(version("lidar", 2), ready=True), left(version("lidar", 1), apps=apps))
+    (step,) = steps_of([lidar], [back, lidar.deployment])
+    seen = Observed()
+    seen.lease(None, 0.0)
+    assert seen.due([step]) == [step]
+    marked_again = live(OLD)
+    marked_again["metadata"]["annotations"][WENT_BACK] = "{}"
+    (step,) = steps_of([lidar], [marked_again])
+    assert not step.failing
+
+
+def test_the_keeper_does_not_take_back_itself() -> None:
+    own = version("ros-keeper", 2, node="")
+    master = unproven(live(version("ros-master", 2, node="")), left(version("ros-master", 1, node="")))
+    found = steps_of([unproven(live(own), left(version("ros-keeper", 1, node=""))), master], [])
+    assert [step.name for step in found] == ["ros-master"]
+
+
+# ---- since when
+
+
+class Look:
+    """Looks at one namespace, some seconds apart."""
+
+    def __init__(self) -> None:
+        self.seen, self.at = Observed(), 5000.0
+
+    def __call__(self, found: dict[str, Any] | None, *steps: Step, after: float = 10.0) -> list[Step]:
+        self.at += after
+        self.seen.lease(found, self.at)
+        return self.seen.due(steps) if self.seen.free else []
+
+
+def test_a_run_that_renews_its_lease_is_let_alone_whatever_its_clock_says() -> None:
+    look, step = Look(), failing()
+    for number in range(100):
+        found = lease(RUN, number)
+        found["spec"]["renewTime"] = "1999-01-01T00:00:00.000000Z"
+        assert look(found, step) == []
+        assert not look.seen.free
+
+
+def test_a_lease_that_stands_still_is_over_after_its_own_time() -> None:
+    look, step = Look(), failing(ready_timeout=30)
+    found = lease(RUN)
+    found["spec"]["renewTime"] = "2999-01-01T00:00:00.000000Z"  # a clock that is a day, or a life, ahead
+    free = []
+    for _look in range(6):
+        look(found, step)
+        free.append(look.seen.free)
+    assert free == [False, False, True, True, True, True]  # 0, 10, 20 s
+    assert look(found, step) == [step]
+
+
+@pytest.mark.parametrize("found", [None, lease(""), lease("ros-keeper")])
+def test_a_lease_that_nobody_has_is_free_at_once(found: dict[str, Any] | None) -> None:
+    look = Look()
+    look(found)
+    assert look.seen.free
+
+
+def test_a_version_gets_its_whole_time_from_when_its_run_was_found_gone() -> None:
+    look, step = Look(), failing(ready_timeout=120)
+    waited = [bool(look(lease(""), step)) for _look in range(14)]
+    assert waited == [False] * 12 + [True] * 2
+
+
+def test_a_run_that_comes_back_begins_it_anew() -> None:
+    look, step = Look(), failing(ready_timeout=120)
+    for _look in range(10):
+        look(lease(""), step)
+    look(lease(RUN, 2), step)
+    assert [bool(look(lease("", 3), step)) for _look in range(13)] == [False] * 12 + [True]
+
+
+def test_another_version_has_another_time() -> None:
+    look = Look()
+    for _look in range(13):
+        look(lease(""), failing())
+    newer = only(unproven(live(version("camera", 3), generation=3), left(OLD)))
+    assert look(lease(""), newer, after=100.0) == []
+
+
+def test_an_api_that_is_away_is_weather() -> None:
+    """What cannot be seen does not count: neither the version nor the Lease could show that all is well."""
+    look, step = Look(), failing(ready_timeout=120)
+    for _look in range(6):
+        look(lease(""), step)
+    look.seen.away()
+    assert look(lease(""), step, after=3600.0) == []
+    assert [bool(look(lease(""), step)) for _look in range(7)] == [False] * 6 + [True]
+    other = Look()
+    other(lease(RUN))
+    other.seen.away()
+    other(lease(RUN), after=3600.0)
+    assert not other.seen.free  # that run could not renew it
+
+
+def test_a_keeper_that_is_started_anew_begins_anew() -> None:
+    look, step = Look(), failing(ready_timeout=60)
+    for _look in range(10):
+        look(lease(RUN), step)
+    assert look.seen.free
+    fresh = Look()
+    fresh.at = look.at
+    assert fresh(lease(RUN), step) == []
+    assert not fresh.seen.free
+
+
+# ---- what is written
+
+
+def test_it_applies_the_version_before_as_it_was_and_says_so() -> None:
+    stale = json.loads(json.dumps(OLD))
+    stale["metadata"]["annotations"] |= {UPDATING: "900", WENT_BACK: "{}"}
+    body = way_back.restored(unproven(live(NEW), left(stale)), "not ready 200 s", "2026-01-02T03:04:05.000000Z")
+    told = json.loads(body["metadata"]["annotations"].pop(WENT_BACK))
+    assert body == OLD
+    assert told == {"from": "rev2", "to": "rev1", "at": "2026-01-02T03:04:05.000000Z", "reason": "not ready 200 s"}
+
+
+def test_the_lease_is_written_as_electors_do() -> None:
+    made = way_back.lease_of(None, "robot-r1", "ros-keeper", "T1")
+    assert made["metadata"] == {"name": "robot-update", "namespace": "robot-r1"}
+    assert made["spec"] == {
+        "holderIdentity": "ros-keeper",
+        "leaseDurationSeconds": 15,
+        "renewTime": "T1",
+        "acquireTime": "T1",
+        "leaseTransitions": 0,
+    }
+    taken = way_back.lease_of(lease(RUN, 7), "robot-r1", "ros-keeper", "T2")
+    assert taken["metadata"]["resourceVersion"] == "7"
+    assert (taken["spec"]["acquireTime"], taken["spec"]["leaseTransitions"]) == ("T2", 4)
+    let_go = way_back.lease_of(taken, "robot-r1", "", "T3")
+    assert (let_go["spec"]["holderIdentity"], let_go["spec"]["acquireTime"]) == ("", "T2")
+    assert let_go["spec"]["leaseTransitions"] == 4
