@@ -13,13 +13,16 @@ from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
 from .._common.poll import FAIL, PASS, WAIT
-from .._ros.checks import Check, check_node, check_rate, check_service, count, listed
+from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
 from .._ros.conditions import TopicCondition
-from .._ros.contract import is_tool
+from .._ros.contract import is_tool, least_rate_of
 from .._ros.graph import ANY_TYPE, Graph, MasterState, Node, Questions, Rate, action_of
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
 UNCOUNTED = frozenset({"/rosout"})
+# s for a peer that does not answer (a laptop asleep, a process that hangs) and for one that the version before was not
+# connected to. A peer that is only slow, or has only just come, connects within a fraction of that.
+PATIENCE = 5.0
 
 
 @dataclass(frozen=True)
@@ -40,20 +43,50 @@ def first_questions(state: MasterState, node: str) -> Questions:
     return Questions(nodes, state.of(node, state.services))
 
 
-def missing_subscribers(state: MasterState, graph: Graph, node: str) -> dict[str, list[str]]:
-    """Own topic -> registered subscribers that are no end of it yet. Tools that somebody has open do not count."""
-    found = {}
+@dataclass(frozen=True)
+class Gap:
+    """A connection that both ends are registered for and that is not there."""
+
+    topic: str
+    peer: str
+    role: str  # what the peer is to the topic: "subscriber" or "publisher"
+
+
+def gaps(state: MasterState, graph: Graph, node: str) -> list[Gap]:
+    """What the own node is not connected to yet. Tools that somebody has open do not count.
+
+    A subscription counts when its publisher says so: the subscriber itself says it before any handshake.
+    """
+    found = []
     for topic in state.of(node, state.publishers):
         counted = [name for name in state.subscribers.get(topic, ()) if not is_tool(name)]
         missing = graph.unreached(topic, node, counted)
-        lacking = counted if missing is None else missing
-        if lacking and topic not in UNCOUNTED:
-            found[topic] = lacking
-    return found
+        found += [Gap(topic, name, "subscriber") for name in (counted if missing is None else missing)]
+    for topic in state.of(node, state.subscribers):
+        for name in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
+            if graph.unreached(topic, name, [node]) != [] and not is_tool(name):
+                found.append(Gap(topic, name, "publisher"))
+    return [gap for gap in found if gap.topic not in UNCOUNTED]
 
 
-def judge(graph: Graph, state: MasterState, wanted: Wanted, peers: Mapping[str, Node]) -> list[Check]:
-    """All but rates and md5sums, which are read once all of this passes. `peers`: the missing subscribers, as asked."""
+def forgiven(gap: Gap, graph: Graph, wanted: Wanted, seconds: float) -> str:
+    """Why a connection that has been missing for so long need not be waited for; nothing where it has to be.
+
+    `graph` has the peer as it was asked. A peer that lives and had the version before must have this one, too.
+    """
+    peer = graph.nodes.get(gap.peer, Node(gap.peer))
+    away = left(graph, gap.topic, gap.peer, gap.role)
+    if away and (peer.refused or seconds >= PATIENCE):
+        return away
+    ends = (gap.peer, wanted.node) if gap.role == "publisher" else (wanted.node, gap.peer)
+    edge = [ends[0], gap.topic, ends[1]]
+    if wanted.contract and edge not in wanted.contract["edges"] and seconds >= PATIENCE:
+        return f"{gap.peer} was not connected to the version before, and is not to this one"
+    return ""
+
+
+def judge(graph: Graph, state: MasterState, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Check]:
+    """All but rates and md5sums, which are read once all of this passes. `forgiving`: gaps that count for nothing."""
     own = graph.nodes[wanted.node]
     if not own.reachable:
         return [check_node(graph, wanted.node)]
@@ -61,11 +94,15 @@ def judge(graph: Graph, state: MasterState, wanted: Wanted, peers: Mapping[str, 
     checks += [_offered(own, wanted.contract, state)] if wanted.contract else []
     if own.connections is None:
         checks.append(Check("node", own.name, WAIT, "it does not tell its connections"))
-    for topic, lacking in missing_subscribers(state, graph, own.name).items():
-        checks.append(_reached(topic, lacking, peers, len(state.subscribers[topic])))
+    open_gaps = gaps(state, graph, own.name)
+    for topic in own.publications:
+        lacking = [gap for gap in open_gaps if gap.topic == topic and gap.role == "subscriber"]
+        if lacking:
+            checks.append(_reached(graph, lacking, forgiving, len(state.subscribers[topic])))
     for topic in own.subscriptions:
         if topic not in UNCOUNTED:
-            checks.append(_heard(graph, own, topic, state.publishers.get(topic, ())))
+            lacking = [gap for gap in open_gaps if gap.topic == topic and gap.role == "publisher"]
+            checks.append(_heard(graph, lacking, forgiving, topic))
     checks += [_served(graph, own, name) for name in own.services]
     return [check_node(graph, own.name), *checks]
 
@@ -83,45 +120,42 @@ def _type(own: Node, topic: str, entry: Mapping[str, Any]) -> Check:
 
 def _offered(own: Node, contract: Mapping[str, Any], state: MasterState) -> Check:
     """Everything that the version before had registered."""
-    lacking = [
-        *(f"does not publish {name}" for name in contract["topics"] if name not in own.publications),
-        *(f"does not subscribe to {name}" for name in contract["subscriptions"] if name not in own.subscriptions),
-        *(f"does not offer the service {name}" for name in contract["services"] if name not in own.services),
-        *(
-            f"does not serve the action {name}"
-            for name in contract["actions"]
-            if own.name not in action_of(state, name).servers
-        ),
+    lacking = [f"does not publish {name}" for name in contract["topics"] if name not in own.publications]
+    # without a publisher nobody has a reason to subscribe who takes whatever there is
+    wanted = [name for name in contract["subscriptions"] if name in state.publishers]
+    lacking += [f"does not subscribe to {name}" for name in wanted if name not in own.subscriptions]
+    lacking += [f"does not offer the service {name}" for name in contract["services"] if name not in own.services]
+    lacking += [
+        f"does not serve the action {name}"
+        for name in contract["actions"]
+        if own.name not in action_of(state, name).servers
     ]
     reason = "as the version before: " + "; ".join(lacking) if lacking else "offers what the version before did"
     return Check("node", own.name, WAIT if lacking else PASS, reason)
 
 
-def _reached(topic: str, lacking: list[str], peers: Mapping[str, Node], registered: int) -> Check:
-    """A subscriber whose port refuses is dead; its registration alone must not keep a new version from coming."""
-    waiting = [name for name in lacking if not (name in peers and peers[name].refused)]
+def _reached(graph: Graph, lacking: list[Gap], forgiving: Mapping[Gap, str], registered: int) -> Check:
+    topic, waiting = lacking[0].topic, [gap for gap in lacking if not forgiving.get(gap)]
     if not waiting:
-        return Check("topic", topic, PASS, f"registered, but dead: {listed(lacking)}")
-    told = [name if name not in peers or peers[name].reachable else f"{name} ({peers[name].error})" for name in waiting]
-    reason = f"{registered - len(lacking)} of {count(registered, 'subscriber')} connected: missing {listed(told)}"
+        return Check("topic", topic, PASS, f"passes, though {listed(forgiving[gap] for gap in lacking)}")
+    missing = listed(_told(graph, gap.peer) for gap in waiting)
+    reason = f"{registered - len(lacking)} of {count(registered, 'subscriber')} connected: missing {missing}"
     return Check("topic", topic, WAIT, reason)
 
 
-def _heard(graph: Graph, own: Node, topic: str, publishers: Iterable[str]) -> Check:
-    """A subscription counts when its publishers say so: the subscriber itself says it before any handshake."""
-    missing = []
-    for name in publishers:
-        node = graph.nodes[name]
-        if node.refused or is_tool(name):
-            continue
-        unreached = graph.unreached(topic, name, [own.name])
-        if unreached is None:
-            missing.append(f"{name} ({node.error or 'it does not tell its connections'})")
-        elif unreached:
-            missing.append(name)
-    if missing:
-        return Check("topic", topic, WAIT, f"not connected to its publishers: missing {listed(missing)}")
+def _heard(graph: Graph, lacking: list[Gap], forgiving: Mapping[Gap, str], topic: str) -> Check:
+    waiting = [gap for gap in lacking if not forgiving.get(gap)]
+    if waiting:
+        missing = listed(_told(graph, gap.peer) for gap in waiting)
+        return Check("topic", topic, WAIT, f"not connected to its publishers: missing {missing}")
+    if lacking:
+        return Check("topic", topic, PASS, f"passes, though {listed(forgiving[gap] for gap in lacking)}")
     return Check("topic", topic, PASS, "connected to its publishers")
+
+
+def _told(graph: Graph, name: str) -> str:
+    node = graph.nodes.get(name, Node(name))
+    return f"{name} ({node.error})" if node.asked and not node.reachable else name
 
 
 def _served(graph: Graph, own: Node, name: str) -> Check:
@@ -153,10 +187,10 @@ def least_rates(own: Node, wanted: Wanted) -> dict[str, float]:
     """Own topic -> messages per second that it has to carry; the higher of what is promised and what was recorded."""
     found = {topic: hz for topic, hz in wanted.min_rates.items() if topic in own.publications}
     if wanted.contract:
-        share = 1 - wanted.contract["tolerance"]
         for topic, entry in wanted.contract["topics"].items():
-            if entry.get("rate") and topic in own.publications:
-                found[topic] = max(found.get(topic, 0.0), round(entry["rate"] * share, 3))
+            least = least_rate_of(entry, wanted.contract["tolerance"])
+            if least and topic in own.publications:
+                found[topic] = max(found.get(topic, 0.0), least)
     return found
 
 

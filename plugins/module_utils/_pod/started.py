@@ -21,7 +21,7 @@ from .._ros.checks import Check
 from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions
 from .command import run_command
-from .judge import Wanted, check_rates, check_sums, first_questions, judge, least_rates, missing_subscribers
+from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
 from .own_node import is_here, ros_of, service_uris, state_of
 from .state import load_contract, load_settings, load_state, save_state
 
@@ -83,6 +83,7 @@ class Starting:
         self.settings, self.ros, self.run, self.now = settings, ros, run, now
         self.registered: Any = None
         self.since = 0.0
+        self.missing: dict[Gap, float] = {}  # since when
 
     def __call__(self) -> list[Check]:
         # first the command: what the app registered before it agreed is in the graph that is looked at then
@@ -107,7 +108,8 @@ class Starting:
         own = graph.nodes[node]
         if own.reachable and not is_here(own.uri):
             return [Check("node", node, WAIT, f"registered from {own.uri}, which is not this pod")]
-        checks = judge(graph, state, wanted, self._missing(state, graph, node))
+        graph = self._peers(state, graph, node)
+        checks = judge(graph, state, wanted, self._forgiving(state, graph, wanted))
         checks += self._settled(own) if not (wanted.contract or self.settings["command"]) else []
         if whole and all(check.verdict == PASS for check in checks):
             checks += self._streams(graph, own, wanted)
@@ -115,9 +117,18 @@ class Starting:
                 save_state(node, state_of(own, service_uris(graph.services, own.services)))
         return checks
 
-    def _missing(self, state: MasterState, graph: Graph, node: str) -> Mapping[str, Node]:
-        missing = {name for names in missing_subscribers(state, graph, node).values() for name in names}
-        return self.ros.ask(state, Questions({name: frozenset() for name in missing})).nodes if missing else {}
+    def _peers(self, state: MasterState, graph: Graph, node: str) -> Graph:
+        """The graph with the answers of those that the own node is not connected to."""
+        unasked = {gap.peer for gap in gaps(state, graph, node) if not graph.nodes[gap.peer].asked}
+        if not unasked:
+            return graph
+        answers = self.ros.ask(state, Questions({name: frozenset() for name in unasked})).nodes
+        return replace(graph, nodes={**graph.nodes, **{name: answers[name] for name in unasked}})
+
+    def _forgiving(self, state: MasterState, graph: Graph, wanted: Wanted) -> Mapping[Gap, str]:
+        """The connections that are not there and are not waited for, each with the reason."""
+        self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(state, graph, wanted.node)}
+        return {gap: forgiven(gap, graph, wanted, self.now() - since) for gap, since in self.missing.items()}
 
     def _settled(self, own: Node) -> list[Check]:
         registered = (own.publications, own.subscriptions, own.services)

@@ -44,7 +44,7 @@ def load_settings(environ: Mapping[str, str]) -> dict[str, Any]:
 
 
 def load_contract(environ: Mapping[str, str], directory: str = HERE) -> dict[str, Any] | None:
-    """What this revision owes the graph until it is proven; None where nothing is said of this very revision.
+    """What this revision owes the graph until it is proven; None where that is nothing, or nothing is said of it.
 
     No clock ends it: a version that nobody proved is no better for waiting. Beside what `contract.record` makes of the
     graph it has `revision`, `tolerance`, `ready_timeout` (seconds), `apps` (all of its step) and, once it is over,
@@ -52,7 +52,7 @@ def load_contract(environ: Mapping[str, str], directory: str = HERE) -> dict[str
     """
     contract = _load(f"{directory}/contract.json")
     meant = contract.get("revision") == environ.get("ROSOPS_REVISION", "") and not contract.get("proven")
-    return contract if contract and meant else None
+    return contract if contract.get("nodes") and meant else None
 
 
 def state_file(node: str) -> str:

@@ -74,8 +74,10 @@ def check_absent(graph: Graph, name: str) -> Check:
     node = graph.nodes.get(name)
     if node is None:
         return Check("absent", name, PASS, "gone from the graph")
-    state = "and answers" if node.reachable else f"though it is down ({node.error}): a stale registration"
-    return Check("absent", name, WAIT, f"still registered, {state}", {"uri": node.uri, "pid": node.pid})
+    observed = {"uri": node.uri, "pid": node.pid}
+    if node.asked and not node.reachable:
+        return Check("absent", name, PASS, f"gone, what is registered is stale: {node.error}", observed)
+    return Check("absent", name, WAIT, "still registered, and answers", observed)
 
 
 def check_service(graph: Graph, name: str) -> Check:
@@ -265,12 +267,19 @@ def check_rate(wanted: TopicCondition, rate: Rate | None) -> Check:
     return Check("rate", wanted.name, WAIT, f"{seen} of at least {least:g} Hz", observed)
 
 
-def _left(graph: Graph, name: str) -> str:
-    """Why a node is no end of a connection any more, or nothing."""
-    node = graph.nodes.get(name)
+def left(graph: Graph, topic: str, name: str, role: str) -> str:
+    """Why a node is no end of a topic's connections any more, or nothing. `role`: "publisher" or "subscriber".
+
+    What this forgives to others is the same before a version takes over and afterwards.
+    """
+    node, found = graph.nodes.get(name), graph.topics.get(topic, Topic(topic))
     if node is None:
         return f"{name} is not registered with the master"
-    return "" if node.reachable else f"{name} is registered, but down: {node.error or 'not asked'}"
+    if not node.reachable:
+        return f"{name} is registered, but down: {node.error or 'not asked'}"
+    if role == "publisher":
+        return "" if name in found.publishers else f"{name} lives, but does not publish it"
+    return "" if name in found.subscribers else f"{name} lives, but does not subscribe to it"
 
 
 def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
@@ -279,18 +288,14 @@ def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
     topic = graph.topics.get(wanted.topic, Topic(wanted.topic))
     if ends in topic.connections:
         return Check("edge", name, PASS, "connected", {"connected": True})
-    peer = {"publisher": wanted.publisher, "subscriber": wanted.subscriber}.get(wanted.peer, "")
-    left = _left(graph, peer) if peer else ""
-    if left:
-        return Check("edge", name, PASS, f"passes unconnected, as its peer left: {left}", {"connected": False})
-    gone = [why for why in (_left(graph, end) for end in ends) if why]
+    roles = {"publisher": wanted.publisher, "subscriber": wanted.subscriber}
+    away = {role: why for role, end in roles.items() if (why := left(graph, wanted.topic, end, role))}
+    if wanted.peer in away:
+        why = f"passes unconnected, as its peer left: {away[wanted.peer]}"
+        return Check("edge", name, PASS, why, {"connected": False})
     publisher = graph.nodes.get(wanted.publisher, Node(wanted.publisher))
-    if gone:
-        reason = "; ".join(gone)
-    elif wanted.publisher not in topic.publishers:
-        reason = f"{wanted.publisher} lives, but does not publish it"
-    elif wanted.subscriber not in topic.subscribers:
-        reason = f"{wanted.subscriber} lives, but does not subscribe to it"
+    if away:
+        reason = "; ".join(away.values())
     elif publisher.connections is None:
         reason = _unknown(graph, wanted.publisher)
     else:

@@ -19,6 +19,7 @@ Pure.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
 
@@ -42,6 +43,26 @@ def is_tool(node: str) -> bool:
     return bool(_TOOL.search(node)) or node.rpartition("/")[2].startswith(_TOOL_NAMES)
 
 
+@dataclass(frozen=True)
+class Intended:
+    """What an update is meant to change; every name in full, and patterns (`/debug/*`) where nothing is renamed.
+
+    `ignore`: topics, services and actions that may go, come or be of another type. `renamed`: old name -> new name of
+    a topic, a service, an action or of all below it. `rates`: the name that a topic has afterwards -> messages per
+    second that it has to carry then, whatever it carried; 0: any. `on_demand`: nodes, as they are called now, that have
+    on the graph what their clients ask for (rosbridge): it comes back with the clients.
+    """
+
+    ignore: tuple[str, ...] = ()
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
+    on_demand: tuple[str, ...] = ()
+
+    def rate(self, topic: str) -> float | None:
+        """What is said of the topic; None: nothing."""
+        return next((hz for pattern, hz in self.rates.items() if matches(topic, [pattern])), None)
+
+
 def matches(name: str, patterns: Iterable[str]) -> bool:
     """Whether a graph name is one of these, or of a pattern of them: `*` stands for anything, slashes among it."""
     return any(fnmatchcase(name, pattern) for pattern in patterns)
@@ -63,16 +84,16 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
     renames: Mapping[str, str] | None = None,
     revision: str = "",
     tolerance: float = TOLERANCE,
-    ignore: Iterable[str] = (),
+    intended: Intended = Intended(),  # noqa: B008 - it is frozen
     least_rate: float = LEAST_RATE,
 ) -> Contract:
     """What `nodes` (their names now) are to the graph, in the names that hold after the update.
 
-    `renames` maps the nodes of everything that is updated together, so that edges between them keep both ends.
-    `ignore`: topics, services and actions that the update is meant to change, as names or patterns (`/debug/*`). A node
-    that does not answer now leaves nothing to restore.
+    `renames` maps the nodes of everything that is updated together, so that edges between them keep both ends. A node
+    that does not answer now leaves nothing to restore. A topic that none but nodes of the step use may change its
+    definition with them: its type is not asked for, as they connect only if they agree.
     """
-    taken = _Recorder(graph, nodes, renames or {}, tuple(ignore), least_rate)
+    taken = _Recorder(graph, nodes, renames or {}, intended, least_rate)
     own = [taken.new(name) for name in nodes]
     return {
         "revision": revision,
@@ -93,38 +114,49 @@ class _Recorder:
         graph: Mapping[str, Any],
         nodes: Sequence[str],
         renames: Mapping[str, str],
-        ignore: tuple[str, ...],
+        intended: Intended,
         least_rate: float,
     ) -> None:
-        self.graph, self.renames, self.ignore, self.least_rate = graph, renames, ignore, least_rate
+        self.graph, self.renames, self.intended, self.least_rate = graph, renames, intended, least_rate
+        self.names = {**intended.renamed, **renames}
         self.alive = [name for name in nodes if self.answers(name)]
         self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in _ACTION_TOPICS}
 
     def new(self, name: str) -> str:
-        return renamed(name, self.renames)
+        return renamed(name, self.names)
 
     def answers(self, node: str) -> bool:
         return bool(self.graph["nodes"].get(node, {}).get("reachable"))
 
     def counts(self, topic: str) -> bool:
         action = topic.rpartition("/")[0] if topic in self.action_topics else ""
-        return topic != "/rosout" and not matches(topic, self.ignore) and not matches(action, self.ignore)
+        return topic != "/rosout" and not self.ignored(topic) and not self.ignored(action)
+
+    def ignored(self, name: str) -> bool:
+        """Under its old or its new name: who changes both writes one of them down."""
+        return matches(name, self.intended.ignore) or matches(self.new(name), self.intended.ignore)
+
+    def inside(self, topic: str) -> bool:
+        """Whether the topic is the step's own business: several of its nodes use it, and nobody else does."""
+        entry = self.graph["topics"][topic]
+        ends = {name for name in self.peers([*entry["publishers"], *entry["subscribers"]]) if not is_tool(name)}
+        return len(ends) > 1 and ends <= set(self.renames)
 
     def peers(self, names: Iterable[str]) -> list[str]:
         """Nodes on the other side of a topic that an update must not lose."""
-        return [name for name in names if self.answers(name) and (name in self.alive or not is_tool(name))]
+        ours = [name for name in names if self.answers(name) and (name in self.alive or not is_tool(name))]
+        return [name for name in ours if name not in self.intended.on_demand]
 
     def own(self, names: Iterable[str]) -> list[str]:
-        return [name for name in names if name in self.alive]
+        return [name for name in names if name in self.alive and name not in self.intended.on_demand]
 
     def edges(self) -> list[Edge]:
         found = []
         for topic, entry in self.graph["topics"].items():
-            moved = self.new(topic) != topic
             for connection in entry["connections"] if self.counts(topic) else ():
                 ends = (connection["publisher"], connection["subscriber"])
                 there = len(self.peers(ends)) == 2 and self.own(ends)
-                if there and not (moved and any(end not in self.renames for end in ends)):
+                if there and all(self.follows(topic, end) for end in ends):
                     found.append((ends[0], topic, ends[1]))
         return found
 
@@ -135,35 +167,42 @@ class _Recorder:
             if publishers and self.counts(topic):
                 of_first = publishers.get(first) or next(iter(publishers.values()))
                 found[self.new(topic)] = {
-                    "type": known(entry["type"]),
-                    "md5sum": known(entry.get("md5sum")) or None,
-                    "rate": of_first["rate"],
+                    **({"type": "", "md5sum": None} if self.inside(topic) else definition(entry)),
+                    **of_first,
                     "publishers": publishers,
                 }
         return found
 
+    def reached(self, entry: Mapping[str, Any]) -> list[str]:
+        """The subscribers that a living publisher is connected to."""
+        edges = entry["connections"]
+        return [edge["subscriber"] for edge in edges if self.answers(edge["publisher"])]
+
     def publisher(self, topic: str, entry: Mapping[str, Any], name: str) -> dict[str, Any]:
-        rate = (entry.get("rates") or {}).get(name)
+        rate, least = (entry.get("rates") or {}).get(name), self.intended.rate(self.new(topic))
         # an action's topics carry what its goals make them carry; its server is judged by its status
         steady = rate is not None and rate >= self.least_rate and topic not in self.action_topics
-        reached = {edge["subscriber"] for edge in entry["connections"] if edge["publisher"] == name}
-        wanted = set(self.peers(entry["subscribers"]))
-        return {"rate": rate if steady else None, "connected": bool(wanted) and wanted <= reached}
+        return {"rate": rate if steady else None, **({} if least is None else {"least": least})}
+
+    def follows(self, topic: str, node: str) -> bool:
+        """Whether a node goes on using the topic under the name that it will have."""
+        return self.new(topic) == topic or node in self.renames
 
     def subscriptions(self) -> dict[str, Any]:
+        """Those over which something came: who subscribes to whatever there is does so again when it is there."""
         return {
-            self.new(topic): {"type": known(entry["type"])}
+            self.new(topic): {"type": "" if self.inside(topic) else known(entry["type"])}
             for topic, entry in self.graph["topics"].items()
-            if self.counts(topic) and self.own(entry["subscribers"])
+            if self.counts(topic) and self.own(self.reached(entry))
         }
 
     def services(self) -> dict[str, Any]:
         return {
-            self.new(name): {"type": known(entry["type"]), "md5sum": known(entry.get("md5sum")) or None}
+            self.new(name): definition(entry)
             for name, entry in self.graph["services"].items()
             if entry["up"]
             and self.own([entry["provider"]] if entry["provider"] else entry["providers"])
-            and not matches(name, self.ignore)
+            and not self.ignored(name)
             and not name.endswith(_LOGGERS)
         }
 
@@ -171,8 +210,13 @@ class _Recorder:
         return sorted(
             self.new(name)
             for name, entry in self.graph["actions"].items()
-            if entry["up"] and self.own(entry["servers"]) and not matches(name, self.ignore)
+            if entry["up"] and self.own(entry["servers"]) and not self.ignored(name)
         )
+
+
+def definition(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a topic or service carries: `{type, md5sum}`."""
+    return {"type": known(entry["type"]), "md5sum": known(entry.get("md5sum")) or None}
 
 
 def known(word: str | None) -> str:
@@ -185,16 +229,17 @@ def conditions(contract: Mapping[str, Any], tolerance: float | None = None, abse
 
     An edge's end that is not ours may leave by itself, which is not the update's fault.
     """
-    share = 1 - (contract["tolerance"] if tolerance is None else tolerance)
+    share = contract["tolerance"] if tolerance is None else tolerance
     ours = {contract["node"], *contract["nodes"]}
     topics: list[Contract] = []
     for name, topic in contract["topics"].items():
         for publisher, seen in topic["publishers"].items():
-            entry = {"name": name, "publisher": publisher, "connected": seen["connected"]}
+            entry = {"name": name, "publisher": publisher}
             if topic["type"]:
                 entry["type"] = topic["type"]
-            if seen["rate"]:
-                entry["min_rate"] = round(seen["rate"] * share, 3)
+            least = least_rate_of(seen, share)
+            if least:
+                entry["min_rate"] = least
             topics.append(entry)
     return {
         "nodes": list(contract["nodes"]),
@@ -204,6 +249,13 @@ def conditions(contract: Mapping[str, Any], tolerance: float | None = None, abse
         "edges": [_edge(edge, ours) for edge in contract["edges"]],
         "absent": list(absent),
     }
+
+
+def least_rate_of(entry: Mapping[str, Any], tolerance: float) -> float:
+    """Messages per second that a publisher has to give: as was said, else what it gave less the tolerance; 0: any."""
+    if entry.get("least") is not None:
+        return float(entry["least"])
+    return max(round((entry["rate"] or 0.0) * (1 - tolerance), 3), 0.0)
 
 
 def _edge(ends: Sequence[str], ours: set[str]) -> dict[str, str]:

@@ -72,11 +72,17 @@ class Readiness:
 
 @dataclass(frozen=True)
 class UpdateSettings:
-    """How an app is updated: without `group` alone, without `on_busy` as the run says."""
+    """How an app is updated: without `group` alone, without `on_busy` as the run says.
+
+    The last three are what an update is meant to change: names and patterns, old name -> new name, topic -> Hz.
+    """
 
     group: str | None = None
     idle: tuple[str, ...] = ()
     on_busy: str | None = None
+    ignore: tuple[str, ...] = ()
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -131,6 +131,7 @@ def _matching(pattern: str, longest: int = 253) -> Callable[[str], bool]:
 
 
 _GRAPH_NAME = _matching(r"(?:~/?|/)?[A-Za-z]\w*(?:/\w+)*")
+_GRAPH_PATTERN = _matching(r"(?:~/?|/)?[A-Za-z*][\w*]*(?:/[\w*]+)*")
 _PRIVATE_NAME = _matching(r"(?:~/?)?[A-Za-z]\w*(?:/\w+)*")
 
 FORMS: dict[str, Form] = {
@@ -154,6 +155,7 @@ FORMS: dict[str, Form] = {
         _matching(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*"), "cpu, memory, ephemeral-storage or <vendor>/<resource>"
     ),
     "graph-name": Form(_GRAPH_NAME, "a ROS name such as temperature, /temperature or ~status"),
+    "graph-pattern": Form(_GRAPH_PATTERN, "a ROS name such as /scan or ~status, * standing for anything: /debug/*"),
     "private-name": Form(_PRIVATE_NAME, "a private ROS name such as status or ~status"),
     "node-name": Form(
         _matching(r"[A-Za-z]\w*"), "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"

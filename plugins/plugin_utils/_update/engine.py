@@ -234,6 +234,8 @@ class Engine:
         gate = now.gate = decide.step_gate(now.step, now.graph, self.live.maps, self.settings.edge_images)
         for warning in gate.warnings:
             self.say(f"WARNING: {now.step.name}: {warning}")
+        for line in gate.allowed if self.settings.check else ():
+            self.say(f"{now.step.name}: {line}")
         if gate.problems:
             raise NotReadyError("; ".join(gate.problems))
         return gate

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
@@ -23,6 +24,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import i
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import intended
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 MASTER = names.MASTER_NAME
@@ -55,6 +57,7 @@ class Step:
     actions: Sequence[str]  # that the apps serve
     idle: Sequence[str]  # that have to rest besides
     on_busy: str | None
+    intended: Intended  # what it is meant to change
     conditions: Object  # options of ros_ready: what the apps' readiness asks of the graph
     before: Mapping[str, Mapping[str, str]]  # app -> image and revision
     after: Mapping[str, Mapping[str, str]]
@@ -114,6 +117,7 @@ class _Robot:
         changed = any(_differs(item, self.live) for item in deployments_of(objects))
         previous = self._previous(objects)
         running = {app: _node(self.live[_key(first[app])]) for app in apps if _key(first[app]) in self.live}
+        old_nodes = {app: _node(previous[app]) for app in apps if app in previous} if unproven else running
         return Step(
             name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
             kind="master" if list(members) == [MASTER] else "app",
@@ -128,10 +132,11 @@ class _Robot:
             proven=not (unproven or changed),
             unproven=unproven,
             new_nodes={app: _node(first[app]) for app in apps},
-            old_nodes={app: _node(previous[app]) for app in apps if app in previous} if unproven else running,
+            old_nodes=old_nodes,
             actions=self._actions(apps.values(), "own"),
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
+            intended=intended(apps.values(), self.robot, old_nodes, back),
             conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
             before={app: described(previous[app]) for app in members if app in previous},
             after={app: described(first[app]) for app in members},

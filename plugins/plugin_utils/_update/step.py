@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import object_labels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     CONTRACT_KEY,
     HISTORY_KEY,
@@ -41,6 +42,7 @@ class Gate:
     problems: Sequence[str]  # that forbid the step
     warnings: Sequence[str]
     rest: Sequence[Mapping[str, str]]  # actions that have to be idle; `server` stands where the step replaces it
+    allowed: Sequence[str] = ()  # what the step would let change, in words
 
 
 def step_gate(
@@ -52,6 +54,7 @@ def step_gate(
         [*_problems(step, graph), *_images_missing(step, images or {})],
         _warnings(step, graph),
         _actions_to_rest(step, graph),
+        allowed(graph, list(step.old_nodes.values()), step.intended),
     )
 
 
@@ -65,7 +68,9 @@ def step_contracts(step: Step, graph: Graph, maps: Iterable[Object] = ()) -> dic
     kept = {app: there.get(app) or NO_CONTRACT for app in step.unproven}
     renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept}
     return {
-        app: _renamed(kept[app], renames) if app in kept else ros_contract.record(graph, nodes, step.renames)
+        app: _renamed(kept[app], renames)
+        if app in kept
+        else ros_contract.record(graph, nodes, step.renames, intended=step.intended)
         for app in step.apps
         for nodes in [sorted(graph["nodes"]) if step.kind == "master" else [*filter(None, [step.old_nodes.get(app)])]]
     }
@@ -137,7 +142,7 @@ def proof_of_old(step: Step, contracts: Mapping[str, Contract], tolerance: float
 
     Rates are left out: there is no third version to go to from an old one that is slower than it was.
     """
-    old = {new: before for before, new in step.renames.items()}
+    old = {new: before for before, new in {**step.intended.renamed, **step.renames}.items()}
     found = _united([ros_contract.conditions(_renamed(one, old), tolerance) for one in contracts.values()])
     found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
     return found

@@ -100,6 +100,6 @@ def contract(**changes: Any) -> dict[str, Any]:
         "subscriptions": {"/in": {"type": "std_msgs/Int32"}},
         "services": {"/add": {"type": "rospy_tutorials/AddTwoInts", "md5sum": "aa"}},
         "actions": [],
-        "edges": [],
+        "edges": [[OWN, "/out", SUBSCRIBER], [PUBLISHER, "/in", OWN]],
         **changes,
     }

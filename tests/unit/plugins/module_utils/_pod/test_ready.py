@@ -223,12 +223,13 @@ def test_without_settings_a_pod_is_still_asked_for_its_node(text: str | None) ->
         ({"proven": True}, False),
         ({"revision": "ffffffff"}, False),
         ({"revision": ""}, False),
+        ({"nodes": []}, False),  # nothing was there before that answered
     ],
 )
 def test_a_contract_means_one_revision_until_it_is_proven(
     tmp_path: Path, changes: dict[str, Any], counts: bool
 ) -> None:
-    contract = {"revision": "0a1b2c3d", "node": "/r1/a_0a1b2c3d", "ready_timeout": 120, "apps": ["a"], **changes}
+    contract = {"revision": "0a1b2c3d", "nodes": ["/r1/a_0a1b2c3d"], "ready_timeout": 120, "apps": ["a"], **changes}
     (tmp_path / "contract.json").write_text(json.dumps(contract))
     found = kept.load_contract(ENVIRON, str(tmp_path))
     assert found == (contract if counts else None)

@@ -7,7 +7,13 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import EdgeCondition, conditions_from
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, is_tool, record, renamed
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import (
+    Intended,
+    conditions,
+    is_tool,
+    record,
+    renamed,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras, Rate, ServiceProbe, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded_answers, recorded_state
@@ -83,7 +89,7 @@ def test_a_publishers_contract_in_its_new_names() -> None:
         "type": "a/B",
         "md5sum": "5" * 32,
         "rate": 499.8,
-        "publishers": {NEW: {"rate": 499.8, "connected": True}},
+        "publishers": {NEW: {"rate": 499.8}},
     }
     assert set(found["topics"]) == {
         "/temperature", f"{NEW}/debug", "/latched", "/cook/status", "/cook/feedback",
@@ -92,7 +98,7 @@ def test_a_publishers_contract_in_its_new_names() -> None:
         "type": "",
         "md5sum": "5" * 32,
         "rate": None,
-        "publishers": {NEW: {"rate": None, "connected": False}},
+        "publishers": {NEW: {"rate": None}},
     }
     assert found["subscriptions"] == {"/config": {"type": "a/B"}}
     both = {"type": "a/S", "md5sum": "6" * 32}
@@ -121,7 +127,7 @@ def test_edges_between_apps_that_are_updated_together_keep_both_ends() -> None:
     both = record(graph(), [OLD, STATS_OLD], renames)
     assert ["/display", "/config", STATS_NEW] in both["edges"]
     assert both["nodes"] == [NEW, STATS_NEW]
-    assert both["topics"]["/mean"]["publishers"] == {STATS_NEW: {"rate": 10.0, "connected": True}}
+    assert both["topics"]["/mean"]["publishers"] == {STATS_NEW: {"rate": 10.0}}
 
 
 def test_nothing_is_renamed_for_an_app_that_keeps_its_name() -> None:
@@ -145,12 +151,63 @@ def test_the_topics_of_an_action_promise_no_rate() -> None:
     assert record(of, [OLD])["topics"]["/cook/feedback"]["rate"] == 50.0
 
 
-def test_connected_is_what_every_living_subscriber_was() -> None:
+def test_a_subscription_counts_once_something_comes_over_it() -> None:
+    """Who subscribes to whatever there is (`rosbag record -a`) has no reason to without a publisher."""
     of = graph()
-    of["topics"]["/temperature"] = topic([OLD], [STATS_OLD, "/display"], ("/display",))
-    assert record(of, [OLD])["topics"]["/temperature"]["publishers"][OLD]["connected"] is False
-    of["topics"]["/temperature"] = topic([OLD], [TOOL, "/dead"])
-    assert record(of, [OLD])["topics"]["/temperature"]["publishers"][OLD]["connected"] is False
+    of["topics"]["/config"] = topic(["/display"], [OLD], (OLD,))
+    assert record(of, [OLD])["subscriptions"] == {}
+    of["topics"]["/config"] = topic([], [OLD])
+    assert record(of, [OLD])["subscriptions"] == {}
+    of["topics"]["/config"] = topic(["/dead"], [OLD])
+    assert record(of, [OLD])["subscriptions"] == {}
+
+
+def test_what_clients_ask_of_a_node_is_theirs() -> None:
+    """rosbridge subscribes, publishes and serves for its pages, which come to a pod once that is ready."""
+    found = record(graph(), [OLD], {OLD: NEW}, intended=Intended(on_demand=(OLD,)))
+    assert found["nodes"] == [NEW]
+    assert not any(found[key] for key in ("topics", "subscriptions", "services", "actions", "edges"))
+    other = record(graph(), [STATS_OLD], {OLD: NEW, STATS_OLD: STATS_NEW}, intended=Intended(on_demand=(OLD,)))
+    assert not [edge for edge in other["edges"] if NEW in edge]
+
+
+def test_a_topic_that_moves_is_owed_under_its_new_name_to_those_who_move_along() -> None:
+    renames, intended = {OLD: NEW, STATS_OLD: STATS_NEW}, Intended(renamed={"/temperature": "/temp", "/cook": "/bake"})
+    found = record(graph(), [OLD], renames, intended=intended)
+    assert found["topics"]["/temp"]["rate"] == 499.8
+    assert "/temperature" not in found["topics"]
+    assert (found["actions"], "/bake/status" in found["topics"]) == (["/bake"], True)
+    assert [edge for edge in found["edges"] if edge[1] == "/temp"] == [[NEW, "/temp", STATS_NEW]]
+    assert "/temp" in record(graph(), [STATS_OLD], renames, intended=intended)["subscriptions"]
+
+
+@pytest.mark.parametrize(
+    ("rates", "least"),
+    [({}, 449.82), ({"/temperature": 20}, 20.0), ({"/temp*": 0}, None), ({"/other": 5}, 449.82)],
+)
+def test_another_rate_can_be_said(rates: dict[str, float], least: float | None) -> None:
+    contract = record(graph(), [OLD], {OLD: NEW}, intended=Intended(rates=rates))
+    found = conditions(json.loads(json.dumps(contract)))["topics"][0]
+    assert (found["name"], found.get("min_rate")) == ("/temperature", pytest.approx(least) if least else None)
+
+
+@pytest.mark.parametrize("tolerance", [1, 1.5])
+def test_a_tolerance_of_all_asks_for_no_rate(tolerance: float) -> None:
+    assert "min_rate" not in conditions(record(graph(), [OLD], tolerance=tolerance))["topics"][0]
+
+
+def test_within_a_group_the_new_versions_have_to_agree_with_each_other() -> None:
+    """They do, once they are connected; the old version's type is nobody's any more."""
+    renames = {OLD: NEW, STATS_OLD: STATS_NEW}
+    of = graph()
+    of["topics"]["/temperature"] = topic([OLD], [STATS_OLD, TOOL, "/dead"], rates={OLD: 500.0})
+    found = record(of, [OLD], renames)
+    assert (found["topics"]["/temperature"]["type"], found["topics"]["/temperature"]["md5sum"]) == ("", None)
+    assert [NEW, "/temperature", STATS_NEW] in found["edges"]
+    assert record(of, [STATS_OLD], renames)["subscriptions"]["/temperature"] == {"type": ""}
+    # somebody outside of the group uses it, or there is no group: the definition is his, too
+    assert record(graph(), [OLD], renames)["topics"]["/temperature"]["type"] == "a/B"
+    assert record(of, [OLD], {OLD: NEW})["topics"]["/temperature"]["type"] == "a/B"
 
 
 def test_several_publishers_of_one_topic_each_have_their_own_rate() -> None:
@@ -174,7 +231,7 @@ def test_a_node_that_is_down_or_gone_leaves_nothing_to_restore() -> None:
 
 
 def test_what_the_update_changes_on_purpose_is_left_out() -> None:
-    found = record(graph(), [OLD], ignore=["/temperature", "/calibrate", "/cook", "/config"])
+    found = record(graph(), [OLD], intended=Intended(("/temperature", "/calibrate", "/cook", "/config")))
     assert set(found["topics"]) == {f"{OLD}/debug", "/latched"}
     assert (found["subscriptions"], set(found["services"]), found["actions"]) == ({}, {f"{OLD}/reset"}, [])
     assert {edge[1] for edge in found["edges"]} == {f"{OLD}/debug"}
@@ -223,12 +280,11 @@ def test_the_contract_as_conditions() -> None:
     assert found["topics"][0] == {
         "name": "/temperature",
         "publisher": NEW,
-        "connected": True,
         "type": "a/B",
         "min_rate": pytest.approx(449.82),
     }
     latched = next(entry for entry in found["topics"] if entry["name"] == "/latched")
-    assert latched == {"name": "/latched", "publisher": NEW, "connected": False}
+    assert latched == {"name": "/latched", "publisher": NEW}
     assert found["services"] == [{"name": "/calibrate"}, {"name": f"{NEW}/reset"}]
     assert found["actions"] == [{"name": "/cook", "state": "up"}]
     assert found["absent"] == [OLD]
@@ -269,7 +325,7 @@ def test_the_recorded_graph_gives_options_that_ros_ready_takes() -> None:
     ],
 )
 def test_what_an_update_is_meant_to_change_is_not_recorded(ignore: list[str], left: set[str]) -> None:
-    found = record(graph(), [OLD], {OLD: NEW}, ignore=ignore)
+    found = record(graph(), [OLD], {OLD: NEW}, intended=Intended(tuple(ignore)))
     assert set(found["topics"]) == left
     assert found["actions"] == ([] if "/cook" in ignore else ["/cook"])
     assert {edge[1] for edge in found["edges"]} <= left | {"/config"}

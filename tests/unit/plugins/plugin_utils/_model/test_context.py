@@ -46,7 +46,10 @@ def test_every_field_survives() -> None:
                 "command": ["r"], "nodes": False, "topics": [{"name": "t", "min_rate": 2}], "services": ["s"],
                 "actions": ["a"], "absent": ["x"], "timeout": 1, "interval": 0.1, "consecutive": 2,
             },
-            "depends_on": ["o", "o"], "update": {"group": "g", "idle": ["i"], "on_busy": "defer"},
+            "depends_on": ["o", "o"], "update": {
+                "group": "g", "idle": ["i"], "on_busy": "defer",
+                "ignore": ["/x/*"], "renamed": {"/a": "/b"}, "rates": {"*": 0},
+            },
             "drain_deadline": 0, "termination_grace_period": 1, "resources": {"limits": {"cpu": 1}},
             "devices": ["/dev/x"], "host_network": True, "overrides": {"spec": None},
             "host_paths": [{"path": "/data", "read_only": False}],

@@ -210,7 +210,7 @@ def test_a_third_version_holds_to_what_the_first_one_did() -> None:
     there = {**NO_GRAPH, "nodes": {new: node()}}  # of a way back that was cut off
     gate = step_gate(step, there, [update])
     assert (step.resume, step.unproven, gate.problems) == (False, ["sensor"], [])
-    assert gate.contracts["sensor"]["topics"]["/temperature"]["publishers"] == {new: {"rate": 500.0, "connected": True}}
+    assert gate.contracts["sensor"]["topics"]["/temperature"]["publishers"] == {new: {"rate": 500.0}}
 
 
 def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> None:

@@ -1,0 +1,80 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an update is meant to change: as the apps' specifications say, in names of the graph, and in words. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended, matches
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
+
+# What these have on the graph is their clients' wish, and the clients come to a pod once it is ready.
+_ON_DEMAND = re.compile(r"\b(rosbridge_(server|websocket|tcp|udp)|foxglove_bridge|web_video_server)\b")
+
+
+def on_demand(app: App) -> bool:
+    """Whether the app subscribes and publishes as its clients ask, known by its command."""
+    return any(_ON_DEMAND.search(word) for word in (*app.command, *app.args))
+
+
+def intended(apps: Iterable[App], robot: Robot, old_nodes: Mapping[str, str], back: bool = False) -> Intended:
+    """Of all apps of a step together: it is one change. `back`: to the version before, so names move back, too."""
+    ignore: list[str] = []
+    renamed: dict[str, str] = {}
+    rates: dict[str, float] = {}
+    nodes: list[str] = []
+    for app in apps:
+        stable, update = context.graph_node(app, robot), app.update
+        namespace, node = context.graph_namespace(app, robot), old_nodes.get(app.name) or stable
+
+        def full(name: str, app: App = app, namespace: str = namespace, node: str = node) -> str:
+            kept = name.startswith("~") and name[1:].lstrip("/") in app.private_names
+            return resolve(name, namespace, context.graph_node(app, robot) if kept else node)
+
+        ignore += [full(name) for name in update.ignore]
+        renamed |= {full(before): full(after) for before, after in update.renamed.items()}
+        rates |= {full(name): float(hz) for name, hz in update.rates.items()}
+        nodes += [node] if on_demand(app) else []
+    if back:
+        renamed = {after: before for before, after in renamed.items()}
+    return Intended(tuple(ignore), renamed, rates, tuple(nodes))
+
+
+def allowed(graph: Graph, nodes: Sequence[str], wanted: Intended) -> list[str]:
+    """What a step of these nodes (as they are called now) would allow, in words; what nobody has now is not told."""
+    topics = {
+        name: entry
+        for name, entry in sorted(graph["topics"].items())
+        if set(nodes) & {*entry["publishers"], *entry["subscribers"]}
+    }
+    services = {
+        name for name, entry in graph["services"].items() if set(nodes) & {entry["provider"], *entry["providers"]}
+    }
+    actions = {name for name, entry in graph["actions"].items() if set(nodes) & set(entry["servers"])}
+    there = [*topics, *sorted(services), *sorted(actions)]
+    found = [f"{name} may be missing or of another type" for name in there if matches(name, wanted.ignore)]
+    found += [
+        f"{before} has to be {after} then"
+        for before, after in wanted.renamed.items()
+        if any(name == before or name.startswith(f"{before}/") for name in there)
+    ]
+    for name, entry in topics.items():
+        hz = wanted.rate(wanted.renamed.get(name, name))
+        was = [rate for node in nodes if (rate := (entry.get("rates") or {}).get(node))]
+        if hz is not None:
+            carried = f" (now {max(was):g} Hz)" if was else ""
+            found.append(f"{name} may carry {'any rate' if not hz else f'{hz:g} Hz or more'}{carried}")
+    found += [f"{node} may have other topics and services: its clients ask for them" for node in wanted.on_demand]
+    latched = {name: sorted(set(nodes) & set(entry.get("latched") or ())) for name, entry in topics.items()}
+    found += [
+        f"the message that {', '.join(publishers)} latched on {name} goes with it"
+        for name, publishers in latched.items()
+        if publishers
+    ]
+    return found
