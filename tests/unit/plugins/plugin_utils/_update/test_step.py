@@ -249,3 +249,14 @@ def test_the_masters_contract_is_everything_that_is_registered() -> None:
     assert sorted(conditions["nodes"]) == sorted(["/listener", *other.old_nodes.values()])
     assert len(conditions["edges"]) == 1
     assert conditions["absent"] == []
+
+
+def test_check_mode_is_told_what_the_step_would_allow() -> None:
+    """And a way back after it holds the old version to its old names."""
+    update = {"ignore": ["/debug"], "renamed": {"/temperature": "/temp"}}
+    before, after = robot(app("sensor", update=update)), robot(app("sensor", "x.org/a:2", update=update))
+    step = step_of(before, after)
+    gate = step_gate(step, graph_of(step))
+    assert gate.allowed == ["/temperature has to be /temp then"]
+    assert [topic["name"] for topic in proof(step, gate.contracts, 0.1)["topics"]] == ["/temp"]
+    assert [topic["name"] for topic in proof_of_old(step, gate.contracts, 0.1)["topics"]] == ["/temperature"]
