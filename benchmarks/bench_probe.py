@@ -97,7 +97,7 @@ def rows(scene: Scene, pod: Pod, trials: int) -> dict[str, dict[str, Any]]:
     pod.settings(min_rates={"/numbers": 450})
     found["started, with a rate of 500 Hz"] = measure(pod, "started", max(3, trials // 5))
     pod.settings(contract={
-        "revision": "", "until": time.time() + 600, "tolerance": 0.1, "node": node, "subscriptions": {}, "services": {},
+        "revision": "0a1b2c3d", "tolerance": 0.1, "nodes": [node], "subscriptions": {}, "services": {}, "edges": [],
         "actions": [], "topics": {"/numbers": {"type": "std_msgs/UInt64", "md5sum": MD5SUM, "rate": 500.0}},
     })  # fmt: skip
     found["started, with a contract"] = measure(pod, "started", max(3, trials // 5))

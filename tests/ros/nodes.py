@@ -59,16 +59,26 @@ def listener(log: Log, topic: str = "/numbers") -> None:
         log(**seen)
 
 
-def service(log: Log, name: str = "/trigger", answer: str = "") -> None:
-    rospy.Service(name, Trigger, lambda _: (True, answer or rospy.get_name()))
+def service(log: Log, name: str = "/trigger", answer: str = "", seconds: str = "0") -> None:
+    def serve(_request: Any) -> Any:
+        log(asked=True)
+        end = time.monotonic() + float(seconds)
+        while time.monotonic() < end and not rospy.is_shutdown():
+            time.sleep(0.01)
+        return True, answer or rospy.get_name()
+
+    rospy.Service(name, Trigger, serve)
     log(up=True)
     rospy.spin()
 
 
-def caller(log: Log, name: str = "/trigger") -> None:
+def caller(log: Log, name: str = "/trigger", persistent: str = "") -> None:
+    kept = rospy.ServiceProxy(name, Trigger, persistent=True) if persistent else None
     while not rospy.is_shutdown():
         try:
-            log(ok=True, answer=rospy.ServiceProxy(name, Trigger)().message)
+            log(ok=True, answer=(kept or rospy.ServiceProxy(name, Trigger))().message)
+            if kept:
+                rospy.spin()  # it stays connected and asks nothing more
         except (rospy.ServiceException, rospy.ROSException, OSError) as error:
             log(ok=False, error=str(error))
         time.sleep(0.05)

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pod's own node: where it is, and what is said to it through its slave API.
+"""The pod's own nodes: where they are, and what is said to them through their slave API.
 
 Only a process of this very pod is ever spoken to: a registration may be stale, and its address another node's by now.
 """
@@ -14,7 +14,7 @@ import select
 import socket
 import xmlrpc.client
 from pathlib import Path
-from typing import Any, Iterable, Mapping
+from typing import Any, Iterable, Iterator, Mapping
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
@@ -22,11 +22,12 @@ from .._ros.client import Ros1Client
 from .._ros.graph import Node, Questions, StatusReading
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, reason, tell_publishers
+from .calls import calls_under_way
 from .state import load_state, save_state
 
 TIMEOUT = 2.0
 CALLER = "/rosops_fleet_pod"
-ESTABLISHED = "01"  # Linux, include/net/tcp_states.h
+ESTABLISHED, LISTEN = "01", "0A"  # Linux, include/net/tcp_states.h
 REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
 
 
@@ -76,6 +77,38 @@ def find_node(settings: Mapping[str, Any]) -> tuple[OwnNode | None, str]:
     uris = service_uris(graph.services, services)
     save_state(name, state_of(found, uris))
     return OwnNode(name, found.uri, uris), ""
+
+
+def nodes_here(settings: Mapping[str, Any]) -> tuple[list[OwnNode], str]:
+    """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
+    ros, space = ros_of(os.environ), os.environ.get("ROS_NAMESPACE", "").rstrip("/")
+    try:
+        state = ros.state()
+        names = [name for name in state.nodes() if name.startswith(f"{space}/")]
+        found = ros.ask(state, Questions({name: frozenset() for name in names})).nodes
+        here = [name for name in names if found[name].reachable and is_here(found[name].uri)]
+        if settings.get("host_network"):  # then the address is that of others, too
+            here = [name for name in here if listens_here(urlsplit(found[name].uri).port or 0)]
+        services = {name: state.of(name, state.services) for name in here}
+        asked = ros.ask(state, Questions({}, tuple(name for names in services.values() for name in names))).services
+    except RosError as error:
+        return [], str(error)
+    nodes = [OwnNode(name, found[name].uri, service_uris(asked, services[name])) for name in here]
+    return nodes, "" if nodes else "no node is registered from this pod's address"
+
+
+def listens_here(port: int, proc: Path = Path("/proc")) -> bool:
+    """Whether a process of this container listens at the port. Another user's does not show it, and does not count."""
+    sockets = {
+        f"socket:[{fields[9]}]"
+        for fields in _rows(_tables(proc))
+        if fields[3] == LISTEN and int(fields[1].rpartition(":")[2], 16) == port
+    }
+    for file in proc.glob("[0-9]*/fd/*"):
+        with contextlib.suppress(OSError):
+            if os.readlink(file) in sockets:
+                return True
+    return False
 
 
 def service_uris(found: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, str]:
@@ -131,14 +164,20 @@ class OwnNode:
         """Cut it off from everybody who sends it goals: as if the master had said that nobody does."""
         tell_publishers(self.uri, f"{action}/goal", [], TIMEOUT, CALLER)
 
-    def connections(self) -> int:
-        """Open connections of clients to its services, which come to the same port as its topics' subscribers."""
+    def calls(self) -> int:
+        """Calls of its services that are under way; where the kernel does not tell, all open connections count."""
         ports = {urlsplit(uri).port or 0 for uri in self.services.values()}
+        try:
+            return calls_under_way(ports) if ports else 0
+        except OSError:
+            return self.connections(ports)
+
+    def connections(self, ports: set[int]) -> int:
+        """Open connections of clients to its services, which come to the same port as its topics' subscribers."""
         with self._api() as api:
             edges = connections(api.call("getBusInfo"))
         streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
-        tables = [path.read_text("ascii") for path in (Path("/proc/net/tcp"), Path("/proc/net/tcp6")) if path.exists()]
-        return max(0, established(tables, ports) - streams)
+        return max(0, established(_tables(Path("/proc")), ports) - streams)
 
     def shut_down(self) -> None:
         """Ask it to end, and do not wait: rospy answers when it has ended, or never.
@@ -152,14 +191,18 @@ class OwnNode:
 
 
 def established(tables: Iterable[str], ports: set[int]) -> int:
-    """Connections that peers hold to one of our ports, in the text of /proc/net/tcp and /proc/net/tcp6.
+    """Connections that peers hold to one of our ports, in the text of /proc/net/tcp and /proc/net/tcp6."""
+    return sum(fields[3] == ESTABLISHED and int(fields[1].rpartition(":")[2], 16) in ports for fields in _rows(tables))
 
-    A row is `sl local_address rem_address st ...`, an address is `<hex>:<port in hex>`.
+
+def _tables(proc: Path) -> list[str]:
+    return [path.read_text("ascii") for path in (proc / "net/tcp", proc / "net/tcp6") if path.exists()]
+
+
+def _rows(tables: Iterable[str]) -> Iterator[list[str]]:
+    """A row is `sl local_address rem_address st queues timer retransmits uid timeout inode ...`.
+
+    An address is `<hex>:<port in hex>`.
     """
-    found = 0
     for table in tables:
-        for row in table.splitlines()[1:]:
-            fields = row.split()
-            if len(fields) > 3 and fields[3] == ESTABLISHED and int(fields[1].rpartition(":")[2], 16) in ports:
-                found += 1
-    return found
+        yield from (fields for row in table.splitlines()[1:] for fields in [row.split()] if len(fields) > 9)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SCRATCH = f"/tmp/rosops-fleet-{os.getuid()}"  # noqa: S108
-DEFAULTS = {"handoff": "replace", "actions": [], "stop_deadline": 5, "command": None, "min_rates": {}, "keeper": None}
+DEFAULTS = {"actions": [], "stop_deadline": 20, "command": None, "min_rates": {}, "keeper": None}
 
 
 def load_settings(environ: Mapping[str, str]) -> dict[str, Any]:

@@ -15,8 +15,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import probe_command
 
-STOP_SECONDS = 5  # for a node to end that has nothing to drain
-
 
 def app_settings(app: App, robot: Robot) -> dict[str, Any]:
     """What the code in an app's pod has to know of it.
@@ -33,19 +31,16 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
 
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
-    stop_deadline = app.drain_deadline if app.handoff == "drain" else STOP_SECONDS
     return {
         "app": app.name,
         "node": context.graph_node(app, robot),
         "expect_node": readiness.nodes,
-        "pattern": app.pattern,
-        "handoff": app.handoff,
         "actions": [full(action["name"]) for action in readiness.actions],
-        "drain_deadline": app.drain_deadline,
-        "stop_deadline": min(app.termination_grace_period, stop_deadline),
+        "stop_deadline": min(app.termination_grace_period, app.drain_deadline),
         "command": probe_command(command) if command else None,
         "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
         "keeper": keeper_url(robot),
+        "host_network": app.host_network,
     }
 
 

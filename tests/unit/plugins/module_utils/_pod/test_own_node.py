@@ -20,6 +20,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import 
     established,
     find_node,
     is_here,
+    listens_here,
+    nodes_here,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
@@ -168,8 +170,13 @@ def test_a_node_that_does_not_answer_has_no_process(world: World) -> None:
         assert OwnNode(NODE, uri, {}).process() is None
 
 
-def test_connections_of_clients_are_those_that_are_no_topics(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_the_kernel_does_not_tell_all_clients_count(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
     """Services and topics have one port: two clients and one subscriber there are two calls."""
+
+    def untold(_ports: set[int]) -> int:
+        raise PermissionError
+
+    monkeypatch.setattr(own_node, "calls_under_way", untold)
     bus: list[list[Any]] = [[1, "/listener", "o", "TCPROS", "/arm/state", True]]
     world = World(peers, monkeypatch, getBusInfo=lambda: [1, "", bus])
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -177,10 +184,32 @@ def test_connections_of_clients_are_those_that_are_no_topics(peers: Peers, monke
         world.service = f"rosrpc://127.0.0.1:{at[1]}"
         ends = [socket.create_connection(at) for _end in range(3)]
         accepted = [listener.accept()[0] for _end in range(3)]
-        assert world.own().connections() == 2
+        assert world.own().calls() == 2
         for end in (*ends, *accepted):
             end.close()
-        assert world.own().connections() == 0
+        assert world.own().calls() == 0
+
+
+def test_nodes_of_the_pod_are_found_by_its_address(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    """roslaunch names its nodes itself. Where the pod has the host's network, a process of it has to listen there."""
+    world = World(peers, monkeypatch)
+    (found,), reason = nodes_here({})
+    assert (found.name, found.uri, found.services, reason) == (NODE, world.node, {"/arm/home": world.service}, "")
+    (found,), _reason = nodes_here({"host_network": True})
+    assert found.name == NODE
+    monkeypatch.setattr(own_node, "listens_here", lambda _port: False)
+    assert nodes_here({"host_network": True}) == ([], "no node is registered from this pod's address")
+    monkeypatch.setenv("ROS_NAMESPACE", "/robot2")  # several robots share a master: the others' nodes are not asked
+    assert nodes_here({})[0] == []
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{peers.dead()}/")
+    assert "nothing listens" in nodes_here({})[1]
+
+
+def test_who_listens() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        assert listens_here(port)
+    assert not listens_here(port)
 
 
 def test_a_shutdown_does_not_wait_for_an_answer(peers: Peers) -> None:

@@ -209,7 +209,7 @@ def test_settings_take_the_nodes_name_from_the_pod() -> None:
 def test_without_settings_a_pod_is_still_asked_for_its_node(text: str | None) -> None:
     environ = ENVIRON if text is None else {**ENVIRON, "ROSOPS_SETTINGS": text}
     found = kept.load_settings(environ)
-    assert (found["node"], found["expect_node"], found["handoff"]) == ("/r1/a_0a1b2c3d", False, "replace")
+    assert (found["node"], found["expect_node"]) == ("/r1/a_0a1b2c3d", False)
     kept.save_state("/r1/a_0a1b2c3d", KNOWN)
     assert kept.load_settings(environ)["expect_node"] is True
 

@@ -18,9 +18,10 @@ class Node:
     """What is done to it stands in `done`, with the time."""
 
     def __init__(self, statuses: dict[str, list[StatusReading]] | None = None) -> None:
+        self.name = "/server"
         self.at = 0.0
         self.statuses = statuses or {}
-        self.calls: list[int] = []
+        self.under_way: list[int] = []
         self.done: list[tuple[str, float]] = []
         self.raising: set[str] = set()
 
@@ -52,9 +53,9 @@ class Node:
     def isolate(self, action: str) -> None:
         self._note(f"isolate {action}")
 
-    def connections(self) -> int:
-        self._note("connections")
-        return self.calls.pop(0) if self.calls else 0
+    def calls(self) -> int:
+        self._note("calls")
+        return self.under_way.pop(0) if self.under_way else 0
 
     def unregister(self) -> None:
         self._note("unregister")
@@ -63,13 +64,11 @@ class Node:
         self._note("shutdown")
 
 
-def stop(node: Node, hold: Callable[[str, str, float], str] | None = None, **settings: Any) -> list[str]:
-    settings = {"node": "/server", "handoff": "overlap", "stop_deadline": 5, **settings}
-    return stop_command.stop(node, settings, hold, node.now, node.sleep)
-
-
-def drained(node: Node, hold: Any = None, **settings: Any) -> list[str]:
-    return stop(node, hold, handoff="drain", **{"stop_deadline": 30, **settings})
+def stop(
+    node: Node, hold: Callable[[str, str, float], str] | None = None, expect_node: bool = True, deadline: float = 30
+) -> list[str]:
+    settings = {"expect_node": expect_node, "stop_deadline": deadline}
+    return stop_command.stop([node], settings, hold, node.now, node.sleep)
 
 
 def held(node: Node) -> Callable[[str, str, float], str]:
@@ -85,38 +84,55 @@ def held(node: Node) -> Callable[[str, str, float], str]:
 def test_a_node_without_actions_ends_at_once() -> None:
     node = Node()
     assert stop(node) == []
-    assert node.done == [("connections", 0), ("unregister", 0), ("shutdown", 0)]
+    assert [what for what, _at in node.done] == ["actions", "calls", "unregister", "calls", "shutdown"]
+    assert node.at == 0
 
 
-def test_calls_under_way_are_let_end_but_a_persistent_client_is_not_waited_for() -> None:
+def test_calls_under_way_are_let_end_as_long_as_the_deadline_allows() -> None:
+    """A plan, a map that is saved: no matter which handoff the app has."""
     node = Node()
-    node.calls = [2, 1, 1]
+    node.under_way = [2] * 400
     assert stop(node) == []
-    assert dict(node.done)["shutdown"] == pytest.approx(0.15)
+    assert dict(node.done)["shutdown"] == pytest.approx(20)
     node = Node()
-    node.calls = [1] * 1000
+    node.under_way = [1] * 1000
+    assert stop(node) == ["stopped with 1 service calls under way"]
+    assert dict(node.done)["shutdown"] == pytest.approx(27, abs=0.1)
+    assert node.at < 30
+
+
+def test_a_call_that_came_before_the_service_was_taken_away_is_let_end() -> None:
+    node = Node()
+    node.under_way = [0, 1, 1]
     assert stop(node) == []
-    assert dict(node.done)["shutdown"] == pytest.approx(stop_command.CALLS)
-    assert node.at < 5
+    assert [what for what, _at in node.done][-5:] == ["unregister", "calls", "calls", "calls", "shutdown"]
+
+
+def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> None:
+    node = Node({"/move_base": [ACTIVE, ACTIVE, IDLE]})
+    node.under_way = [1, 1]
+    assert stop(node, held(node), expect_node=False) == []
+    assert node.order == ["actions", "hold /move_base", "isolate /move_base", "calls"]
+    assert node.statuses["/move_base"] == [IDLE]
 
 
 def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
     node = Node({"/move": [IDLE]})
-    assert drained(node, held(node)) == []
-    assert node.order == ["actions", "hold /move", "isolate /move", "unregister", "shutdown"]
+    assert stop(node, held(node)) == []
+    assert node.order == ["actions", "hold /move", "isolate /move", "calls", "unregister", "shutdown"]
     assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
 
 
 def test_open_goals_are_waited_for_and_one_idle_look_is_not_enough() -> None:
     node = Node({"/move": [ACTIVE, ACTIVE, IDLE, ACTIVE, DONE, DONE]})
-    assert drained(node, held(node)) == []
+    assert stop(node, held(node)) == []
     assert node.statuses["/move"] == [DONE]
     assert dict(node.done)["shutdown"] > 1.0
 
 
 def test_all_actions_of_a_node_have_to_rest() -> None:
     node = Node({"/a": [IDLE], "/b": [ACTIVE, ACTIVE, IDLE]})
-    assert drained(node, held(node)) == []
+    assert stop(node, held(node)) == []
     assert node.statuses["/b"] == [IDLE]
     assert "hold /a" in node.order
     assert "hold /b" in node.order
@@ -132,15 +148,15 @@ def test_all_actions_of_a_node_have_to_rest() -> None:
 def test_without_a_keeper_it_drains_without_cutting_off(hold: Any, remark: str) -> None:
     """Goals of a client that is cut off would be lost with nobody to hold them."""
     node = Node({"/move": [ACTIVE, IDLE]})
-    assert drained(node, hold) == [remark]
+    assert stop(node, hold) == [remark]
     assert "isolate /move" not in node.order
-    assert node.order[-2:] == ["unregister", "shutdown"]
+    assert node.order[-3:] == ["calls", "unregister", "shutdown"]
 
 
 @pytest.mark.parametrize(("total", "share"), [(30.0, 27.0), (3.0, 2.0)])
 def test_the_deadline_holds_and_says_what_was_cut_short(total: float, share: float) -> None:
     node = Node({"/move": [ACTIVE]})
-    remarks = drained(node, held(node), stop_deadline=total)
+    remarks = stop(node, held(node), deadline=total)
     assert remarks == [f"stopped with open goals after {remarks[0].split()[5]} s: /move ACTIVE"]
     assert share <= dict(node.done)["shutdown"] <= share + 0.5
     assert node.at <= total
@@ -152,13 +168,13 @@ def test_a_status_that_cannot_be_read_is_no_idleness() -> None:
     assert stop_command.busy("/a", StatusReading(((3, 4), (3, 4)))) == []
 
 
-@pytest.mark.parametrize("what", ["connections", "unregister", "actions", "isolate", "hold"])
+@pytest.mark.parametrize("what", ["calls", "unregister", "actions", "isolate", "hold"])
 def test_whatever_fails_the_node_is_shut_down(what: str) -> None:
     node = Node({"/move": [IDLE]})
     node.raising = {what}
-    remarks = stop(node, held(node), handoff="overlap" if what == "connections" else "drain", stop_deadline=30)
+    remarks = stop(node, held(node))
     assert "shutdown" in node.order
-    assert bool(remarks) == (what != "connections")
+    assert bool(remarks) == (what != "calls")
 
 
 def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -172,7 +188,9 @@ def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     assert stop_command.main([]) == 0
     assert told == ["rosops.fleet: stop hook: RuntimeError: no such thing"]
     monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {"expect_node": False})
+    monkeypatch.setattr(stop_command, "nodes_here", lambda _settings: ([], "no node is registered from here"))
     assert stop_command.main([]) == 0
+    assert told.pop() == "rosops.fleet: left to SIGTERM: no node is registered from here"
     monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {"expect_node": True, "node": "/x"})
     monkeypatch.setattr(stop_command, "find_node", lambda _settings: (None, "node /x: not registered with the master"))
     assert stop_command.main([]) == 0

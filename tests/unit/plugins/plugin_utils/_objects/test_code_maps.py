@@ -87,8 +87,8 @@ def test_names_are_full_but_for_private_ones_of_a_revision() -> None:
     [
         ({"pattern": "action"}, 30),
         ({"pattern": "action", "drain_deadline": 100, "termination_grace_period": 120}, 100),
-        ({"pattern": "pubsub"}, 5),
-        ({"pattern": "pubsub", "drain_deadline": 100}, 5),
+        ({"pattern": "pubsub"}, 30),  # service calls under way
+        ({"pattern": "pubsub", "drain_deadline": 100, "termination_grace_period": 120}, 100),
         ({"termination_grace_period": 2}, 2),
     ],
 )
