@@ -101,6 +101,7 @@ graph:
           pid: 1
           reachable: true
           error: ""
+          refused: false
           publications: [/chatter, /rosout]
           subscriptions: []
           services: [/talker/get_loggers]

@@ -129,13 +129,16 @@ def check_action(graph: Graph, wanted: ActionCondition) -> Check:
     if not alive:
         told = listed(f"{name} ({status.error})" for name, status in read.items())
         return Check("action", wanted.name, WAIT, f"no status can be read: {told}", observed)
+    if wanted.state == "idle":
+        seen = [_idle(name, read[name]) for name in alive]
+        verdict = overall([one for one, _reason in seen])
+        return Check(
+            "action", wanted.name, verdict, "; ".join(reason for one, reason in seen if one == verdict), observed
+        )
     if len(alive) > 1:
         reason = f"{len(alive)} servers take the same goals: {listed(alive)}"
         return Check("action", wanted.name, WAIT, reason, observed)
-    if wanted.state == "up":
-        return Check("action", wanted.name, PASS, f"served by {alive[0]}", observed)
-    verdict, reason = _idle(alive[0], read[alive[0]])
-    return Check("action", wanted.name, verdict, reason, observed)
+    return Check("action", wanted.name, PASS, f"served by {alive[0]}", observed)
 
 
 # ---- topics and edges

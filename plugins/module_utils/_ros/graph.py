@@ -231,6 +231,7 @@ def _node_dict(node: Node) -> dict[str, Any]:
         "pid": node.pid,
         "reachable": node.reachable,
         "error": node.error,
+        "refused": node.refused,
         "publications": list(node.publications),
         "subscriptions": list(node.subscriptions),
         "services": list(node.services),

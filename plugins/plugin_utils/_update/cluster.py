@@ -24,7 +24,7 @@ LEASE = "robot-update"
 LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
 RENEW_SECONDS = 5.0
 LOOK_SECONDS = 0.5
-KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1"}
+KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
 
 class KubeCluster:
@@ -44,7 +44,7 @@ class KubeCluster:
         for (kind, _namespace), items in zip(wanted, lists, strict=True):
             # the items of a list do not say what they are
             found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
-        return Live(found["Deployment"], found["ConfigMap"], found["Service"])
+        return Live(found["Deployment"], found["ConfigMap"], found["Service"], found["Pod"])
 
     @contextlib.contextmanager
     def claim(self, namespace: str) -> Iterator[None]:

@@ -5,15 +5,15 @@
 
     plan      what differs from the inventory; nothing does: `unchanged`
     prepare   images on the node, namespace, claims, code for the pods, while the robot works
-    record    the graph with its rates, once for all steps
+    record    the graph, once for all steps
     and for every step
     gate      what has to hold, and whether anything forbids the step
-    hold      idle, new goals held back, idle still
+    hold      idle, new goals held back, idle still; now the rates of what the step replaces are those of rest
     apply     record, way back and new version, marked as not proven
     hand over by the pods themselves; awaited
     verify    the graph is what was recorded
     finish    the mark comes off
-    or back   the old version, under the same proof
+    or back   once the new version is idle or dead: the old version, under the same proof
 
 What has to be remembered is in the cluster before it is needed: the mark on the Deployment, and the contract and the
 way back in a ConfigMap beside it. So a run may end at any line, and the next one goes on from there.
@@ -25,7 +25,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -106,7 +106,7 @@ class _Now:
     graph: Graph = field(default_factory=lambda: decide.NO_GRAPH)  # in the names that the steps before it have given
     gate: decide.Gate | None = None
     maps: Sequence[Object] = ()  # the contracts and the way back, as they were applied
-    held: bool = False
+    held: Sequence[Mapping[str, str]] = ()  # actions whose new goals are, or may be, held back
     applied: bool = False
 
 
@@ -119,6 +119,7 @@ class Engine:
         self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
         self.recorded = self.over = False
+        self.rated: set[str] = set()  # nodes
         self.results: list[StepResult] = []
         self.changes: list[Applied] = []
 
@@ -188,7 +189,7 @@ class Engine:
         """Once for all steps. The update of a master that does not answer is how to mend it."""
         self.trace("record")
         try:
-            self.graph, self.recorded = self.host.graph(self.master, self.settings.rate_seconds), True
+            self.graph, self.recorded = self.host.graph(self.master), True
         except (AwayError, CancelledError):
             raise
         except FleetError:
@@ -214,6 +215,8 @@ class Engine:
                 gate = self._gate(now)
             with self._phase(now, "wait"):
                 self._hold(now, gate)
+            with self._phase(now, "record"):
+                gate = self._rates(now, gate)
             with self._phase(now, "apply"):
                 self._apply(now, gate)
             if self.settings.check:
@@ -231,30 +234,45 @@ class Engine:
     def _gate(self, now: _Now) -> decide.Gate:
         """Refuse what cannot go well, before anything is touched."""
         now.graph = decide.renamed_graph(self.graph, self.plan.steps[: len(self.results)])
-        gate = now.gate = decide.step_gate(now.step, now.graph, self.live.maps, self.settings.edge_images)
+        gate = now.gate = decide.step_gate(now.step, now.graph, self.live, self.settings.edge_images)
         for warning in gate.warnings:
             self.say(f"WARNING: {now.step.name}: {warning}")
-        for line in gate.allowed if self.settings.check else ():
-            self.say(f"{now.step.name}: {line}")
         if gate.problems:
             raise NotReadyError("; ".join(gate.problems))
         return gate
 
+    def _rates(self, now: _Now, gate: decide.Gate) -> decide.Gate:
+        """What the nodes send when the robot rests is what the next version has to send, too.
+
+        Steps that wait for nobody have theirs measured together. One that is forced may find the robot at work.
+        """
+        missing = {*gate.nodes} - self.rated
+        at_work = self._policy(now) == "force" and decide.at_work(now.graph, gate.rest)
+        if missing and self.recorded and not at_work:
+            if not gate.rest:
+                later = [decide.step_gate(step, self.graph, self.live) for step in self.plan.steps[len(self.results) :]]
+                missing |= {node for other in later if not other.rest for node in other.nodes} - self.rated
+            measured = self.host.graph(self.master, self.settings.rate_seconds, sorted(missing))
+            self.rated |= missing
+            self.graph = decide.with_rates(self.graph, measured)
+            now.graph = decide.renamed_graph(self.graph, self.plan.steps[: len(self.results)])
+            gate = now.gate = decide.step_gate(now.step, now.graph, self.live, self.settings.edge_images)
+        for line in gate.allowed if self.settings.check else ():
+            self.say(f"{now.step.name}: {line}")
+        return gate
+
+    def _policy(self, now: _Now) -> str:
+        return now.step.on_busy or self.settings.on_busy
+
     def _hold(self, now: _Now, gate: decide.Gate) -> None:
         """Wait until the robot is idle, and hold new goals back, so that none comes before the old server's end."""
-        policy = now.step.on_busy or self.settings.on_busy
+        policy = self._policy(now)
         if not gate.rest or policy == "force":
             return
-        waits = policy == "wait" and not self.settings.check
-        if waits:  # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
+        if policy == "wait" and not self.settings.check:
+            # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
             self._apply_all([self._events(now)])
-        now.held = not self.settings.check  # as long as nobody knows better: an answer may be lost
-        seen = self._until(
-            lambda seconds: self.host.hold(self.master, self.keeper, gate.rest, HOLD_SECONDS, seconds),
-            self.settings.busy_timeout if waits else 0.0,
-            f"{now.step.name} waits until the robot is idle",
-        )
-        now.held = bool(seen.held)
+        seen = self._rest(now, gate.rest, f"{now.step.name} waits until the robot is idle")
         if self.settings.check:
             self.say(f"{now.step.name}: {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
         # in check mode nobody has waited: what would be waited for is no reason to leave out the rest of the plan
@@ -264,6 +282,18 @@ class Engine:
             raise NotReadyError(f"the actions cannot be looked at: {seen.reason}")
         if seen.verdict == PASS and seen.reason:  # a goal that comes now may be lost
             self.say(f"{now.step.name}: {seen.reason}")
+
+    def _rest(self, now: _Now, rest: Sequence[Mapping[str, str]], what: str) -> Seen:
+        """Until the actions are idle and new goals held, for as long as the policy says."""
+        waits = self._policy(now) == "wait" and not self.settings.check
+        now.held = [] if self.settings.check else rest  # as long as nobody knows better: an answer may be lost
+        seen = self._until(
+            lambda seconds: self.host.hold(self.master, self.keeper, rest, HOLD_SECONDS, seconds),
+            self.settings.busy_timeout if waits else 0.0,
+            what,
+        )
+        now.held = [action for action in rest if action["name"] in seen.held]
+        return seen
 
     def _apply(self, now: _Now, gate: decide.Gate) -> None:
         if self.settings.check:
@@ -286,7 +316,8 @@ class Engine:
                 self.host.register(self.master, now.graph)
         seconds = self.settings.verify_seconds
         proof = decide.proof(now.step, gate.contracts, self.settings.rate_tolerance)
-        self._ready(proof, seconds + VERIFY_EXTRA, f"{now.step.name} is what was recorded", stable=seconds)
+        patience = seconds + max(VERIFY_EXTRA, now.step.patience)
+        self._ready(proof, patience, f"{now.step.name} is what was recorded", stable=seconds)
         self.cluster.wait(now.step.workloads, 5.0, fail_on_restart=True)
 
     def _finish(self, now: _Now) -> StepResult:
@@ -310,7 +341,8 @@ class Engine:
             self._release(now)  # not where another run has the robot: it may hold goals, too
         away = "the robot went away: " if isinstance(error, AwayError) else ""
         after = f"; before that: {before}" if before else ""
-        word = {AwayError: OFFLINE, CancelledError: FAILED}.get(type(error), FAILED if now.applied else BUSY)
+        words: dict[type, str] = {AwayError: OFFLINE, CancelledError: FAILED, BusyError: BUSY}
+        word = words.get(type(error), FAILED if now.applied else BUSY)
         return self._result(now, word, self._left(now, f"{away}{error}{after}"))
 
     def _failed(self, now: _Now, error: FleetError) -> StepResult:
@@ -321,9 +353,11 @@ class Engine:
             return self._result(now, FAILED, f"nothing was touched: {error}")
         try:
             self.host.there()  # a robot that is away proves nothing, and cannot be helped from here
+            with self._phase(now, "wait"):
+                self._hold_new(now)
             with self._phase(now, "rollback"):
                 self._back(now)
-        except (AwayError, LostError) as other:
+        except (AwayError, BusyError, LostError) as other:
             return self._broken_off(now, other, str(error))
         except FleetError as worse:
             self.say(f"{now.step.name}: the way back failed, too: {worse}")
@@ -331,6 +365,20 @@ class Engine:
             return self._result(now, FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
         self._release(now)
         return self._result(now, ROLLED_BACK, str(error))
+
+    def _hold_new(self, now: _Now) -> None:
+        """A version that goes may be at work, however bad it is. One that is dead is not, nor one that nobody finds."""
+        if self._policy(now) == "force" or now.step.kind == "master":
+            return
+        try:
+            graph, pods = self.host.graph(self.master), self._read().pods
+        except RosError:
+            return
+        rest = decide.new_actions(now.step, graph, pods)
+        if rest:
+            seen = self._rest(now, rest, f"{now.step.name} waits until its new version is idle, to take it back")
+            if seen.verdict == WAIT:
+                raise BusyError(f"the new version is at work, so it was not taken back: {seen.reason}")
 
     def _back(self, now: _Now) -> None:
         """The old version again, and its part of the graph."""
@@ -388,10 +436,10 @@ class Engine:
 
     def _release(self, now: _Now) -> None:
         """Let the goals go that are still held. If nobody can, the keeper does it by itself."""
-        if now.held and now.gate:
-            now.held = False
+        if now.held:
+            held, now.held = now.held, ()
             with contextlib.suppress(FleetError):
-                self.host.release(self.master, self.keeper, now.gate.rest)
+                self.host.release(self.master, self.keeper, held)
 
     def _apply_all(self, objects: Sequence[Object]) -> None:
         if objects:

@@ -45,8 +45,10 @@ class ModuleHost:
             raise NotReadyError("; ".join(brought.problems))
         return brought.changed
 
-    def graph(self, master: str, rate_seconds: float) -> Graph:
-        asked = {"rates": True, "rate_seconds": rate_seconds, "md5sums": True, "service_connections": True}
+    def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
+        asked: dict[str, Any] = {"md5sums": True, "service_connections": True}
+        if nodes:
+            asked = {"rates": True, "rate_seconds": rate_seconds, "rate_nodes": list(nodes)}
         found: Graph = self._well("ros_graph_info", {"master_uri": master, **asked})["graph"]
         return found
 

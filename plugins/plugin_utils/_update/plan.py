@@ -58,6 +58,7 @@ class Step:
     idle: Sequence[str]  # that have to rest besides
     on_busy: str | None
     intended: Intended  # what it is meant to change
+    patience: float  # seconds until apps are ready of which no pod can tell
     conditions: Object  # options of ros_ready: what the apps' readiness asks of the graph
     before: Mapping[str, Mapping[str, str]]  # app -> image and revision
     after: Mapping[str, Mapping[str, str]]
@@ -137,6 +138,7 @@ class _Robot:
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
             intended=intended(apps.values(), self.robot, old_nodes, back),
+            patience=max([app.readiness.timeout for app in apps.values() if not app.readiness.nodes], default=0.0),
             conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
             before={app: described(previous[app]) for app in members if app in previous},
             after={app: described(first[app]) for app in members},

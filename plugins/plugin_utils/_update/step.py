@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import own_nodes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     CONTRACT_KEY,
     HISTORY_KEY,
@@ -24,7 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     read_contracts,
     revision_of,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Live, Object
 
 HISTORY_KEPT = 5
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
@@ -43,37 +44,50 @@ class Gate:
     warnings: Sequence[str]
     rest: Sequence[Mapping[str, str]]  # actions that have to be idle; `server` stands where the step replaces it
     allowed: Sequence[str] = ()  # what the step would let change, in words
+    nodes: Collection[str] = ()  # of which the rates have to be known
 
 
-def step_gate(
-    step: Step, graph: Graph, maps: Iterable[Object] = (), images: Mapping[str, Collection[str]] | None = None
-) -> Gate:
-    """`maps` are the robot's ConfigMaps, `images` is edge host -> full names of its images."""
+def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collection[str]] | None = None) -> Gate:
+    """`images` is edge host -> full names of its images."""
+    own = own_nodes(step.old_nodes, graph, live.pods)
+    nodes = {node for found in own.values() for node in found}
+    publish = {name for topic in graph["topics"].values() for name in topic["publishers"]}
+    recorded = {node for app, found in own.items() if app not in step.unproven for node in found}
     return Gate(
-        step_contracts(step, graph, maps),
+        step_contracts(step, graph, live),
         [*_problems(step, graph), *_images_missing(step, images or {})],
-        _warnings(step, graph),
-        _actions_to_rest(step, graph),
-        allowed(graph, list(step.old_nodes.values()), step.intended),
+        _warnings(graph, nodes),
+        actions_to_rest(graph, nodes, [*step.actions, *step.idle]),
+        allowed(graph, sorted(nodes), step.intended),
+        recorded & publish,
     )
 
 
-def step_contracts(step: Step, graph: Graph, maps: Iterable[Object] = ()) -> dict[str, Contract]:
+def step_contracts(step: Step, graph: Graph, live: Live) -> dict[str, Contract]:
     """App -> its part of the graph, under the names that the new revision will have.
 
     Where a step was cut off, or its way back was, the old nodes are gone or going, so what was recorded when it began
-    counts. The master's part is everything that is registered with it.
+    counts. The master's part is everything that is registered with it. What nodes besides the app's own are, as a
+    launch file starts them, stands in `others`: the pod's probe knows of one node.
     """
-    there = read_contracts(maps)
+    if step.kind == "master" and not step.unproven:
+        return {app: ros_contract.record(graph, sorted(graph["nodes"])) for app in step.apps}
+    own = own_nodes(step.old_nodes, graph, live.pods)
+    there = read_contracts(live.maps)
     kept = {app: there.get(app) or NO_CONTRACT for app in step.unproven}
     renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept}
     return {
-        app: _renamed(kept[app], renames)
-        if app in kept
-        else ros_contract.record(graph, nodes, step.renames, intended=step.intended)
+        app: _renamed(kept[app], renames) if app in kept else _recorded(step, graph, app, own.get(app, []))
         for app in step.apps
-        for nodes in [sorted(graph["nodes"]) if step.kind == "master" else [*filter(None, [step.old_nodes.get(app)])]]
     }
+
+
+def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str]) -> Contract:
+    named = [node for node in nodes if node == step.old_nodes.get(app)]
+    others = [node for node in nodes if node not in named]
+    contract = ros_contract.record(graph, named, step.renames, intended=step.intended)
+    beside = ros_contract.record(graph, others, step.renames, intended=step.intended)
+    return {**contract, "others": beside} if others else contract
 
 
 def _problems(step: Step, graph: Graph) -> list[str]:
@@ -89,29 +103,64 @@ def _problems(step: Step, graph: Graph) -> list[str]:
     return problems
 
 
-def _warnings(step: Step, graph: Graph) -> list[str]:
+def _warnings(graph: Graph, nodes: Collection[str]) -> list[str]:
     """What the step cannot keep from being noticed: connections that their clients keep open and cannot renew."""
-    nodes = set(step.old_nodes.values())
     return [
-        f"service {name} of {', '.join(service['providers'])} has {service['connections']} open connections: a "
-        "persistent ServiceProxy does not reconnect by itself, its client fails until it is made anew"
+        f"service {name} of {', '.join(service['providers'])} has {service['connections']} open connections: calls "
+        "under way, or a persistent ServiceProxy, which does not reconnect by itself: its client fails until made anew"
         for name, service in sorted(graph["services"].items())
-        if nodes & set(service["providers"]) and service.get("connections")
+        if {*nodes} & set(service["providers"]) and service.get("connections")
     ]
 
 
-def _actions_to_rest(step: Step, graph: Graph) -> list[dict[str, str]]:
-    """What has to be idle before the step. An action that nobody serves cannot be busy.
+def actions_to_rest(graph: Graph, nodes: Collection[str], besides: Iterable[str] = ()) -> list[dict[str, str]]:
+    """What has to be idle before these nodes are replaced: what they serve, whoever knows of it, and what is named.
 
-    `server` stands where the step replaces it: goals that come meanwhile are for the next one.
+    `server` stands where it is one of them: goals that come meanwhile are for the next one. An action that nobody
+    serves cannot be busy. A server that lives and tells nothing may be.
     """
-    old, found = set(step.old_nodes.values()), []
-    for name in dict.fromkeys([*step.actions, *step.idle]):
-        action = graph["actions"].get(name) or {}
-        replaced = [server for server in action.get("servers") or [] if server in old and name in step.actions]
-        if action.get("up"):
-            found.append({"name": name, **({"server": replaced[0]} if replaced else {})})
-    return found
+    served = {
+        name: [one for one in action["servers"] if _lives(graph, one)] for name, action in graph["actions"].items()
+    }
+    replaced = {name: [one for one in servers if one in nodes] for name, servers in served.items()}
+    wanted = dict.fromkeys([*(name for name in sorted(replaced) if replaced[name]), *besides])
+    return [
+        {"name": name, **({"server": replaced[name][0]} if replaced[name] else {})}
+        for name in wanted
+        if served.get(name)
+    ]
+
+
+def new_actions(step: Step, graph: Graph, pods: Iterable[Object]) -> list[dict[str, str]]:
+    """What has to be idle before the step's new version goes again."""
+    revisions = {app: after["revision"] for app, after in step.after.items()}
+    labels = names.LABEL_APP, names.LABEL_REVISION
+    new = [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
+    return actions_to_rest(graph, {node for found in own_nodes(step.new_nodes, graph, new).values() for node in found})
+
+
+def at_work(graph: Graph, rest: Iterable[Mapping[str, str]]) -> bool:
+    """Whether any of these actions was busy, or told nothing, when the graph was recorded."""
+    return any(action["busy"] or not action["up"] for action in (graph["actions"][one["name"]] for one in rest))
+
+
+def _lives(graph: Graph, node: str) -> bool:
+    """Nothing listens where a dead one was; one that only does not answer may be at work."""
+    return not (graph["nodes"].get(node) or {}).get("refused")
+
+
+def with_rates(graph: Graph, rated: Graph) -> Graph:
+    """The graph as it was recorded, with the rates that were measured of some nodes later."""
+    topics = {
+        name: {
+            **topic,
+            "rates": {**topic["rates"], **found.get("rates", {})},
+            "latched": sorted({*topic.get("latched", ()), *found.get("latched", ())}),
+        }
+        for name, topic in graph["topics"].items()
+        for found in [rated["topics"].get(name, {})]
+    }
+    return {**graph, "topics": topics}
 
 
 def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[str]:
@@ -133,7 +182,7 @@ def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[
 def proof(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> dict[str, Any]:
     """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds."""
     gone = sorted(set(step.old_nodes.values()) - set(step.new_nodes.values()) - {""})
-    parts = [step.conditions, *(ros_contract.conditions(contract, tolerance) for contract in contracts.values())]
+    parts = [step.conditions, *_conditions(contracts.values(), tolerance)]
     return _united(parts, absent=gone if step.handoff == "overlap" else ())
 
 
@@ -143,9 +192,14 @@ def proof_of_old(step: Step, contracts: Mapping[str, Contract], tolerance: float
     Rates are left out: there is no third version to go to from an old one that is slower than it was.
     """
     old = {new: before for before, new in {**step.intended.renamed, **step.renames}.items()}
-    found = _united([ros_contract.conditions(_renamed(one, old), tolerance) for one in contracts.values()])
+    found = _united(_conditions([_renamed(one, old) for one in contracts.values()], tolerance))
     found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
     return found
+
+
+def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[dict[str, Any]]:
+    each = [part for contract in contracts for part in (contract, contract.get("others")) if part]
+    return [ros_contract.conditions(part, tolerance) for part in each]
 
 
 def renamed_graph(graph: Graph, steps: Iterable[Step]) -> Graph:

@@ -38,11 +38,12 @@ class CancelledError(FleetError):
 
 @dataclass(frozen=True)
 class Live:
-    """What the API shows of a robot: its Deployments, the ConfigMaps and the Services that are ours."""
+    """What the API shows of a robot: its Deployments, and the ConfigMaps, Services and pods that are ours."""
 
     deployments: Sequence[Object] = ()
     maps: Sequence[Object] = ()
     services: Sequence[Object] = ()
+    pods: Sequence[Object] = ()
 
     def service_uri(self, name: str) -> str:
         """`http://address:port` of a Service, or nothing where it is not there."""
@@ -91,8 +92,8 @@ class Host(Protocol):
     def bring(self, images: Sequence[str]) -> bool:
         """Have these images on the node; whether anything had to be brought."""
 
-    def graph(self, master: str, rate_seconds: float) -> Graph:
-        """The whole graph with rates; RosError where the master does not answer."""
+    def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
+        """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
 
     def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
         """Wait until the actions are idle; then hold new goals of those with a `server`, for `seconds` at most."""

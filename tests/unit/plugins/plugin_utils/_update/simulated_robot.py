@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -97,12 +97,13 @@ class Offer:
     subscriptions: Sequence[str] = ()
     services: Sequence[str] = ()
     actions: Sequence[str] = ()
+    moving: Mapping[str, float] = field(default_factory=dict)  # topic -> Hz while a goal is under way, else nothing
 
 
 OFFERS = {
     "sensor": Offer({"temperature": 500.0}, services=["calibrate"]),
     "stats": Offer({"mean": 20.0}, ["temperature"], ["reset_stats"]),
-    "planner": Offer({"load": 100.0}, actions=["plan"]),
+    "planner": Offer({"load": 100.0}, actions=["plan"], moving={"velocity": 20.0}),
     "driver": Offer({"scan": 40.0}, services=["reset_driver"]),
     "chart": Offer({"map": 10.0}, services=["get_map"]),
 }
@@ -121,6 +122,7 @@ class Process:
     actions: Sequence[str] = ()
     connects: bool = True
     alive: bool = True
+    moving: Collection[str] = ()
 
 
 @dataclass
@@ -179,7 +181,7 @@ class SimulatedRobot:
         self.goals: list[Goal] = []
         self.waiting: list[Goal] = []  # held, or without a server
         self.holds: dict[str, Hold] = {}
-        self.robot_until = self.master_until = -1.0  # away, silent
+        self.robot_until = self.master_until = self.deaf_until = -1.0  # away, silent; action servers that tell nothing
         self.cut: list[Goal] = []  # goals whose server was stopped under them
 
     def invariants(self) -> None:
@@ -287,14 +289,16 @@ class SimulatedRobot:
 
     def process_of(self, pod: Pod) -> Process:
         below, offer, all_of_it = pod.node.rpartition("/")[0], pod.offer, pod.version.offers_all
+        topics = {**offer.topics, **offer.moving}
         return Process(
             pod.node,
             f"http://10.42.0.{pod.uid}:{4000 + pod.restarts}/",
-            {f"{below}/{name}": hz * pod.version.rate for name, hz in offer.topics.items()},
+            {f"{below}/{name}": hz * pod.version.rate for name, hz in topics.items()},
             [f"{below}/{name}" for name in offer.subscriptions],
             [f"{below}/{name}" for name in offer.services if all_of_it],
             [f"{below}/{name}" for name in offer.actions if all_of_it],
             pod.version.connects,
+            moving={f"{below}/{name}" for name in offer.moving},
         )
 
     def crash(self, pod: Pod, start: int) -> None:
@@ -356,9 +360,13 @@ class SimulatedRobot:
             return f"cannot become ready: it lacks {', '.join(lacking)}"
         for name, topic in contract["topics"].items():
             least = (topic["rate"] or 0.0) * (1 - contract["tolerance"])
-            if process.topics.get(name, least) < least:
+            if self.hertz(process, name) < least:
                 return f"too slow on {name}"
         return ""
+
+    def hertz(self, process: Process, topic: str) -> float:
+        at_work = any(goal.process is process and not goal.ended for goal in self.goals)
+        return 0.0 if topic in process.moving and not at_work else process.topics.get(topic, 0.0)
 
     def contract(self, pod: Pod) -> Any:
         return self.promised(pod.key[0], pod.app)
@@ -507,7 +515,8 @@ class SimulatedRobot:
         for node, process in self.registered.items():
             if action in process.actions:
                 states = tuple(1 for goal in self.goals if goal.process is process and not goal.ended)
-                found[node] = StatusReading((states, states)) if process.alive else StatusReading(error="dead")
+                told = process.alive and self.deaf_until <= self.time
+                found[node] = StatusReading((states, states)) if told else StatusReading(error="it tells nothing")
         return found
 
     def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
@@ -527,7 +536,7 @@ class SimulatedRobot:
             by = {}
             for node in graph.topics[topic].publishers if topic in graph.topics else ():
                 process = self.registered.get(node)
-                hz = process.topics.get(topic, 0.0) if process and process.alive else 0.0
+                hz = self.hertz(process, topic) if process and process.alive else 0.0
                 by[node] = Rate(hz, int(hz * window), window, known=hz or None)
             found[topic] = Rate(sum(rate.hz for rate in by.values()), 0, window, by=by)
         return found

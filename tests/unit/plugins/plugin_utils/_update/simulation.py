@@ -304,7 +304,8 @@ class Simulation(SimulatedRobot):
         for result, step in zip(outcome.steps, engine.plan.steps):
             deployments = [("Deployment", *deployment_key(item)) for item in step.workloads]
             touched = self.touched & {*deployments, *(("ConfigMap", key[1], f"{key[2]}-update") for key in deployments)}
-            if "nothing was touched" in result.reason or result.outcome == "deferred-busy":
+            busy = result.outcome == "deferred-busy" and "taken back" not in result.reason
+            if "nothing was touched" in result.reason or busy:
                 assert not touched, f"{result.outcome}: {result.reason}, and {touched} was"
             elif result.outcome == "deferred-offline":
                 assert touched, f"{result.reason}: but nothing was"
@@ -372,6 +373,12 @@ class Simulation(SimulatedRobot):
                 self.later(LOOK, self.look)
 
 
+def pod_object(pod: Pod) -> Object:
+    labels = {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}
+    address = f"10.42.0.{pod.uid}" if pod.process else None
+    return {"metadata": {"namespace": pod.key[0], "labels": labels}, "status": {"podIP": address}}
+
+
 def is_marked(item: Object) -> bool:
     return names.ANNOTATION_UPDATING in item["metadata"]["annotations"]
 
@@ -396,7 +403,8 @@ class SimulatedCluster:
             for (kind, namespace, _name), item in self.sim.objects.items():
                 if kind in found and namespace in namespaces:
                     found[kind].append({key: value for key, value in item.items() if key != "applied"})
-            return Live(found["Deployment"], found["ConfigMap"], found["Service"])
+            pods = [pod_object(pod) for pod in self.sim.pods if not pod.gone]
+            return Live(found["Deployment"], found["ConfigMap"], found["Service"], pods)
 
     @contextlib.contextmanager
     def claim(self, _namespace: str) -> Iterator[None]:
@@ -489,12 +497,12 @@ class SimulatedHost:
             self.sim.brought = [*images]
             return True
 
-    def graph(self, master: str, rate_seconds: float) -> Mapping[str, Any]:
+    def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Mapping[str, Any]:
         sim = self.sim
-        with sim.call("graph", 0.7):
+        with sim.call("rates" if nodes else "graph", 0.7):
             assert master
-            found = sim.graph()
-            rates = sim.rates(found, dict.fromkeys(found.topics, rate_seconds))
+            topics = sim.graph().heard(nodes) if nodes else {}
+            rates = sim.rates(sim.graph(), dict.fromkeys(topics, rate_seconds), topics) if nodes else {}
             return sim.graph().as_dict(Extras(rates=rates))
 
     def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:

@@ -282,6 +282,60 @@ def test_a_goal_is_waited_for_and_those_that_come_meanwhile_are_kept_for_the_nex
     assert later.process.uri != sim.goals[0].process.uri  # type: ignore[union-attr]
 
 
+def test_what_a_robot_sends_while_it_works_is_not_asked_of_one_at_rest() -> None:
+    sim, wanted = busy(20.0)
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert sim.promised("robot-robot1", "planner")["topics"]["/velocity"]["rate"] is None
+    assert sim.promised("robot-robot1", "planner")["topics"]["/load"]["rate"] == 100.0
+
+
+@pytest.mark.parametrize("pattern", ["action", "service", None])
+def test_actions_that_the_inventory_does_not_list_are_waited_for(pattern: str | None) -> None:
+    scenario, sim = one("planner", pattern=pattern), Simulation()
+    sim.install(scenario(OLD))
+    sim.goal("/plan", 20.0)
+    sim.advance(1.0)
+    found = outcome_of(sim, scenario(image("good")))
+    assert (found.outcome, found.steps[0].phases["wait"] >= 15.0) == ("updated", True)
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_server_that_tells_nothing_is_busy() -> None:
+    sim, wanted = busy(20.0)
+    sim.deaf_until = sim.time + 15.0
+    assert outcome_of(sim, wanted, on_busy="defer").outcome == "deferred-busy"
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_bad_version_is_not_taken_back_while_it_works() -> None:
+    """A goal that was held went to it. It has more to do than its stop hook would wait for."""
+    sim, wanted = begin("drain", "half-the-rate")
+    sim.goal("/plan", 45.0, after=3.0)  # when it is held
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, found.steps[0].phases["wait"] > 10.0) == ("rolled-back", True)
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_bad_version_that_stays_at_work_stays_marked() -> None:
+    sim, wanted = begin("drain", "half-the-rate")
+    goal = sim.goal("/plan", 200.0, after=3.0)
+    found = outcome_of(sim, wanted)
+    assert found.outcome == "deferred-busy"
+    assert "at work, so it was not taken back" in found.reason
+    assert "unproven" in found.reason
+    sim.advance(200.0)
+    assert goal.ended
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+
+
+def test_whoever_forces_does_not_wait_for_a_bad_version() -> None:
+    sim, wanted = begin("drain", "half-the-rate")
+    sim.goal("/plan", 20.0, after=20.0)
+    found = outcome_of(sim, wanted, on_busy="force")
+    assert (found.outcome, found.steps[0].phases["wait"]) == ("rolled-back", 0.0)
+
+
 def test_a_robot_that_does_not_become_idle_is_deferred_and_as_it_was() -> None:
     sim, wanted = busy(200.0)
     found = outcome_of(sim, wanted)

@@ -54,9 +54,13 @@ def test_a_robot_that_is_away_is_said_to_be() -> None:
 
 def test_the_graph_is_asked_for_with_all_that_a_contract_holds() -> None:
     modules = Modules(graph={"nodes": {}})
-    assert host(modules).graph(MASTER, 2.0) == {"nodes": {}}
-    asked = {"rates": True, "rate_seconds": 2.0, "md5sums": True, "service_connections": True}
-    assert modules.ran == [("ros_graph_info", {"master_uri": MASTER, **asked})]
+    assert host(modules).graph(MASTER) == {"nodes": {}}
+    host(modules).graph(MASTER, 2.0, ["/lidar"])
+    rates = {"rates": True, "rate_seconds": 2.0, "rate_nodes": ["/lidar"]}
+    assert modules.ran == [
+        ("ros_graph_info", {"master_uri": MASTER, "md5sums": True, "service_connections": True}),
+        ("ros_graph_info", {"master_uri": MASTER, **rates}),
+    ]
 
 
 @pytest.mark.parametrize(("answer", "message"), [({"msg": "no master"}, "no master"), ({}, "without a word")])

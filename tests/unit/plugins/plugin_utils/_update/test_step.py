@@ -19,7 +19,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     renamed_graph,
     step_gate,
     step_objects,
+    with_rates,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
@@ -70,7 +72,7 @@ def graph_of(step: Step, **more: Any) -> dict[str, Any]:
 
 def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> None:
     step = sensor_step()
-    gate = step_gate(step, graph_of(step))
+    gate = step_gate(step, graph_of(step), Live())
     (new,) = step.new_nodes.values()
     assert (gate.problems, gate.warnings, gate.rest) == ([], [], [])
     conditions = proof(step, gate.contracts, 0.1)
@@ -86,7 +88,7 @@ def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> 
 
 def test_the_way_back_asks_for_the_same_under_the_old_names() -> None:
     step = sensor_step()
-    gate = step_gate(step, graph_of(step))
+    gate = step_gate(step, graph_of(step), Live())
     (old,) = step.old_nodes.values()
     conditions = proof_of_old(step, gate.contracts, 0.1)
     assert conditions["nodes"] == [old]
@@ -100,18 +102,18 @@ def test_a_node_that_has_the_new_name_already_forbids_the_step() -> None:
     (new,) = step.new_nodes.values()
     graph = graph_of(step)
     graph["nodes"][new] = node(uri="http://10.42.0.9:1/")
-    (problem,) = step_gate(step, graph).problems
+    (problem,) = step_gate(step, graph, Live()).problems
     assert new in problem
     assert "http://10.42.0.9:1/" in problem
     graph["nodes"][new]["reachable"] = False  # a stale registration holds no name
-    assert step_gate(step, graph).problems == []
+    assert step_gate(step, graph, Live()).problems == []
 
 
 def test_an_open_service_connection_is_a_warning() -> None:
     step = sensor_step()
     graph = graph_of(step)
     graph["services"]["/calibrate"]["connections"] = 2
-    (warning,) = step_gate(step, graph).warnings
+    (warning,) = step_gate(step, graph, Live()).warnings
     assert "/calibrate" in warning
     assert "2 open connections" in warning
 
@@ -126,19 +128,76 @@ def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
         )  # fmt: skip
 
     step = step_of(fleet("x.org/a:1"), fleet("x.org/a:2"))
-    served = {"up": True, "servers": ["/planner"], "goals": {}}
     actions = {
-        "/plan": served,
-        "/move_base": {**served, "servers": ["/base"]},
-        "/gone": {**served, "up": False},
-        "/dock": served,
+        "/plan": served("/planner"),
+        "/move_base": served("/base"),
+        "/gone": served("/ghost"),
+        "/dock": served("/planner"),
+        "/other": served("/base"),
     }
     graph = graph_of(step, actions=actions)
-    assert step_gate(step, graph).rest == [
+    graph["nodes"]["/ghost"] = node(reachable=False, refused=True)
+    assert step_gate(step, graph, Live()).rest == [
+        {"name": "/dock", "server": "/planner"},
         {"name": "/plan", "server": "/planner"},
         {"name": "/move_base"},
-        {"name": "/dock"},  # idle it has to be, but nobody else will serve it
     ]
+
+
+def served(server: str, **more: Any) -> dict[str, Any]:
+    return {"up": True, "servers": [server], "goals": {}, **more}
+
+
+def test_what_the_graph_shows_is_waited_for_whatever_the_inventory_says() -> None:
+    """Also of a server that tells nothing: it may be at work."""
+    for pattern in ("action", "service", None):
+        step = sensor_step(pattern=pattern)
+        (old,) = step.old_nodes.values()
+        graph = graph_of(step, actions={"/plan": served(old, up=False)})
+        assert step_gate(step, graph, Live()).rest == [{"name": "/plan", "server": old}]
+
+
+def launch_step(image: str = "x.org/a:2") -> Step:
+    def fleet(image: str) -> Robot:
+        return robot(app("nav", image, pattern="action", readiness={"nodes": False}))
+
+    return step_of(fleet("x.org/a:1"), fleet(image))
+
+
+def pod(name: str, address: str) -> dict[str, Any]:
+    return {"metadata": {"namespace": "robot-robot1", "labels": {names.LABEL_APP: name}}, "status": {"podIP": address}}
+
+
+def launch_graph() -> dict[str, Any]:
+    """A launch file's two nodes, and another pod's."""
+    graph = graph_of(sensor_step(), actions={"/move_base": served("/move_base")})
+    graph["nodes"]["/move_base"] = node(uri="http://10.42.0.8:4001/")
+    graph["nodes"]["/amcl"] = node(uri="http://10.42.0.8:4002/")
+    graph["nodes"]["/rostopic_12_1700000000000"] = node(uri="http://10.42.0.8:4003/")
+    return graph
+
+
+def test_what_a_launch_file_started_is_found_by_its_pods_address() -> None:
+    """It is waited for, its goals are held, and every node of it has to come back, for as long as the app may take."""
+    step, pods = launch_step(), [pod("nav", "10.42.0.8"), pod("sensor", "10.42.0.7")]
+    gate = step_gate(step, launch_graph(), Live(pods=pods))
+    assert gate.rest == [{"name": "/move_base", "server": "/move_base"}]
+    assert proof(step, gate.contracts, 0.1)["nodes"] == ["/amcl", "/move_base"]
+    assert proof_of_old(step, gate.contracts, 0.1)["nodes"] == ["/amcl", "/move_base"]
+    assert gate.contracts["nav"]["nodes"] == []  # the pod's own probe knows nothing of their names
+    assert (step.patience, sensor_step().patience) == (60.0, 0.0)
+
+
+def test_the_hosts_own_address_tells_nothing() -> None:
+    pods = [pod("nav", "10.42.0.8"), pod("sensor", "10.42.0.8")]
+    assert step_gate(launch_step(), launch_graph(), Live(pods=pods)).rest == []
+
+
+def test_rates_are_asked_of_what_the_step_replaces() -> None:
+    step = sensor_step()
+    graph = graph_of(step)
+    graph["topics"]["/other"] = {**graph["topics"]["/temperature"], "publishers": ["/listener"], "rates": {}}
+    assert step_gate(step, graph, Live()).nodes == {*step.old_nodes.values()}
 
 
 def test_an_image_that_an_edge_host_lacks_forbids_the_step() -> None:
@@ -147,13 +206,13 @@ def test_an_image_that_an_edge_host_lacks_forbids_the_step() -> None:
         "edge1": json.dumps({"images": [{"id": "sha256:1", "repoTags": ["x.org/a:2"]}]}),
         "edge2": json.dumps({"images": []}),
     }
-    assert step_gate(step, graph_of(step), [], listings).problems == ["the image x.org/a:2 is not on edge2"]
+    assert step_gate(step, graph_of(step), Live(), listings).problems == ["the image x.org/a:2 is not on edge2"]
     local = sensor_step(placement="local")
-    assert step_gate(local, graph_of(local), [], listings).problems == []
+    assert step_gate(local, graph_of(local), Live(), listings).problems == []
 
 
 def applied_by(step: Step, graph: dict[str, Any]) -> list[dict[str, Any]]:
-    contracts = step_gate(step, graph).contracts
+    contracts = step_gate(step, graph, Live()).contracts
     return step_objects(step, contracts, Bounds(0.1, 180.0), 1000.0)
 
 
@@ -196,7 +255,7 @@ def test_a_step_taken_up_again_holds_to_the_contract_of_its_beginning() -> None:
     first = applied_by(begun, graph_of(begun))
     updates = [{"metadata": first[0]["metadata"], "data": first[0]["data"]}]
     (step,) = update_plan(wanted, marked(applied(wanted, *updates), "sensor")).steps
-    gate = step_gate(step, NO_GRAPH, updates)
+    gate = step_gate(step, NO_GRAPH, Live(maps=updates))
     assert gate.contracts["sensor"]["topics"]["/temperature"]["rate"] == 500.0
     assert proof(step, gate.contracts, 0.1)["edges"] != []
 
@@ -208,7 +267,7 @@ def test_a_third_version_holds_to_what_the_first_one_did() -> None:
     (step,) = update_plan(robot(app("sensor", "x.org/a:3")), live).steps
     (new,) = step.new_nodes.values()
     there = {**NO_GRAPH, "nodes": {new: node()}}  # of a way back that was cut off
-    gate = step_gate(step, there, [update])
+    gate = step_gate(step, there, Live(maps=[update]))
     assert (step.resume, step.unproven, gate.problems) == (False, ["sensor"], [])
     assert gate.contracts["sensor"]["topics"]["/temperature"]["publishers"] == {new: {"rate": 500.0}}
 
@@ -223,7 +282,7 @@ def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> N
     graph["nodes"][subscriber] = node()
     graph["topics"]["/temperature"]["subscribers"] = [subscriber]
     graph["topics"]["/temperature"]["connections"] = [{"publisher": publisher, "subscriber": subscriber}]
-    contract = step_gate(second, renamed_graph(graph, [first])).contracts["stats"]
+    contract = step_gate(second, renamed_graph(graph, [first]), Live()).contracts["stats"]
     assert contract["edges"] == [[*first.new_nodes.values(), "/temperature", *second.new_nodes.values()]]
     assert renamed_graph(graph, []) == graph
 
@@ -243,7 +302,7 @@ def test_the_masters_contract_is_everything_that_is_registered() -> None:
         ("Service", "ros-keeper"),
     ]
     other = sensor_step()
-    gate = step_gate(step, graph_of(other))
+    gate = step_gate(step, graph_of(other), Live())
     conditions = proof(step, gate.contracts, 0.1)
     assert step.kind == "master"
     assert sorted(conditions["nodes"]) == sorted(["/listener", *other.old_nodes.values()])
@@ -256,7 +315,21 @@ def test_check_mode_is_told_what_the_step_would_allow() -> None:
     update = {"ignore": ["/debug"], "renamed": {"/temperature": "/temp"}}
     before, after = robot(app("sensor", update=update)), robot(app("sensor", "x.org/a:2", update=update))
     step = step_of(before, after)
-    gate = step_gate(step, graph_of(step))
+    gate = step_gate(step, graph_of(step), Live())
     assert gate.allowed == ["/temperature has to be /temp then"]
     assert [topic["name"] for topic in proof(step, gate.contracts, 0.1)["topics"]] == ["/temp"]
     assert [topic["name"] for topic in proof_of_old(step, gate.contracts, 0.1)["topics"]] == ["/temperature"]
+
+
+def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
+    step = sensor_step()
+    (old,) = step.old_nodes.values()
+    graph = graph_of(step)
+    later = {"/temperature": {"rates": {"/other": 20.0}, "latched": ["/other"]}, "/new": {"rates": {"/other": 1.0}}}
+    assert with_rates(graph, {"topics": later})["topics"] == {
+        "/temperature": {
+            **graph["topics"]["/temperature"],
+            "rates": {old: 500.0, "/other": 20.0},
+            "latched": ["/other"],
+        }
+    }
