@@ -15,7 +15,7 @@ from .._common.errors import KubeError
 from .._ros.client import Ros1Client
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
-from .cluster_api import Cluster, in_cluster
+from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
 from .keeper_record import Record
@@ -34,7 +34,12 @@ def tell(line: str) -> None:
 
 def options(words: list[str]) -> dict[str, str]:
     """`--name value` pairs."""
-    found = {"--record": "/tmp/ros-keeper", "--port": str(PORT), "--goal-forwarding": "on"}  # noqa: S108 - by hand
+    found = {
+        "--record": "/tmp/ros-keeper",  # noqa: S108 - by hand
+        "--port": str(PORT),
+        "--goal-forwarding": "on",
+        "--account": ACCOUNT,
+    }
     for name, value in zip(words[::2], words[1::2]):
         if name not in found:
             raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
@@ -42,10 +47,10 @@ def options(words: list[str]) -> dict[str, str]:
     return found
 
 
-def found_cluster() -> Cluster | None:
+def found_cluster(account: str) -> Cluster | None:
     """The cluster around us; without one the keeper does all the rest."""
     try:
-        return in_cluster(os.environ)
+        return in_cluster(os.environ, account)
     except KubeError as error:
         tell(f"no step of an update is taken back from here: {error}")
         return None
@@ -62,7 +67,7 @@ def main(words: list[str]) -> int:
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
     keeper = Keeper(ros, record, tell)
     slave.ready_when(lambda: keeper.complete)
-    cluster = found_cluster()
+    cluster = found_cluster(chosen["--account"])
     calls: GoalForwarding | SwitchedOff = SwitchedOff()
     if chosen["--goal-forwarding"] == "on":
         stays = Staying(cluster) if cluster else lambda _action, _server: True

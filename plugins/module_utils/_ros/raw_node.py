@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 import contextlib
+import http.server
 import os
 import socket
 import socketserver
 import struct
 import threading
+import xmlrpc.client
 from typing import Any, Callable, Mapping
-from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from .._common.errors import RosError
 from .rpc import Deadline, TimedSocket
@@ -21,31 +22,54 @@ from .tcpros import decode_header, encode_header
 from .transport import MAX_HEADER, read_frame
 
 SEND_SECONDS = 5.0
+MAX_CALL = 4 * 1024 * 1024  # bytes of a call
 POLL = 1.0  # between looks at whether it is to stop
 READY_PATH = "/ready"
 
 
-class _Handler(SimpleXMLRPCRequestHandler):
-    protocol_version = "HTTP/1.1"  # as rospy's: clients keep their connection
-    rpc_paths = ()
-    timeout = 30
+class _Handler(http.server.BaseHTTPRequestHandler):
+    """XML-RPC, and the probe. The library's own server loads its documentation with it, a megabyte."""
 
-    def do_GET(self) -> None:  # noqa: N802 - http.server's name
-        server: Any = self.server
-        self.send_response(404 if self.path != READY_PATH else 200 if server.ready() else 503)
-        self.send_header("Content-Length", "0")
+    protocol_version = "HTTP/1.1"  # as rospy's: clients keep their connection
+    timeout = 30
+    disable_nagle_algorithm = True
+    wbufsize = -1  # an answer is one packet
+    server: _Server
+
+    def do_GET(self) -> None:
+        self._answer(404 if self.path != READY_PATH else 200 if self.server.ready() else 503)
+
+    def do_POST(self) -> None:
+        try:
+            size = int(self.headers.get("Content-Length") or 0)
+            params, method = xmlrpc.client.loads(self.rfile.read(min(size, MAX_CALL)))
+            reply: Any = (self.server.methods[str(method)](*params),)
+        except Exception as error:  # of whoever calls; the node works on
+            reply = xmlrpc.client.Fault(1, f"{type(error).__name__}: {error}")
+        self._answer(200, xmlrpc.client.dumps(reply, methodresponse=True, allow_none=True).encode())
+
+    def _answer(self, status: int, body: bytes = b"") -> None:
+        self.send_response(status)
+        if body:
+            self.send_header("Content-Type", "text/xml")
+        self.send_header("Content-Length", str(len(body)))
         self.end_headers()
+        self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Probes and calls are not worth a line."""
 
 
-class _Server(socketserver.ThreadingMixIn, SimpleXMLRPCServer):
+class _Server(socketserver.ThreadingMixIn, socketserver.TCPServer):
     daemon_threads = True
     block_on_close = False
     request_queue_size = 64
     allow_reuse_address = True
-    ready: Callable[[], bool] = staticmethod(lambda: True)
+
+    def __init__(self, address: tuple[str, int]) -> None:
+        super().__init__(address, _Handler)
+        self.methods: dict[str, Callable[..., Any]] = {}
+        self.ready: Callable[[], bool] = lambda: True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A client that hung up is not our error."""
@@ -113,7 +137,7 @@ class Slave:
     def __init__(self, name: str, host: str, port: int, master_uri: str) -> None:
         self.name, self.host, self.master_uri = name, host, master_uri
         self.publications: dict[str, Publication] = {}
-        self.server = _Server((host, port), _Handler, logRequests=False, allow_none=True)
+        self.server = _Server((host, port))
         self.listener = socket.create_server((host, 0), backlog=64)
         address = host or socket.gethostname()
         self.uri = f"http://{address}:{self.server.server_address[1]}/"
@@ -135,8 +159,7 @@ class Slave:
 
     def register(self, methods: Mapping[str, Callable[..., Any]]) -> None:
         """Answer these XML-RPC methods, too; before start()."""
-        for method, function in methods.items():
-            self.server.register_function(function, method)
+        self.server.methods.update(methods)
 
     def ready_when(self, true: Callable[[], bool]) -> None:
         """What its answer to the readiness probe depends on; without it, on nothing but its being there."""
