@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import os
 import signal
@@ -50,6 +51,7 @@ class Scene:
         self.uri = f"http://127.0.0.1:{self.port}/"
         self.ros = Registrar(self.uri, 2.0, "/tester")
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.environment: dict[str, str] = {}  # what processes get besides
         self.keeper_uri = f"http://127.0.0.1:{self.keeper_port}/"
         self.keeper_api = xmlrpc.client.ServerProxy(self.keeper_uri)
 
@@ -62,6 +64,7 @@ class Scene:
             "ROS_IP": "127.0.0.1",
             "ROS_LOG_DIR": str(self.directory / "roslog"),
             "HOME": str(self.directory),
+            **self.environment,
         }
         with (self.directory / f"{name.strip('/')}.out").open("ab") as out:
             process = subprocess.Popen(command, env=env, stdout=out, stderr=out, cwd="/")  # noqa: S603 - our own
@@ -122,6 +125,14 @@ class Scene:
         except (OSError, ValueError):
             return {"nodes": {}, "removed": {}}
         return content
+
+    def keeper_ready(self) -> bool:
+        """As its startup probe asks it."""
+        link = http.client.HTTPConnection("127.0.0.1", self.keeper_port, timeout=2)
+        link.request("GET", "/ready")
+        status = link.getresponse().status
+        link.close()
+        return status == 200
 
     def until_recorded(self, *nodes: str) -> None:
         """The keeper has all that the master has of these nodes, with their process ids."""

@@ -26,7 +26,7 @@ from .keeper_record import Record
 LOOK = 1.0  # seconds between looks at the master,
 AWAY = 0.2  # while it does not answer
 ADDRESSES = 5.0  # seconds after which addresses are looked up although no name has changed
-PARAMETERS = 15.0
+PARAMETERS, CHANGED = 60.0, 2.0  # seconds between two reads of all parameters; after the master told of a change
 ASK = 1.0  # seconds for nodes to answer before a replay: one that is late is asked again, the others do not wait for it
 PROBE = 5.0  # an address that is no more: its host finds that out by three ARP requests, one second each
 TOGETHER = 3  # names in a line of the log
@@ -36,13 +36,21 @@ class Keeper:
     """Keeps one graph's registrations and parameters."""
 
     def __init__(
-        self, ros: Registrar, record: Record, log: Callable[[str], None], now: Callable[[], float] = time.time
+        self,
+        ros: Registrar,
+        record: Record,
+        log: Callable[[str], None],
+        now: Callable[[], float] = time.time,
+        uri: str = "",
     ) -> None:
-        self.ros, self.record, self.log, self.now = ros, record, log, now
+        """`uri` is where the master can tell us of parameters that change."""
+        self.ros, self.record, self.log, self.now, self.uri = ros, record, log, now, uri
         self.memory = keeper_memory.from_dict(record.load("registrations"))
         self.saved: Any = None
         self.params: str = str(record.load("parameters") or "")
         self.params_at = 0.0
+        self.changed = False  # since they were read
+        self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
         self.complete = bool(self.memory.master and self.params)
         self.away = ""
         self.state: MasterState | None = None
@@ -64,6 +72,11 @@ class Keeper:
         self._save()
         self.complete = bool(self.params)
         return LOOK
+
+    def parameter_changed(self, _caller: str, _key: str, _value: Any) -> list[Any]:
+        """The master's call, of the slave API."""
+        self.changed = True
+        return [1, "", 0]
 
     def take_back(self, nodes: Iterable[str]) -> None:
         """Point the services of these nodes to them again, where they live: whoever has them now is about to go."""
@@ -95,8 +108,8 @@ class Keeper:
         else:
             self._mend(now)
             self._probe(now)
-            if now - self.params_at >= PARAMETERS:
-                self._read_params(now)
+        if now - self.params_at >= (CHANGED if self.changed else PARAMETERS) or self.told_by != master:
+            self._read_params(now, master)
 
     def _register(self, system: Any, now: float, anew: bool) -> None:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then."""
@@ -128,7 +141,6 @@ class Keeper:
             if isinstance(result, RosError):
                 self.log(f"parameter {name} was not set: {result}")
         calls = self._restore(self.memory.lost(self.present, now, at_once=True), now)
-        self.params_at = now
         nodes = {call.node for call in calls}
         self.log(
             f"the master was restarted: {len(calls)} registrations of {len(nodes)} nodes and {len(todo)} parameters "
@@ -193,11 +205,16 @@ class Keeper:
 
     # ---- parameters and the record
 
-    def _read_params(self, now: float) -> None:
-        tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
+    def _read_params(self, now: float, master: tuple[Any, ...]) -> None:
+        """All of them; and have this master tell of changes, which one that does not know the call never does."""
+        self.changed = False  # first: what changes while they are read is news
+        caller = self.ros.caller
+        news = [("subscribeParam", caller, self.uri, "/")] if self.uri and self.told_by != master else []
+        tree = self.ros.calls([*news, ("getParam", caller, "/")])[-1]
         if isinstance(tree, RosError):
+            self.changed = True
             return
-        self.params_at = now
+        self.params_at, self.told_by = now, master
         text = keeper_memory.parameters_text(tree)
         if text != self.params:
             self.params = text

@@ -65,8 +65,9 @@ def main(words: list[str]) -> int:
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
-    keeper = Keeper(ros, record, tell)
+    keeper = Keeper(ros, record, tell, uri=slave.uri)
     slave.ready_when(lambda: keeper.complete)
+    slave.register({"paramUpdate": keeper.parameter_changed})
     cluster = found_cluster(chosen["--account"])
     calls: GoalForwarding | SwitchedOff = SwitchedOff()
     if chosen["--goal-forwarding"] == "on":

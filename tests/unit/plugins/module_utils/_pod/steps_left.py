@@ -24,7 +24,7 @@ def version(app: str, number: int, namespace: str = NAMESPACE, node: str | None 
         "metadata": {
             "name": app,
             "namespace": namespace,
-            "labels": {"rosops.fleet/app": app},
+            "labels": {"rosops.fleet/app": app, "app.kubernetes.io/managed-by": "rosops.fleet"},
             "annotations": {"rosops.fleet/spec-hash": f"hash of {app} {number}"},
         },
         "spec": {"replicas": 1, "template": template},

@@ -4,9 +4,6 @@
 
 from __future__ import annotations
 
-import datetime
-import ipaddress
-import ssl
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,64 +13,29 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import cluster_api, way_back
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import ApiError, Cluster, in_cluster
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.cluster_around import (
+    certificate,
+    environment,
+    start_server,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import version
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import NameOID
 
 SPACE = "robot-r1"
 DEPLOYMENTS = f"/apis/apps/v1/namespaces/{SPACE}/deployments"
 OURS = {"app.kubernetes.io/managed-by": "rosops.fleet"}
 
 
-@pytest.fixture(scope="module")
-def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A server's certificate that is its own authority, and its key, in one file."""
-    key = ec.generate_private_key(ec.SECP256R1())
-    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "api")])
-    now = datetime.datetime.now(datetime.UTC)
-    address = x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))])
-    made = (
-        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number())
-        .not_valid_before(now - datetime.timedelta(days=1))
-        .not_valid_after(now + datetime.timedelta(days=1))
-        .add_extension(address, critical=False)
-        .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
-        .sign(key, hashes.SHA256())
-    )
-    private = key.private_bytes(
-        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-    )
-    file: Path = tmp_path_factory.mktemp("tls") / "server.pem"
-    file.write_bytes(made.public_bytes(serialization.Encoding.PEM) + private)
-    return file
-
-
 @pytest.fixture
-def server(certificate: Path) -> Iterator[Server]:
-    made = Server()
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(certificate)
-    made.socket = context.wrap_socket(made.socket, server_side=True)
-    made.put(f"/api/v1/namespaces/{SPACE}", {"metadata": {}})
+def server(tmp_path: Path) -> Iterator[Server]:
+    made = start_server(tmp_path, SPACE)
     yield made
     made.stop()
 
 
 @pytest.fixture
-def account(certificate: Path, tmp_path: Path) -> Path:
-    (tmp_path / "ca.crt").write_text(certificate.read_text().partition("-----BEGIN PRIVATE")[0])
-    (tmp_path / "token").write_text("first\n")
-    (tmp_path / "namespace").write_text(SPACE)
-    return tmp_path
-
-
-@pytest.fixture
-def cluster(server: Server, account: Path) -> Cluster:
-    environ = {"KUBERNETES_SERVICE_HOST": "127.0.0.1", "KUBERNETES_SERVICE_PORT": str(server.server_address[1])}
-    return in_cluster(environ, str(account))
+def cluster(server: Server, tmp_path: Path) -> Cluster:
+    return in_cluster(environment(server), str(tmp_path))
 
 
 def test_where_there_is_no_access_it_says_what_is_missing(tmp_path: Path) -> None:
@@ -98,9 +60,9 @@ def test_it_reads_what_is_ours(cluster: Cluster, server: Server) -> None:
     assert seen[2][1] == {"labelSelector": "app.kubernetes.io/managed-by=rosops.fleet"}
 
 
-def test_the_token_is_read_anew(cluster: Cluster, server: Server, account: Path) -> None:
+def test_the_token_is_read_anew(cluster: Cluster, server: Server, tmp_path: Path) -> None:
     cluster.lease(SPACE)
-    (account / "token").write_text("second\n")
+    (tmp_path / "token").write_text("second\n")
     cluster.lease(SPACE)
     assert [server.seen()[2]["authorization"] for _request in range(2)] == ["Bearer first", "Bearer second"]
 
@@ -136,7 +98,7 @@ def test_a_refusal_is_an_error_with_what_was_said(cluster: Cluster, server: Serv
     assert cluster.deployments(SPACE) == []
 
 
-def test_a_server_that_was_restarted_is_found_again(cluster: Cluster, server: Server, certificate: Path) -> None:
+def test_a_server_that_was_restarted_is_found_again(cluster: Cluster, server: Server, tmp_path: Path) -> None:
     cluster.lease(SPACE)
     link = cluster._link
     assert link is not None
@@ -149,21 +111,14 @@ def test_a_server_that_was_restarted_is_found_again(cluster: Cluster, server: Se
     link.close()
     with pytest.raises(ApiError, match=r"cannot be reached: .*refused"):
         cluster.lease(SPACE)
-    again = Server()
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(certificate)
-    again.socket = context.wrap_socket(again.socket, server_side=True)
+    again = start_server(tmp_path, SPACE)
     cluster.port = again.server_address[1]
     assert cluster.lease(SPACE) is None
     again.stop()
 
 
-def test_nobody_else_gets_the_token(cluster: Cluster, server: Server, account: Path) -> None:
-    key = ec.generate_private_key(ec.SECP256R1())
-    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "other")])
-    now = datetime.datetime.now(datetime.UTC)
-    other = x509.CertificateBuilder(name, name, key.public_key(), 1, now, now + datetime.timedelta(days=1))
-    (account / "ca.crt").write_bytes(other.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM))
+def test_nobody_else_gets_the_token(cluster: Cluster, server: Server, tmp_path: Path) -> None:
+    (tmp_path / "ca.crt").write_bytes(certificate()[0])
     with pytest.raises(ApiError, match="CERTIFICATE_VERIFY_FAILED"):
         cluster.lease(SPACE)
     assert server.requests.empty()
@@ -177,10 +132,10 @@ def test_tls_is_loaded_with_the_first_request(cluster: Cluster, monkeypatch: pyt
     sys.modules["ssl"] = modules["ssl"]
 
 
-def test_a_shared_masters_keeper_finds_robots_that_are_added(server: Server, account: Path) -> None:
-    (account / "namespace").write_text("fleet")
+def test_a_shared_masters_keeper_finds_robots_that_are_added(server: Server, tmp_path: Path) -> None:
+    (tmp_path / "namespace").write_text("fleet")
     at = [0.0]
-    cluster = Cluster("127.0.0.1", int(server.server_address[1]), account, lambda: at[0])
+    cluster = Cluster("127.0.0.1", int(server.server_address[1]), tmp_path, lambda: at[0])
     maps = "/api/v1/namespaces/fleet/configmaps"
     server.put(f"{maps}/robot-r1", {"metadata": {}})
     assert cluster.namespaces() == ["fleet", "robot-r1"]

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_memory
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import AWAY, LOOK, PARAMETERS, Keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import AGAIN
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record
@@ -41,6 +42,7 @@ class Ros:
         self.params: dict[str, Any] = {"run_id": "first", "robot": {"wheels": 4}}
         self.verdicts: dict[str, Liveness] = {}
         self.snapshots = 0
+        self.subscribed: list[tuple[Any, ...]] = []
 
     def restart(self) -> None:
         self.pid += 1
@@ -70,6 +72,9 @@ class Ros:
                 tree = tree.setdefault(name, {})
             tree[last] = more[1]
             return 0
+        if method == "subscribeParam":
+            self.subscribed.append(more)
+            return self.params
         if method == "getParam":
             return self.params if more[0] == "/" else self.params[more[0].strip("/")]
         return {"getPid": self.pid, "getUri": "http://m:1/", "getSystemState": self._raw()}[method]
@@ -169,6 +174,23 @@ def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench
     assert bench.ros.params["robot"] == {"wheels": 4}
     assert bench.registered() == {node: entry for node, entry in bench.registered().items() if node in bench.ros.nodes}
     assert set(bench.registered()) == {"/talker", "/listener"}
+
+
+def test_a_parameter_that_changes_is_on_record_within_seconds(bench: Bench) -> None:
+    """A master that goes a moment later would take it with it."""
+    bench.keeper.uri = "http://keeper/"
+    bench.step()
+    assert bench.ros.subscribed == [("http://keeper/", "/")]
+    bench.ros.params["robot"] = {"wheels": 6}
+    bench.steps(10.0)  # nobody told
+    assert keeper_memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 4}}
+    assert bench.keeper.parameter_changed("/master", "/robot/wheels/", 6) == [1, "", 0]
+    bench.step()
+    assert keeper_memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 6}}
+    bench.ros.restart()
+    bench.steps(3.0)
+    assert bench.ros.subscribed == [("http://keeper/", "/")] * 2  # the new master knows of nobody
+    assert bench.ros.params["robot"] == {"wheels": 6}
 
 
 def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> None:
