@@ -79,9 +79,8 @@ class ClusterAction(FleetAction):
         Without a validated fleet there is nothing to compare with: then the options count, as kubernetes.core's do.
         """
         home, path = home_from_vars(known), str(self._templar.template(known.get("k3s_kubeconfig_path")) or "")
-        with self.opened(home, path, known, params) if home else Kube(params) as kube:
-            kube.patience = patience
-            yield kube
+        with self.opened(home, path, known, params) if home else Kube(params, say=self.say(known)) as kube:
+            yield kube.within(patience)
 
     def opened(
         self, home: Home, path: str, known: dict[str, Any], params: Mapping[str, Any], patience: float = PATIENCE
@@ -89,21 +88,21 @@ class ClusterAction(FleetAction):
         """An open connection to a cluster of the fleet; `path` is the k3s_kubeconfig_path of its hosts."""
         way = given_way(params, path, os.environ, home.part.cluster)
         if way:
-            return self._compared(way, home, patience)
+            return self._compared(way, home, known, patience)
         fetch = Fetch(Path(C.DEFAULT_LOCAL_TMP), lambda server: self._read(known, server))
         hostvars = HostVariables(known.get("hostvars") or {})
         try:
-            return self._compared(fetch.way(home, hostvars, given_options(params)), home, patience)
+            return self._compared(fetch.way(home, hostvars, given_options(params)), home, known, patience)
         except ApiError as error:
             if not error.misfit:
                 raise
         # made anew since it was fetched
         fetch.forget(home.part.cluster)
-        return self._compared(fetch.way(home, hostvars, given_options(params)), home, patience)
+        return self._compared(fetch.way(home, hostvars, given_options(params)), home, known, patience)
 
-    def _compared(self, way: Way, home: Home, patience: float) -> Kube:
+    def _compared(self, way: Way, home: Home, known: Mapping[str, Any], patience: float) -> Kube:
         """An open connection to a cluster that says to be the host's."""
-        kube = Kube(access_from(way.options, way.environment), patience)
+        kube = Kube(access_from(way.options, way.environment), patience, self.say(known))
         try:
             where = f"{kube.host} (from {way.source})"
             if not (way.own or home.fleet):

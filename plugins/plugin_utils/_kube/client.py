@@ -15,6 +15,7 @@ import in a run of 15 such tasks).
 from __future__ import annotations
 
 import contextlib
+import copy
 import json
 import time
 from collections import Counter
@@ -43,7 +44,8 @@ Answer = TypeVar("Answer")
 
 CONNECT_SECONDS = 5.0
 READ_SECONDS = 30.0
-PATIENCE = 10.0  # a server that is just restarting is back by then
+PATIENCE = 60.0  # a server that is just restarting is back by then, also on a small computer
+SAID_FROM, SAID_EVERY = 5.0, 20.0  # a wait that takes longer is said
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
 # Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
@@ -110,20 +112,22 @@ class Kube:
     """One cluster's API. Thread-safe; `close` it, or use it as a context.
 
     What may succeed a moment later (nothing listens, the connection broke, 429, 5xx) is tried again for `patience`
-    seconds per request. Only `request` and `page` are not: a watch does that by itself, and tells about it.
+    seconds per request; `say` is told why, once it takes long. Only `request` and `page` are not: a watch does that by
+    itself, and tells about it.
     """
 
     def __init__(
         self,
         auth: Mapping[str, Any] | Access,
         patience: float = PATIENCE,
+        say: Callable[[str], None] = lambda _text: None,
         now: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         """`auth`: kubernetes.core's options, of which those that are missing come from the K8S_AUTH_* variables."""
         self._access = auth if isinstance(auth, Access) else access_from(auth)
         self._pool = self._access.pool
-        self.patience, self._now, self._sleep = patience, now, sleep
+        self._patience, self._say, self._now, self._sleep = patience, say, now, sleep
         self._found: dict[tuple[str, str], Resource] = {}
 
     @property
@@ -135,6 +139,12 @@ class Kube:
 
     def __exit__(self, *unused: object) -> None:
         self.close()
+
+    def within(self, patience: float) -> Kube:
+        """The same connection for requests that are given up after that many seconds. Not to be closed by itself."""
+        hurried = copy.copy(self)
+        hurried._patience = patience
+        return hurried
 
     def close(self) -> None:
         self._pool.clear()
@@ -216,14 +226,14 @@ class Kube:
 
     def _patiently(self, work: Callable[[], Answer], also: Sequence[int] = ()) -> Answer:
         """Do it again until it succeeds, while it fails in a way that passes (or with a status of `also`)."""
-        began, pause, said = self._now(), FIRST_PAUSE, Counter[str]()
+        began, pause, said, said_at = self._now(), FIRST_PAUSE, Counter[str](), SAID_FROM
         while True:
             try:
                 return work()
             except ApiError as exc:
                 said[str(exc)] += 1
                 spent = self._now() - began
-                if not (exc.transient or exc.status in also) or spent >= self.patience:
+                if not (exc.transient or exc.status in also) or spent >= self._patience:
                     tries = sum(said.values())
                     if tries == 1:
                         raise
@@ -232,7 +242,10 @@ class Kube:
                         f"; before: {other[-1]}" if other else "."
                     )
                     raise ApiError(text, exc.status, exc.transient) from exc
-                self._sleep(min(pause, self.patience - spent))
+                if spent >= said_at:
+                    self._say(f"{exc} It is tried again for {self._patience - spent:.0f} s")
+                    said_at += SAID_EVERY
+                self._sleep(min(pause, self._patience - spent))
                 pause = min(pause * 2, LONGEST_PAUSE)
 
     def _read(self, method: str, path: str, query: Mapping[str, Any], *body: Any) -> bytes:

@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import (
     parse_refs,
     watched,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     IMAGE_ERRORS,
     Object,
@@ -50,7 +50,6 @@ ROLLOUT_ARGS: dict[str, dict[str, Any]] = {
 }
 
 SAY_SECONDS = 10.0  # below the idle time-outs of the tools that run playbooks
-CONNECT_PATIENCE = 10.0  # a server that is just restarting is back by then
 SHARED_FROM = 5  # from so many namespaces on, one stream for the whole cluster is cheaper than one each
 SHOWN = 12  # lines of a progress message
 
@@ -236,7 +235,7 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if verdict == PASS:
                 return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
             over = now >= wait.start + settings.timeout
-            if wait.unlisted and wait.lost and (over or wait.elapsed() >= CONNECT_PATIENCE):
+            if wait.unlisted and wait.lost and (over or wait.elapsed() >= PATIENCE):
                 raise next(iter(wait.lost.values()))
             if verdict == FAIL or over:
                 break

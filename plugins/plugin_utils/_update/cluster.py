@@ -48,7 +48,8 @@ class KubeCluster:
 
     @contextlib.contextmanager
     def claim(self, namespace: str) -> Iterator[None]:
-        lease = Lease(self._kube, namespace, LEASE, self._holder, LEASE_SECONDS)
+        # what cannot be renewed within its time need not be renewed for longer
+        lease = Lease(self._kube.within(LEASE_SECONDS), namespace, LEASE, self._holder, LEASE_SECONDS)
         self._take(lease)
         claim = _Claim(lease)
         self._claims.append(claim)

@@ -23,10 +23,14 @@ TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
 class FakeKube:
     given: dict[str, Any]
 
-    patience = 60.0
-
-    def __init__(self, auth: Mapping[str, Any]) -> None:
+    def __init__(self, auth: Mapping[str, Any], say: Any) -> None:
+        assert callable(say)
+        self.patience = 60.0
         type(self).given = {key: auth[key] for key in AUTH_ARG_SPEC if auth.get(key) is not None}
+
+    def within(self, patience: float) -> FakeKube:
+        self.patience = patience
+        return self
 
     def __enter__(self) -> FakeKube:
         return self

@@ -7,12 +7,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import SAID_FROM
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
@@ -139,6 +141,28 @@ def test_ten_robots_of_a_limit_fetch_it_once_from_a_living_server_outside_of_it(
     assert "very-secret" not in done.stdout + done.stderr
     assert control.left() == []
     assert not list((control.folder / "home").rglob("*kube*"))
+
+
+def test_an_api_server_that_restarts_fails_no_robot(server: Server, control: Control) -> None:
+    port, lists, back = server.server_address[1], server.lists, list[Server]()
+    server.shutdown()
+    server.server_close()
+
+    def come_back() -> None:
+        back.append(Server(port))
+        back[0].lists = lists
+
+    timer = threading.Timer(SAID_FROM + 4, come_back)
+    timer.start()
+    try:
+        done = control.run("--limit", "robots")
+    finally:
+        timer.join()
+        back[0].stop()
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"] The Kubernetes API at {server.url} cannot be reached: connection refused." in done.stdout
+    assert "It is tried again for 5" in done.stdout
+    assert "unknown type" not in done.stdout + done.stderr
 
 
 def test_nothing_is_left_after_a_failure(server: Server, control: Control) -> None:

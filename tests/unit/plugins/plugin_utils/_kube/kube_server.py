@@ -27,8 +27,8 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self) -> None:
-        super().__init__(("127.0.0.1", 0), _Handler)
+    def __init__(self, port: int = 0) -> None:
+        super().__init__(("127.0.0.1", port), _Handler)
         self.lists: dict[str, list[Any]] = {}
         self.kinds: dict[str, list[Any]] = {}  # by group and version, what kinds beyond the usual ones there are
         self.writes: list[str] = []  # method and path of every request that was no GET

@@ -4,15 +4,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError, Kube
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.conftest import Clock
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -64,7 +66,7 @@ def test_lists_with_selectors_and_impersonation(server: Server) -> None:
     ],
 )
 def test_refusals(server: Server, kube: Kube, status: int, words: str, transient: bool) -> None:
-    server.refusals += [(status, "slow down")] * (20 if transient else 1)
+    server.refusals += [(status, "slow down")] * (50 if transient else 1)
     with pytest.raises(ApiError, match=words) as error:
         kube.nodes()
     assert server.url in str(error.value)
@@ -111,6 +113,47 @@ def test_patience_has_an_end_that_says_what_was_seen(server: Server, clock: Cloc
             kube.nodes()
     assert clock.time == pytest.approx(5)
     assert error.value.transient
+
+
+def test_a_server_that_restarts_is_waited_for_and_told_about(server: Server, clock: Clock) -> None:
+    said: list[str] = []
+    with Kube({"host": server.url, "api_key": "t"}, say=said.append, now=clock.now, sleep=clock.sleep) as kube:
+        server.refusals += [(503, "starting")] * 20
+        assert kube.nodes() == []
+        assert 30 < clock.time < PATIENCE
+        assert len(said) == 2
+        assert "503 for /api/v1/nodes: starting. It is tried again for 5" in said[0]
+        server.refusals += [(503, "starting")] * 20
+        began = clock.time
+        with pytest.raises(ApiError, match="starting"):
+            kube.within(3).nodes()
+        assert clock.time - began == pytest.approx(3)
+        assert len(said) == 2  # nobody is told of what is over by then
+
+
+def test_ten_robots_while_the_server_is_away(server: Server) -> None:
+    """Nothing listens, and then another one at its place with what the first one had stored."""
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
+        kube.apply([NAMESPACE])
+    port, lists, others = server.server_address[1], server.lists, list[Server]()
+    server.shutdown()
+    server.server_close()
+
+    def robot(number: int) -> list[bool]:
+        with Kube({"host": server.url, "api_key": "t"}) as kube:
+            return [one.changed for one in kube.apply([config_map(f"r{number}-{part}", k="v") for part in range(5)])]
+
+    with ThreadPoolExecutor(10) as pool:
+        running = [pool.submit(robot, number) for number in range(10)]
+        with contextlib.suppress(FutureTimeoutError):
+            running[0].result(timeout=1)
+        assert not any(one.done() for one in running)  # none has failed
+        others.append(Server(port))
+        others[0].lists = lists
+        written = [one.result(timeout=60) for one in running]
+    others[0].stop()
+    assert written == [[True] * 5] * 10
+    assert len(lists[MAPS]) == 50
 
 
 def test_without_patience_and_for_what_does_not_pass_once_is_enough(server: Server, kube: Kube) -> None:

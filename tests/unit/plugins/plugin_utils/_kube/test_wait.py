@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import latest, probe_line
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
@@ -239,7 +239,7 @@ def lost(target: Target) -> Change:
 def test_never_reached_fails_soon_with_the_cause() -> None:
     done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=300)
     assert done.error is REFUSED
-    assert done.took == pytest.approx(10, abs=1)
+    assert done.took == pytest.approx(PATIENCE, abs=1)
 
 
 def test_never_reached_within_a_short_timeout() -> None:
