@@ -29,6 +29,7 @@ class ActionModule(FleetAction):
         "fleet": {"type": "dict", "required": True},
         "graphs": {"type": "str", "required": True},
         "page": {"type": "str", "default": "reports/fleet-status.html"},
+        "mode": {"type": "str", "choices": ["0600", "0640", "0644"], "default": "0600"},
     }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
@@ -42,12 +43,14 @@ class ActionModule(FleetAction):
         # for the report: a page that was written on the control node is no change to a host
         result: dict[str, Any] = {"status": status, "text": text, "ansible_facts": {FACT: UNCHANGED}}
         try:
-            result["changed"] = self._write(status, params["page"], str(known.get("ansible_limit") or ""))
+            result["changed"] = self._write(
+                status, params["page"], params["mode"], str(known.get("ansible_limit") or "")
+            )
         except OSError as error:
             result.update(failed=True, msg=f"the page cannot be written: {error}")
         return result
 
-    def _write(self, status: Mapping[str, Any], given: str, limit: str) -> bool:
+    def _write(self, status: Mapping[str, Any], given: str, mode: str, limit: str) -> bool:
         """Whether the page says, or in check mode would say, something new."""
         path = placed(given)
         if path is None:
@@ -55,7 +58,7 @@ class ActionModule(FleetAction):
         before = text_of(path)
         page = status_page(status, time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), before, limit)
         if page != before and not self._task.check_mode:
-            write(path, page, 0o644)  # for everybody's browser
+            write(path, page, int(mode, 8))
         return page != before
 
 

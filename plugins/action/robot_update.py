@@ -24,6 +24,7 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleConnectionFailure
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
@@ -153,7 +154,7 @@ class ActionModule(ClusterAction):
             host,
             MonotonicClock(),
             self._say,
-            lambda text: display.v(f"[{self._host}] {text}"),
+            lambda text: display.v(f"[{self._host}] {printable(text)}"),
         )
 
     def _edge_images(self) -> dict[str, list[str]]:

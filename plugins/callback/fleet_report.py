@@ -39,7 +39,7 @@ options:
     description:
       - The JSON file of the last run. Relative to the directory of the ansible.cfg in use, or without one to the
         current directory.
-      - Empty writes none.
+      - Empty writes none. It is for its user only (0600).
     type: str
     default: reports/fleet-report.json
     env:

@@ -33,6 +33,11 @@ options:
       - Empty writes none.
     type: str
     default: reports/fleet-status.html
+  mode:
+    description: Who may read the page; V(0644) for a web server.
+    type: str
+    choices: ["0600", "0640", "0644"]
+    default: "0600"
 notes:
   - The last outcomes are those that the callback P(rosops.fleet.fleet_report#callback) has written, under the name that
     its option C(path) gives or one that begins with it.

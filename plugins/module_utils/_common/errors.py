@@ -7,15 +7,18 @@ from __future__ import annotations
 
 from typing import Any
 
+from .printable import printable
+
 
 class FleetError(Exception):
     """Something the operator has to know: what, where, what to do.
 
-    `details` goes into the module's result next to the message, so keep it JSON-serialisable and free of secrets.
+    `details` goes into the module's result next to the message, so keep it JSON-serialisable and free of secrets. The
+    message may have names of others in it: they cannot write to the operator's terminal.
     """
 
     def __init__(self, message: str, **details: Any) -> None:
-        super().__init__(message)
+        super().__init__(printable(message))
         self.details: dict[str, Any] = details
 
 

@@ -26,9 +26,13 @@ STARTED_WITH = "/run/rosops-fleet-{service}.started"
 SHOWN = ("LoadState", "ActiveState", "SubState", "UnitFileState", "NeedDaemonReload", "NRestarts", "Result")
 RESTARTS_ALLOWED = 3
 FULL_TOKEN = re.compile(r"^K10[0-9a-f]{64}::")
+# Forms in which k3s and what it runs write secrets; what is named `before` stays.
 SECRETS = (
-    re.compile(r"K10[0-9a-f]{64}::[^\s\"']+"),
-    re.compile(r"(?i)((?:token|password|secret)[\w-]*[\"']?\s*[=:]\s*)([^\s\"',]{6,})"),
+    re.compile(r"(?P<before>)K10[0-9a-f]{64}::[^\s\"']+"),
+    re.compile(r"(?i)(?P<before>authorization[\"']?\s*[=:]\s*[\"']?(?:(?:bearer|basic)\s+)?)[^\s\"',]+"),
+    re.compile(r"(?i)(?P<before>(?:token|password|secret|join-?key)[\w-]*[\"']?\s*[=:]\s*[\"']?)[^\s\"',]{6,}"),
+    re.compile(r"(?i)(?P<before>--[\w-]*(?:token|password|secret)[ =]+)[^\s\"',]+"),
+    re.compile(r"(?P<before>://[^\s/:@]*:)[^\s/@]+(?=@)"),
 )
 TROUBLE = re.compile(r"^[EF]\d{4} |level=(error|fatal|panic)|^panic:|\"level\":\"(error|fatal|panic)\"|^error:", re.I)
 LONGEST_LINE = 300
@@ -67,8 +71,9 @@ def without_secrets(text: str, secrets: Iterable[str] = ()) -> str:
         {token_password(secret) for secret in secrets if len(secret.strip()) > 3}, key=len, reverse=True
     ):
         text = text.replace(secret, "********")
-    text = SECRETS[0].sub("********", text)
-    return SECRETS[1].sub(r"\1********", text)
+    for form in SECRETS:
+        text = form.sub(r"\g<before>********", text)
+    return text
 
 
 def last_errors(journal: list[str], count: int) -> list[str]:

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from ansible.plugins.action import ActionBase
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
 
 display = Display()
 
@@ -40,6 +41,7 @@ class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no t
         """The task's result. `params` are its options, `known` the host's variables."""
         raise NotImplementedError
 
-    def say(self, known: Mapping[str, Any]) -> Any:
-        """What prints a line while the task goes on."""
-        return lambda text: display.display(f"[{known.get('inventory_hostname', '')}] {text}")
+    def say(self, known: Mapping[str, Any]) -> Callable[[str], None]:
+        """What prints a line while the task goes on. Only its first line begins with the host's name."""
+        host = known.get("inventory_hostname", "")
+        return lambda text: display.display(f"[{host}] " + printable(text).replace("\n", "\n  "))

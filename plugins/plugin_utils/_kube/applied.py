@@ -11,6 +11,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import secrets_in, without
 
 # What the API server keeps for itself, and what the cluster answers, are no part of what was asked for.
 BOOKKEEPING = ("managedFields", "resourceVersion", "generation", "uid", "creationTimestamp", "selfLink")
@@ -69,13 +70,20 @@ def _hidden(secret: Object | None, other: Object | None, differs: str) -> Object
 
 
 def diff_of(written: Sequence[Applied]) -> list[dict[str, Any]]:
-    """Ansible's `diff` of a task: an entry per object that changed."""
+    """Ansible's `diff` of a task: an entry per object that changed, without the secrets that any of them holds."""
+    old = {text for one in written for text in secrets_in(one.before)}
+    new = {text for one in written for text in secrets_in(one.after)}
+    words = {
+        text: HIDDEN if text in old and text in new else HIDDEN_OLD if text in old else HIDDEN_NEW
+        for text in old | new
+        if text
+    }
     return [
         {
             "before_header": str(one.ref),
             "after_header": str(one.ref),
-            "before": one.before or "",
-            "after": one.after or "",
+            "before": without(one.before or "", words),
+            "after": without(one.after or "", words),
         }
         for one in written
         if one.changed

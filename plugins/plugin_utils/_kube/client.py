@@ -25,8 +25,9 @@ from typing import Any, TypeVar
 from urllib.parse import urlencode
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import without_secrets
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Access, access_from, forget_key_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import HIDDEN, Applied, applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import (
@@ -36,6 +37,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources impor
     base_of,
     known,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import secrets_in, without
 
 with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses
     import urllib3
@@ -296,10 +298,11 @@ class Kube:
             raise
 
     def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str:
-        """The last lines of a container's log."""
+        """The last lines of a container's log, for a message: without what looks like a secret."""
         query = {"container": container, "tailLines": lines, "previous": str(previous).lower()}
         path = f"{RESOURCES['Pod'].path(namespace, pod)}/log"
-        return self._patiently(lambda: self._read("GET", path, query)).decode("utf-8", "replace").strip()
+        text = self._patiently(lambda: self._read("GET", path, query)).decode("utf-8", "replace").strip()
+        return without_secrets(text)
 
     # --- writing ----------------------------------------------------------------------------------------------------
 
@@ -323,6 +326,8 @@ class Kube:
             except ApiError as exc:
                 if not (dry_run and exc.status == 404 and self._namespace_is_new(ref)):
                     exc.details["applied"] = [str(one.ref) for one in done if one.changed]
+                    # Kubernetes repeats a value that it does not accept
+                    exc.args = (without(str(exc), dict.fromkeys(secrets_in(obj), HIDDEN)),)
                     raise
                 before, after = None, dict(obj)
             done.append(applied(ref, before, after))

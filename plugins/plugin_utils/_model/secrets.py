@@ -5,14 +5,60 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 # Whatever is below these is the operator's business with k3s or Alertmanager, and may hold passwords.
+SHORTEST = 4  # a shorter secret is hidden where it stands alone: everything else would be full of it
 OPAQUE = ("k3s_config", "k3s_environment", "k3s_registries", "observability_alertmanager_config")
 # k3s_token, k3s_agent_token, password, identity_token, auth; but not k3s_token_file and the like, which are paths
 _SECRET_KEY = re.compile(r"(?:^|_)(?:token|password|passwd|secret|secret_key)$|^auth$", re.IGNORECASE)
+
+# An app's environment has the names that its author gave, so the nets are wider there.
+_SECRET_VARIABLE = re.compile(
+    r"passw|secret|token|credential|(?:api|access|private)_?key|(?:^|_)(?:auth|pwd|pin)$", re.IGNORECASE
+)
+_PASSWORD_IN_URL = re.compile(r"://[^\s/:@]*:([^\s/@]+)@")
+
+
+def secrets_in(value: Any) -> Iterator[str]:
+    """The secrets of a Kubernetes object: variables of containers whose name says so, and passwords within URLs.
+
+    Objects that are kept as JSON within others, as a step keeps its way back, are looked through as well.
+    """
+    if isinstance(value, Mapping):
+        if _SECRET_VARIABLE.search(str(value.get("name"))) and isinstance(value.get("value"), str):
+            yield str(value["value"])
+        for item in value.values():
+            yield from secrets_in(item)
+    elif isinstance(value, (list, tuple)):
+        for item in value:
+            yield from secrets_in(item)
+    elif isinstance(value, str):
+        yield from _PASSWORD_IN_URL.findall(value)
+        if value[:1] in ("{", "["):
+            try:
+                yield from secrets_in(json.loads(value))
+            except ValueError:
+                return
+
+
+def without(value: Any, words: Mapping[str, str]) -> Any:
+    """The value with every text that is a key of `words`, or has one in it, in other words."""
+    if isinstance(value, Mapping):
+        return {key: without(item, words) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without(item, words) for item in value]
+    if not isinstance(value, str):
+        return value
+    if value in words:
+        return words[value]
+    for secret in sorted(words, key=len, reverse=True):
+        for form in (secret, json.dumps(secret)[1:-1]):
+            value = value.replace(form, words[secret]) if len(secret) >= SHORTEST else value
+    return value
 
 
 def is_secret(path: str) -> bool:

@@ -34,14 +34,14 @@ def text_of(path: Path) -> str:
         return ""
 
 
-def write(path: Path, text: str, mode: int | None = None) -> None:
-    """In one step: a reader never sees half of it. Without a mode the process's own counts."""
+def write(path: Path, text: str, mode: int = 0o600) -> None:
+    """In one step: a reader never sees half of it. What hosts said may hold more than everybody is to know."""
     path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
     try:
+        unfinished.touch(mode=0o600)
         unfinished.write_bytes(text.encode())
-        if mode is not None:
-            unfinished.chmod(mode)
+        unfinished.chmod(mode)
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)

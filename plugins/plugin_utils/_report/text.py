@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
@@ -93,7 +95,7 @@ ONLY_WITH_ROWS = frozenset({"problems", "outcomes", "steps"})
 
 
 def words(value: Any) -> str:
-    """A cell's text: one line, nothing for nothing."""
+    """A cell's text: one line of what may be printed, nothing for nothing."""
     if value is None or value == "":
         return "-"
     if isinstance(value, bool):
@@ -104,7 +106,7 @@ def words(value: Any) -> str:
         return ", ".join(words(item) for item in value) or "-"
     if isinstance(value, dict):
         return ", ".join(f"{key}={words(item)}" for key, item in value.items()) or "-"
-    return " ".join(str(value).split()) or "-"
+    return printable(" ".join(str(value).split())) or "-"
 
 
 def _cut(text: str, width: int) -> str:

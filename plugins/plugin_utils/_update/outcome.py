@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
@@ -53,7 +54,7 @@ class StepResult:
             "phases": dict(self.phases),
             "busy_wait": self.phases.get("wait", 0.0),
             "outcome": self.outcome,
-            "reason": self.reason,
+            "reason": printable(self.reason),
         }
 
     def told(self) -> str:
@@ -77,7 +78,11 @@ class RobotOutcome:
 
     def as_dict(self) -> dict[str, Any]:
         """The fact `fleet_outcome`, which the report reads."""
-        return {"outcome": self.outcome, "reason": self.reason, "steps": [step.as_dict() for step in self.steps]}
+        return {
+            "outcome": self.outcome,
+            "reason": printable(self.reason),
+            "steps": [step.as_dict() for step in self.steps],
+        }
 
 
 def robot_outcome(results: Sequence[StepResult], steps: int) -> RobotOutcome:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -49,3 +50,20 @@ def test_the_diff_has_what_changed_only() -> None:
     written = [applied(ref, old, old), applied(ref, old, new), applied(ref, None, new), applied(ref, old, None)]
     assert [(one["before"], one["after"]) for one in diff_of(written)] == [(old, new), ("", new), (old, "")]
     assert diff_of(written)[0]["before_header"] == "ConfigMap n/a"
+
+
+def deployment(env: dict[str, str]) -> dict[str, Any]:
+    variables = [{"name": name, "value": value} for name, value in env.items()]
+    return {"kind": "Deployment", "metadata": {"name": "a"}, "spec": {"containers": [{"env": variables}]}}
+
+
+def test_an_apps_password_is_not_shown_nor_where_the_way_back_keeps_it() -> None:
+    old, new = (
+        deployment({"DB_PASSWORD": "first-hush", "LEVEL": "1"}),
+        deployment({"DB_PASSWORD": "then-hush", "LEVEL": "2"}),
+    )
+    kept = {"kind": "ConfigMap", "metadata": {"name": "a-update"}, "data": {"history.json": json.dumps([old])}}
+    app, history = diff_of([applied(REF, old, new), applied(REF, kept, None)])
+    assert app["before"] == deployment({"DB_PASSWORD": "(hidden: the old value)", "LEVEL": "1"})
+    assert app["after"] == deployment({"DB_PASSWORD": "(hidden: the new value)", "LEVEL": "2"})
+    assert "hush" not in str([app, history])

@@ -52,4 +52,6 @@ def test_a_file_is_whole_and_has_the_mode_that_was_asked_for(tmp_path: Path) -> 
         files.write(page, text, 0o640)
         assert files.text_of(page) == text
     assert page.stat().st_mode & 0o777 == 0o640
+    files.write(page, "what a host said")
+    assert page.stat().st_mode & 0o777 == 0o600
     assert [file.name for file in page.parent.iterdir()] == ["fleet.html"]

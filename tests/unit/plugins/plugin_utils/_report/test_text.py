@@ -21,6 +21,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import t
         (["a", "b"], "a, b"),
         ([], "-"),
         ({"a": 1, "b": True}, "a=1, b=yes"),
+        ("/a\x1b[31m\u009b2J\nforged line", "/a\\x1b[31m\\x9b2J forged line"),
+        (["/\x9b1m"], "/\\x9b1m"),
     ],
 )
 def test_cells(value: Any, text: str) -> None:
