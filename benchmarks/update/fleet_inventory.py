@@ -30,7 +30,7 @@ def item(app: App) -> dict[str, Any]:
         "command": [f"{PROGRAMS}/{app.program}"],
         "env": {"LOG_DIR": app.log_dir, **app.env},
         "placement": app.placement,
-        "volumes": [{"name": app.volume}],
+        "volumes": [{"name": app.volume, "shared": True}],  # a file of its own for each process
         "resources": {"requests": dict(REQUESTED)},
         "readiness": readiness(app),
     }

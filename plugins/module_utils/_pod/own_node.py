@@ -81,7 +81,7 @@ def find_node(settings: Mapping[str, Any]) -> tuple[OwnNode | None, str]:
 
 def nodes_here(settings: Mapping[str, Any]) -> tuple[list[OwnNode], str]:
     """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
-    ros, space = ros_of(os.environ), os.environ.get("ROS_NAMESPACE", "").rstrip("/")
+    ros, space = ros_of(os.environ), settings.get("space", "").rstrip("/")
     try:
         state = ros.state()
         names = [name for name in state.nodes() if name.startswith(f"{space}/")]

@@ -9,15 +9,20 @@ it travels as an Ansible fact.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.sharing import unshared, unshared_volume
+
+_NAMESPACE = re.compile(r"(?:^|\s)__ns:=([\w/]+)")
 
 # A handoff follows from what the app does on the graph: two publishers or services of one name live side by side for a
-# moment, two action servers lose goals, and without a pattern nothing may be assumed.
+# moment, two action servers lose goals, and without a pattern nothing may be assumed. What two pods cannot have at once
+# makes `replace` of `overlap`.
 HANDOFF_BY_PATTERN: dict[str | None, str] = {
     "pubsub": "overlap",
     "service": "overlap",
@@ -44,6 +49,11 @@ class Mount:
     name: str
     mount_path: str
     read_only: bool = False
+    shared: bool = False  # several pods may write to it at once
+
+    def alone(self, volume: Volume) -> str:
+        """Why two pods cannot both mount the volume so, or nothing."""
+        return unshared_volume(volume.name, volume.access_mode, self.read_only or self.shared)
 
 
 @dataclass(frozen=True)
@@ -112,6 +122,10 @@ class App:
     host_network: bool = False
     host_paths: tuple[HostPath, ...] = ()
     overrides: Mapping[str, Any] = field(default_factory=dict)
+
+    def alone(self) -> list[str]:
+        """Why two pods of it cannot be up at once, volumes aside."""
+        return unshared(self.devices, self.host_network, self.resources, self.overrides)
 
 
 @dataclass(frozen=True)
@@ -216,11 +230,26 @@ def master_uri(robot: Robot) -> str:
     return f"http://{host}:{names.MASTER_PORT}"
 
 
-def graph_namespace(app: App, robot: Robot) -> str:
-    """The ROS namespace of an app: the robot's own one where several robots share a master, else the root."""
+def robot_space(app: App, robot: Robot) -> str:
+    """The ROS namespace that an app gets: the robot's own one where several robots share a master, else the root."""
     if app.scope == "fleet" or robot.master.mode == "robot":
         return "/"
     return "/" + names.ros_name(robot.name)
+
+
+def said_namespace(app: App) -> str:
+    """The ROS namespace that the app's own command line or environment gives it; empty without one.
+
+    Both client libraries take a `__ns:=` before the variable, and a relative name as one below the root.
+    """
+    words = [found[1] for word in (*app.command, *app.args) for found in _NAMESPACE.finditer(word)]
+    said = words[-1] if words else app.env.get("ROS_NAMESPACE", "")
+    return "/" + said.strip("/") if said else ""
+
+
+def graph_namespace(app: App, robot: Robot) -> str:
+    """The ROS namespace of an app's nodes: as it says itself, else the one that it gets."""
+    return said_namespace(app) or robot_space(app, robot)
 
 
 def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
@@ -249,6 +278,7 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
     given = _given(raw)
     computed = {
         "handoff": given.get("handoff") or HANDOFF_BY_PATTERN[given.get("pattern")],
+        "placement": given.get("placement") or ("local" if given.get("devices") else "remote"),
         "node_name": given.get("node_name") or names.ros_name(str(raw["name"])),
         "env": {str(key): env_text(value) for key, value in (raw.get("env") or {}).items()},
         "private_names": [str(name).lstrip("~") for name in given.get("private_names", ())],
@@ -260,7 +290,12 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
         "readiness": _readiness(given.get("readiness", {})),
         "update": UpdateSettings(**_given(given.get("update", {}))),
     }
-    return App(**_tuples({**given, **computed}))
+    app = App(**_tuples({**given, **computed}))
+    if given.get("handoff") or app.handoff != "overlap":
+        return app
+    pairs = [(mount, volume) for mount in app.volumes for volume in volumes if mount.name == volume.name]
+    alone = app.alone() or any(mount.alone(volume) for mount, volume in pairs)
+    return replace(app, handoff="replace") if alone else app
 
 
 def _readiness(raw: Mapping[str, Any]) -> Readiness:

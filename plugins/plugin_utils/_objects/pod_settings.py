@@ -41,6 +41,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
         "keeper": keeper_url(robot),
         "host_network": app.host_network,
+        "space": context.robot_space(app, robot),
     }
 
 

@@ -44,10 +44,6 @@ def app_warnings(app: App, raw: Raw, path: str) -> list[str]:
         warnings.append(
             f"{path}.devices: the container runs privileged, as Kubernetes has no other plain way to a device"
         )
-    if app.devices and app.handoff == "overlap":
-        warnings.append(
-            f"{path}.handoff: overlap opens the devices twice for a moment; use replace if they permit one user"
-        )
     if raw.get("private_names") and app.handoff != "overlap":
         warnings.append(f"{path}.private_names: has no effect with the handoff {app.handoff}")
     return warnings
@@ -111,6 +107,8 @@ def _handoff(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]
         yield Problem(
             f"{path}.handoff", "is overlap for the pattern action: two action servers lose goals", "drain or replace"
         )
+    for reason in app.alone() if app.handoff == "overlap" else ():
+        yield Problem(f"{path}.handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
 
 
 def _placement(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
@@ -119,6 +117,26 @@ def _placement(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]
         yield Problem(
             f"{path}.placement", f"is remote{default}, but a standalone robot has no edge host in its cluster", "local"
         )
+
+
+def _devices(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    """A remote pod may be placed on any edge host, of which nobody knows what is plugged in."""
+    if app.devices and app.placement == "remote":
+        yield Problem(f"{path}.placement", "is remote, but devices are the robot's", "local, or leave it out")
+
+
+def _namespace(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    """Robots that share a master are kept apart by their namespaces; and where nodes are has to be known."""
+    space, said = context.robot_space(app, draft.robot), context.said_namespace(app)
+    if said and space != "/" and not f"{said}/".startswith(f"{space}/"):
+        where = "env.ROS_NAMESPACE" if "ROS_NAMESPACE" in app.env else "args"
+        found = f"takes the app to {said}, out of the namespace {space} that keeps robots on one master apart"
+        yield Problem(f"{path}.{where}", found, f"leave it out, or a namespace below {space}")
+    for key in ("command", "args"):
+        for index, word in enumerate(getattr(app, key)):
+            if "ROS_NAMESPACE=" in word and app.readiness.nodes:
+                found = "sets ROS_NAMESPACE within the command, so that nobody knows where its node is"
+                yield Problem(f"{path}.{key}[{index}]", found, "env: {ROS_NAMESPACE: ...}, or __ns:= in args")
 
 
 def _scope(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
@@ -228,6 +246,8 @@ CHECKS: tuple[Check, ...] = (
     _node_name,
     _handoff,
     _placement,
+    _devices,
+    _namespace,
     _scope,
     _grace,
     _volumes,

@@ -74,35 +74,41 @@ def _volume_users(draft: Draft, edge_count: int) -> Iterator[Problem]:
     for volume in draft.robot.volumes:
         mode, name = volume.access_mode, volume.name
         users = [
-            (join_path(path, "volumes", index), app)
+            (join_path(path, "volumes", index), app, mount)
             for path, app, _raw in draft.apps()
             for index, mount in enumerate(app.volumes)
             if mount.name == name
         ]
         if mode == "ReadWriteOncePod":
-            for path, _app in users[1:]:
+            for path, _app, _mount in users[1:]:
                 yield Problem(
                     path,
                     f"mounts {name}, a ReadWriteOncePod volume of {users[0][0]}",
                     "one app per ReadWriteOncePod volume",
                 )
-        if mode == "ReadWriteOnce" and len({app.placement for _path, app in users}) > 1:
-            others = [path for path, app in users if app.placement != users[0][1].placement]
+        if mode == "ReadWriteOnce" and len({app.placement for _path, app, _mount in users}) > 1:
+            others = [path for path, app, _mount in users if app.placement != users[0][1].placement]
             yield Problem(
                 others[0],
                 f"mounts the ReadWriteOnce volume {name} on another node than {users[0][0]} does",
                 "apps of one placement, or access_mode: ReadWriteMany",
             )
-        for path, app in users:
-            if app.handoff == "overlap" and not _overlap_fits(volume, app, edge_count):
+        for path, app, mount in users:
+            if app.handoff == "overlap" and not _same_node(volume, app, edge_count):
                 yield Problem(
                     path,
                     f"mounts the {mode} volume {name}, which two overlapping revisions cannot both have",
                     "handoff: replace or drain, another access_mode, or ReadWriteOnce on one node",
                 )
+            elif app.handoff == "overlap" and mount.alone(volume):
+                yield Problem(
+                    path,
+                    f"cannot be two overlapping revisions': {mount.alone(volume)}",
+                    "handoff: replace or drain, read_only: true, or shared: true where several may write at once",
+                )
 
 
-def _overlap_fits(volume: Volume, app: App, edge_count: int) -> bool:
+def _same_node(volume: Volume, app: App, edge_count: int) -> bool:
     if volume.access_mode == "ReadWriteOnce":
         return app.placement == "local" or edge_count <= 1 or volume.storage_class in NODE_BOUND
     return volume.access_mode != "ReadWriteOncePod"

@@ -129,7 +129,7 @@ def test_what_must_pass(app: dict[str, Any], robot: dict[str, Any]) -> None:
 
 
 def test_overlap_on_a_volume_of_one_node_depends_on_the_nodes() -> None:
-    app = {"volumes": [{"name": "v"}], "pattern": "pubsub"}
+    app = {"volumes": [{"name": "v", "shared": True}], "pattern": "pubsub"}
 
     def problems(placement: str, storage_class: str | None, edge: list[str]) -> int:
         volume = {"name": "v", **({"storage_class": storage_class} if storage_class else {})}
@@ -155,7 +155,6 @@ def test_overlap_on_a_volume_of_one_node_depends_on_the_nodes() -> None:
         ({"image": "talker"}, "image: talker may mean another image tomorrow"),
         ({"image": "talker:latest"}, "may mean another image tomorrow"),
         ({"devices": ["/dev/ttyUSB0"]}, "devices: the container runs privileged"),
-        ({"devices": ["/dev/ttyUSB0"], "pattern": "pubsub"}, "handoff: overlap opens the devices twice"),
         ({"private_names": ["a"]}, "private_names: has no effect"),
     ],
 )
@@ -361,3 +360,27 @@ def test_deep_merge(base: dict[str, Any], overrides: dict[str, Any], merged: dic
     before = copy.deepcopy((base, overrides))
     assert deep_merge(base, overrides) == merged
     assert (base, overrides) == before
+
+
+def test_the_quick_start_of_the_readme_is_a_fleet() -> None:
+    text = (Path(__file__).resolve().parents[5] / "README.md").read_text("utf-8")
+    blocks = [part.split("\n\n\n")[0] for part in text.split("`my-fleet/")[1:]]
+    hosts, robots = (yaml.safe_load(_indented(block)) for block in blocks[:2])
+    children = hosts["all"]["children"]
+    given = {
+        "groups": {name: list(group["hosts"]) for name, group in children.items()},
+        "hosts": dict.fromkeys(children["robots"]["hosts"], robots),
+    }
+    report = check_fleet(given)
+    assert report.problems == []
+    assert report.fleet is not None
+    apps = {app.name: (app.placement, app.handoff) for app in report.fleet.robots["robot1"].apps}
+    assert apps == {"lidar": ("local", "replace"), "mapping": ("remote", "replace")}
+
+
+def _indented(text: str) -> str:
+    """The first block of a Markdown text that is set off as code."""
+    lines = text.splitlines()
+    first = next(number for number, line in enumerate(lines) if line.startswith("    "))
+    last = next((n for n, line in enumerate(lines[first:], first) if line and not line.startswith(" ")), len(lines))
+    return "\n".join(lines[first:last])
