@@ -13,6 +13,7 @@ version_added: 0.1.0
 description:
   - Stops k3s, ends its pods' processes, undoes its mounts, deletes its network interfaces and firewall rules, and
     removes its files.
+  - Asks what runs in pods to stop, and gives it 30 seconds before it is killed.
   - Touches nothing that is not k3s's. It refuses to delete a directory in which something is still mounted.
   - Needs nothing but Python's standard library on the host.
 author:

@@ -40,6 +40,13 @@ def rendered(value: Any) -> Any:
     )
 
 
+@pytest.mark.parametrize(("role", "variable"), [("node", "node_name"), ("preflight", "preflight_node_name")])
+def test_every_role_means_the_same_node(role: str, variable: str) -> None:
+    default = NativeEnvironment().from_string(load(ROLES / role / "defaults" / "main.yml")[variable])
+    assert default.render(inventory_hostname="robot1", k3s_node_name="node-1") == "node-1"
+    assert default.render(inventory_hostname="robot1") == "robot1"
+
+
 def test_there_are_roles() -> None:
     assert {"preflight", "k3s", "images", "node", "robot_namespace", "storage", "ros_master", "ros_app"} <= set(NAMES)
 

@@ -39,7 +39,7 @@ def own_processes(processes: Iterable[Process]) -> list[int]:
     for process in listed:
         children.setdefault(process.parent, []).append(process.pid)
     order: list[int] = []
-    stack = [process.pid for process in listed if SHIM.search(process.command) or UNIT_CGROUP.search(process.cgroup)]
+    stack = [process.pid for process in listed if _is_k3s(process)]
     while stack:
         pid = stack.pop()
         if pid in order:
@@ -47,6 +47,17 @@ def own_processes(processes: Iterable[Process]) -> list[int]:
         order.append(pid)
         stack.extend(children.get(pid, []))
     return order[::-1]
+
+
+def in_pods(processes: Iterable[Process]) -> list[int]:
+    """Of these the ones in containers: they get the time that a pod has to stop. A shim is nobody's to ask."""
+    listed = list(processes)
+    known = {process.pid: process for process in listed}
+    return [pid for pid in own_processes(listed) if not _is_k3s(known[pid])]
+
+
+def _is_k3s(process: Process) -> bool:
+    return bool(SHIM.search(process.command) or UNIT_CGROUP.search(process.cgroup))
 
 
 def own_mounts(mounts: str) -> list[str]:

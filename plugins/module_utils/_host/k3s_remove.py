@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Take k3s off a host, in an order that leaves nothing running on what goes next.
 
-Runs on the host: Python 3.8 and the standard library. What belongs to k3s is decided in `_k3s_cleanup`.
+Runs on the host: Python 3.8 and the standard library. What belongs to k3s is decided in `k3s_leftovers`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 import shutil
 import signal
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any, Callable, Iterable
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
@@ -20,6 +20,7 @@ from .k3s_leftovers import (
     OPERATORS_MOUNTS,
     Process,
     has_own_rules,
+    in_pods,
     mounts_below,
     own_interfaces,
     own_mounts,
@@ -33,19 +34,27 @@ BINARY = "/usr/local/bin/k3s"
 LINKS = ("/usr/local/bin/kubectl", "/usr/local/bin/crictl", "/usr/local/bin/ctr")
 DATA = "/var/lib/rancher/k3s"
 STORAGE = "storage"
-PATHS = (
-    "/run/k3s",
-    "/run/flannel",
+CONFIG = "/etc/rancher/k3s"
+OURS = (
     "/run/rosops-fleet-k3s.started",
     "/run/rosops-fleet-k3s-agent.started",
+    "/var/lib/rosops-fleet/log-shipper",
+    "/var/lib/rosops-fleet/k3s-change.json",
+)
+# Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from
+# a host on which k3s is, and before what shows that it is: a removal that was cut off is gone on with.
+PLACES = (
+    "/run/k3s",
+    "/run/flannel",
     "/var/lib/kubelet",
-    "/var/lib/cni",
+    "/var/lib/cni/flannel",
+    "/var/lib/cni/networks/cbr0",
     "/var/log/pods",
     "/var/log/containers",
-    "/etc/rancher/k3s",
-    BINARY,
 )
+CNI_RESULTS = "/var/lib/cni/results"
 IDENTITY = "/etc/rancher/node"
+STOP_TIMEOUT = 30.0  # what a pod has to stop by itself if it says nothing
 END_TIMEOUT = 10.0
 
 
@@ -57,8 +66,11 @@ class Remover:
         self.find = find
         self.dry = dry
         self.root = Path(root)
+        self.kill: Callable[[int, int], None] = os.kill
+        self.clock: dict[str, Any] = {}  # a test's own `now` and `sleep`
 
     def everything(self, volumes: bool, identity: bool) -> dict[str, list[Any]]:
+        installed = self.installed()
         units = self.units()
         removed: dict[str, list[Any]] = {
             "units": units,
@@ -66,7 +78,7 @@ class Remover:
             "mounts": self.mounts(),
             "interfaces": self.interfaces(),
             "firewalls": self.firewalls(),
-            "paths": self.paths(volumes, identity),
+            "paths": self.paths(volumes, identity, installed),
         }
         if units and not self.dry:
             self.must("systemctl", "daemon-reload")
@@ -89,7 +101,12 @@ class Remover:
             self.path(f"{UNIT_DIR}/{unit}.service").unlink()
         return found
 
-    def running(self) -> list[int]:
+    def installed(self) -> bool:
+        """Whether k3s is on this host, or what a removal that was cut off has left of it."""
+        signs = [*(f"{UNIT_DIR}/{unit}.service" for unit in UNITS), CONFIG, BINARY]
+        return any(self.path(name).exists() for name in signs) or bool(self.data_paths(volumes=False))
+
+    def running(self) -> list[Process]:
         listed = []
         for entry in (entry for entry in self.path("/proc").iterdir() if entry.name.isdigit()):
             try:
@@ -101,27 +118,35 @@ class Remover:
             except OSError:
                 continue  # ended while we looked
             listed.append(Process(int(entry.name), parent, command, cgroup))
-        return own_processes(listed)
+        return listed
 
     def processes(self) -> list[int]:
-        """End the pods' processes and wait until they are gone: they hold mounts."""
-        found = self.running()
+        """End the pods' processes and wait until they are gone: they hold mounts.
+
+        Each is asked once, and has the time that a pod has: a robot that moves may have to come to rest.
+        """
+        found = own_processes(self.running())
         if not found or self.dry:
             return found
+        self.send(in_pods(self.running()), signal.SIGTERM)
+        poll(lambda: Seen(WAIT if in_pods(self.running()) else PASS), STOP_TIMEOUT, 0.1, **self.clock)
 
         def end() -> Seen:
-            left = self.running()
-            for pid in left:
-                try:
-                    os.kill(pid, signal.SIGKILL)
-                except ProcessLookupError:
-                    continue
+            left = own_processes(self.running())
+            self.send(left, signal.SIGKILL)
             return Seen(WAIT if left else PASS, left)
 
-        polled = poll(end, END_TIMEOUT, 0.1)
+        polled = poll(end, END_TIMEOUT, 0.1, **self.clock)
         if polled.verdict != PASS:
             raise FleetError(f"processes {polled.last} do not end")
         return found
+
+    def send(self, processes: Iterable[int], number: int) -> None:
+        for pid in processes:
+            try:
+                self.kill(pid, number)
+            except ProcessLookupError:
+                continue
 
     def mounts(self) -> list[str]:
         found = own_mounts(self.path("/proc/self/mounts").read_text(encoding="utf-8"))
@@ -159,15 +184,25 @@ class Remover:
                 self.must(f"{save[: -len('-save')]}-restore", data=without_own_rules(rules))
         return found
 
-    def paths(self, volumes: bool, identity: bool) -> list[str]:
-        found = [name for name in PATHS if self.removable(name)]
+    def paths(self, volumes: bool, identity: bool, installed: bool) -> list[str]:
+        places = [*PLACES, *self.cni_results()] if installed else []
+        found = [name for name in [*OURS, *places] if self.removable(name)]
         found += [name for name in LINKS if self.links_to_k3s(name)]
         found += self.data_paths(volumes)
+        found += [name for name in (CONFIG, *self.binaries()) if self.removable(name)]
         if identity and self.path(IDENTITY).exists():
             found.append(IDENTITY)
         for name in found if not self.dry else []:
             self.delete(name)
         return found
+
+    def cni_results(self) -> list[str]:
+        """What the CNI plugins remember of k3s's network; that of other engines is beside it."""
+        return sorted(f"{CNI_RESULTS}/{path.name}" for path in self.path(CNI_RESULTS).glob("cbr0-*"))
+
+    def binaries(self) -> list[str]:
+        """The binary, the one before it, one that was to come."""
+        return [f"{BINARY}.next", f"{BINARY}.previous", BINARY]
 
     def removable(self, name: str) -> bool:
         """Whether it is there; a mount point of the operator's counts only with something in it."""

@@ -17,8 +17,8 @@ def refusals(now: Mapping[str, Any], variables: Mapping[str, Any], host: str) ->
     cluster = f"the cluster {variables['k3s_cluster']} runs with"
     if tokens["server"] == "differs":
         yield (
-            f"k3s_token is not the token that {cluster}. Its datastore is encrypted with that one. Take k3s_token "
-            "out of the inventory to keep it."
+            f"k3s_token is not the token that {cluster}: with another one its servers do not start, for they keep the "
+            "cluster's own keys in the datastore under it. Take k3s_token out of the inventory to keep it."
         )
     if tokens["agent"] == "differs":
         yield (

@@ -16,8 +16,10 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINA
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.unit import HEADER, environment_text, unit_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
 
-# k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address).
-SECRET_KEY = re.compile(r"secret|password|datastore-endpoint|token$")
+# k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and
+# the arguments of its parts may hold more.
+SECRET_KEY = re.compile(r"secret|password|datastore-endpoint|s3-proxy|access-key|(^|-)(auth|token)$")
+SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@")
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def wanted(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any])
     tokens = (*(("token",) if role == "server" else ()), "agent-token")
     token_files = [f"{CONFIG_DIR}/{name}" for name in tokens]
     started_with = (config_file, unit, registries, environment, *token_files, BINARY)
-    secret = any(SECRET_KEY.search(key) for key in config)
+    secret = any(SECRET_KEY.search(key) or SECRET_VALUE.search(str(value)) for key, value in config.items())
     path = variables["k3s_kubeconfig_path"]
     return Wanted(
         role=role,
@@ -83,7 +85,13 @@ def _config(variables: Mapping[str, Any], init: bool, url: str, own_address: str
     """What differs between a cluster's first server, its other servers and its agents is seen at once."""
     config: dict[str, Any] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
     if variables["k3s_role"] == "server":
-        names = [own_address, variables["k3s_node_name"], variables["k3s_api_endpoint"], *variables["k3s_tls_sans"]]
+        # without the brackets that it has in a URL: the certificate is to be for an address, not for a name
+        names = [
+            own_address.strip("[]"),
+            variables["k3s_node_name"],
+            variables["k3s_api_endpoint"],
+            *variables["k3s_tls_sans"],
+        ]
         config |= {
             "write-kubeconfig-mode": "0600",
             "disable": variables["k3s_disable"],

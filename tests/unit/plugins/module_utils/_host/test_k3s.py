@@ -74,6 +74,19 @@ def test_no_secret_gets_into_a_message(text: str, known: list[str]) -> None:
         assert "s3cret" not in _k3s.without_secrets(text, known)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "k3s agent --token s3cret-of-another",
+        "name=tailscale,joinKey=s3cret-of-another,controlServerURL=x",
+        "Authorization: Bearer s3cret-of-another",
+        "cannot reach http://me:s3cret-of-another@proxy:3128/",
+    ],
+)
+def test_nor_one_that_nobody_knows_of(text: str) -> None:
+    assert "s3cret" not in _k3s.without_secrets(text)
+
+
 def test_ordinary_lines_stay_as_they_are() -> None:
     line = 'time="2026-11-21" level=fatal msg="starting kubernetes: address already in use"'
     assert _k3s.without_secrets(line, ["", "s3cret"]) == line

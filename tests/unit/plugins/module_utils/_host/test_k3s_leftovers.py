@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,20 @@ def test_processes_of_pods_and_units_end_children_first() -> None:
     assert found.index(63) < found.index(62) < found.index(60)
 
 
+def test_what_runs_in_pods_is_asked_and_shims_are_not() -> None:
+    found = _k3s_cleanup.in_pods(
+        [
+            Process(50, 1, "containerd", "0::/system.slice/k3s.service"),
+            Process(60, 1, SHIM, "0::/system.slice/k3s.service"),
+            Process(61, 60, "/pause", "0::/kubepods/pod1"),
+            Process(62, 60, "roscore", "0::/kubepods/pod1"),
+            Process(63, 62, "rosmaster", "0::/kubepods/pod1"),
+            Process(70, 1, "postgres", "0::/docker/9f"),
+        ]
+    )
+    assert sorted(found) == [61, 62, 63]
+
+
 def test_own_mounts_innermost_first_and_the_operators_stay() -> None:
     found = _k3s_cleanup.own_mounts(MOUNTS)
     assert found == [
@@ -87,6 +102,9 @@ def test_other_firewall_rules_stay() -> None:
     assert left.endswith("COMMIT\n")
 
 
+PODMANS = ["var/lib/cni/networks/podman/10.88.0.5", "var/lib/cni/results/podman-2b-eth0"]
+
+
 class Commands:
     def __init__(self) -> None:
         self.asked: list[list[str]] = []
@@ -103,10 +121,17 @@ def host(tmp_path: Path) -> Path:
         "etc/rancher/k3s/config.yaml",
         "etc/rancher/node/password",
         "usr/local/bin/k3s",
+        "usr/local/bin/k3s.previous",
         "usr/local/bin/kubectl",
         "var/lib/rancher/k3s/server/db/state.db",
         "var/lib/rancher/k3s/storage/pvc-1/data",
         "var/lib/kubelet/config",
+        "var/lib/rosops-fleet/log-shipper/queue",
+        "var/lib/rosops-fleet/claims/mine",
+        "var/lib/cni/networks/cbr0/10.42.0.5",
+        "var/lib/cni/networks/podman/10.88.0.5",
+        "var/lib/cni/results/cbr0-1a-eth0",
+        "var/lib/cni/results/podman-2b-eth0",
         "proc/self/mounts",
         "sys/class/net/cni0/mtu",
     ):
@@ -135,7 +160,9 @@ def test_removal_keeps_volumes_identity_and_other_files(host: Path) -> None:
         "proc/self/mounts",
         "sys/class/net/cni0/mtu",
         "usr/local/bin/kubectl",
+        *PODMANS,
         "var/lib/rancher/k3s/storage/pvc-1/data",
+        "var/lib/rosops-fleet/claims/mine",
     ]
 
 
@@ -175,3 +202,58 @@ def test_a_mount_that_hangs_is_detached(host: Path) -> None:
     subject.run = run
     assert subject.mounts() == ["/var/lib/kubelet/pods/1/nfs"]
     assert ["umount", "--lazy", "/var/lib/kubelet/pods/1/nfs"] in commands.asked
+
+
+def test_a_host_without_k3s_keeps_what_others_have_there(host: Path) -> None:
+    remover(host)[0].everything(volumes=False, identity=False)
+    for name in ("var/lib/kubelet/config.yaml", "var/log/pods/kubeadms/0.log", "var/lib/cni/networks/cbr0/10.42.0.5"):
+        (host / name).parent.mkdir(parents=True, exist_ok=True)
+        (host / name).write_text("")
+    before = sorted(host.rglob("*"))
+    assert not any(remover(host)[0].everything(volumes=False, identity=False)["paths"])
+    assert sorted(host.rglob("*")) == before
+
+
+def test_a_removal_that_was_cut_off_is_gone_on_with(host: Path) -> None:
+    subject, _commands = remover(host)
+    (host / "proc/self/mounts").write_text("server:/home /var/lib/kubelet/pods/1/nfs nfs4 rw 0 0\n")
+    subject.mounts = lambda: []  # type: ignore[method-assign]  # as if the mount had come back
+    with pytest.raises(FleetError):
+        subject.everything(volumes=False, identity=False)
+    (host / "proc/self/mounts").write_text("")
+    remover(host)[0].everything(volumes=False, identity=False)
+    assert not (host / "var/lib/kubelet").exists()
+
+
+class Running(Remover):
+    """A pod whose node needs three seconds to stop, and one that does not listen."""
+
+    def __init__(self, host: Path) -> None:
+        super().__init__(Commands(), lambda _name: None, dry=False, root=str(host))
+        self.time, self.killed, self.asked = 0.0, set[int](), dict[int, float]()
+        self.kill = self._kill
+        self.clock = {"now": lambda: self.time, "sleep": self._sleep}
+
+    def _sleep(self, seconds: float) -> None:
+        self.time += seconds
+
+    def _kill(self, pid: int, number: int) -> None:
+        if pid not in [process.pid for process in self.running()]:
+            raise ProcessLookupError
+        if number == signal.SIGTERM:
+            self.asked[pid] = self.time
+        else:
+            self.killed.add(pid)
+
+    def running(self) -> list[Process]:
+        pods = [Process(62, 60, "driver", "0::/kubepods/pod1"), Process(63, 60, "deaf", "0::/kubepods/pod1")]
+        stopped = {62} if self.time - self.asked.get(62, self.time) >= 3 else set()
+        return [one for one in [Process(60, 1, SHIM, ""), *pods] if one.pid not in {*self.killed, *stopped}]
+
+
+def test_pods_have_time_to_stop_before_they_are_killed(host: Path) -> None:
+    subject = Running(host)
+    assert set(subject.processes()) == {60, 62, 63}
+    assert subject.killed == {60, 63}
+    assert set(subject.asked) == {62, 63}
+    assert 30 <= subject.time < 32

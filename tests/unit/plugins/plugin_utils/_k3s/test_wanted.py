@@ -14,11 +14,15 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs imp
 HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}, "robot1": {}}
 
 
-def part(host: str, **given: Any) -> Wanted:
+def variables(host: str, **given: Any) -> dict[str, Any]:
     defaults = {name: option.get("default") for name, option in role_options("k3s").items()}
     role = "agent" if host == "robot1" else "server"
     fleet = {"k3s_role": role, "k3s_cluster": "edge", "k3s_server_hosts": ["edge1", "edge2"], "k3s_node_name": host}
-    return wanted({**defaults, **fleet, "k3s_kubeconfig_path": "/kube/edge.yaml", **given}, host, HOSTVARS)
+    return {**defaults, **fleet, "k3s_kubeconfig_path": "/kube/edge.yaml", **given}
+
+
+def part(host: str, **given: Any) -> Wanted:
+    return wanted(variables(host, **given), host, HOSTVARS)
 
 
 def config(host: str, **given: Any) -> dict[str, Any]:
@@ -53,11 +57,30 @@ def test_an_endpoint_in_front_of_the_servers_is_joined_and_in_the_certificate() 
 
 
 @pytest.mark.parametrize(
-    ("key", "secret"),
-    [("etcd-s3-secret-key", True), ("datastore-endpoint", True), ("agent-token", True), ("token-file", False)],
+    ("key", "value", "secret"),
+    [
+        ("etcd-s3-secret-key", "x", True),
+        ("etcd-s3-access-key", "x", True),
+        ("etcd-s3-proxy", "x", True),
+        ("datastore-endpoint", "x", True),
+        ("agent-token", "x", True),
+        ("vpn-auth", "name=tailscale,joinKey=x", True),
+        ("vpn-auth", "x", True),
+        ("kube-apiserver-arg", ["oidc-client-secret=x"], True),
+        ("kube-controller-manager-arg", ["cloud=https://me:x@example.org"], True),
+        ("kubelet-arg", ["max-pods=20"], False),
+        ("vpn-auth-file", "/etc/vpn", False),
+        ("token-file", "x", False),
+    ],
 )
-def test_a_configuration_with_a_secret_is_not_shown(key: str, secret: bool) -> None:
-    assert part("robot1", k3s_config={key: "x"}).files[0].secret is secret
+def test_a_configuration_with_a_secret_is_not_shown(key: str, value: Any, secret: bool) -> None:
+    assert part("robot1", k3s_config={key: value}).files[0].secret is secret
+
+
+def test_an_ipv6_address_is_one_in_the_certificate() -> None:
+    found = wanted(variables("edge1"), "edge1", {**HOSTVARS, "edge1": {"ansible_host": "2001:db8::1"}})
+    assert yaml.safe_load(found.files[0].content)["tls-san"] == ["2001:db8::1", "edge1"]
+    assert found.url == "https://[2001:db8::1]:6443"
 
 
 def test_only_the_first_server_gives_a_kubeconfig() -> None:

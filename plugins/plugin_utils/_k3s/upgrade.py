@@ -1,0 +1,105 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From one version of k3s to another: what is allowed, and what pods notice of it. Pure.
+
+Kubernetes takes one minor version after the other and no way back: the datastore is written in the newer one's form. A
+kubelet must not be newer than the API that it talks to.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+INSTALL, NOTHING, RESTART, REFUSED = "install", "nothing", "restart", "refused"
+_VERSION = re.compile(r"v(\d+)\.(\d+)\.(\d+)(?:-([a-z]+)\.?(\d+))?(?:\+([a-z0-9]*[a-z])(\d+))?")
+
+_Order = tuple[int, int, int, int, str, int]
+
+
+@dataclass(frozen=True)
+class Version:
+    """`v1.34.2-rc1+k3s1`; without `-rc1` it is the release, which is newer than its candidates."""
+
+    minor: tuple[int, int]
+    order: _Order
+    vendor: str
+    build: int
+
+    def newer_than(self, other: Version) -> bool:
+        """Builds of different vendors of one version are neither newer nor older."""
+        if self.order != other.order:
+            return self.order > other.order
+        return self.vendor == other.vendor and self.build > other.build
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is to be done: `install`, `nothing`, `restart` or `refused`, and for the last one why."""
+
+    word: str
+    reason: str = ""
+    restarts_pods: bool = False  # the kubelet may start all containers again
+
+
+def version(text: str) -> Version | None:
+    """A version as k3s says it; None for a text that is none."""
+    found = _VERSION.fullmatch(text)
+    if found is None:
+        return None
+    major, minor, patch, stage, number, vendor, build = found.groups()
+    order = (int(major), int(minor), int(patch), int(stage is None), stage or "", int(number or 0))
+    return Version((int(major), int(minor)), order, vendor or "", int(build or 0))
+
+
+def verdict(installed: str, wanted: str, changed: bool, servers: Sequence[str] = (), back_to: str = "") -> Verdict:
+    """What to do about a host.
+
+    `installed` is empty where there is no k3s, `wanted` where it is not known beforehand; `changed` says whether
+    binary, configuration, unit or a token is another one than k3s runs with. `servers` are the versions of the servers
+    that the host is an agent of. `back_to` is the version that an unproven change replaced: it may always come back.
+    """
+    refusal = (wanted != back_to and _step_refusal(installed, wanted)) or _skew_refusal(wanted, servers)
+    if refusal:
+        return Verdict(REFUSED, refusal)
+    if not installed:
+        return Verdict(INSTALL)
+    return Verdict(RESTART, restarts_pods=restarts_pods(installed, wanted)) if changed else Verdict(NOTHING)
+
+
+def restarts_pods(installed: str, wanted: str) -> bool:
+    """Whether the kubelet of another minor version may start all containers again, as that of 1.31 did."""
+    old, new = version(installed), version(wanted)
+    return old is not None and new is not None and old.minor != new.minor
+
+
+def _step_refusal(installed: str, wanted: str) -> str:
+    old, new = version(installed), version(wanted)
+    if old is None or new is None:
+        return ""
+    if old.newer_than(new):
+        return (
+            f"k3s {wanted} is older than {installed}, which runs there: its datastore and Node are of the newer one. "
+            f"Set k3s_version to {installed} or newer (k3s_airgap_dir likewise); the way back to an older one is a "
+            "snapshot, see the role k3s."
+        )
+    if new.minor[0] == old.minor[0] and new.minor[1] - old.minor[1] > 1:
+        following = f"v{old.minor[0]}.{old.minor[1] + 1}"
+        return (
+            f"From k3s {installed} to {wanted} a minor version is skipped, which Kubernetes does not support. "
+            f"Go to a version {following}.x first."
+        )
+    return ""
+
+
+def _skew_refusal(wanted: str, servers: Sequence[str]) -> str:
+    new = version(wanted)
+    older = [text for text in servers if new and (known := version(text)) and new.newer_than(known)]
+    if not older:
+        return ""
+    return (
+        f"k3s {wanted} is newer than its cluster's servers ({', '.join(dict.fromkeys(older))}); an agent must not be. "
+        "Bring the servers to that version first: rosops.fleet.site without --limit."
+    )
