@@ -5,27 +5,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, wanted
 
 PATHS = {"type": "list", "elements": "path", "required": True}
 
 
 class ActionModule(FleetAction):
-    """What may hold passwords is written without a diff."""
+    """What may hold passwords is written without a diff.
+
+    With `staged` (an ending) what is to be written lies beside its place until somebody exchanges it, and nothing is
+    deleted. The diff is against what is there.
+    """
 
     TRANSFERS_FILES = True
-    ARGUMENTS: ClassVar = {"write": PATHS, "remove": PATHS}
+    ARGUMENTS: ClassVar = {
+        "write": PATHS,
+        "remove": PATHS,
+        "joins": {"type": "str", "default": ""},
+        "staged": {"type": "str", "default": ""},
+    }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        host = ActionHost(self, known, check_mode=self._task.check_mode)
+        # where it is staged, its place is looked at only
+        host = ActionHost(self, known, check_mode=self._task.check_mode or bool(params["staged"]))
         variables = role_variables("k3s", self._templar, known)
-        files = wanted(variables, known["inventory_hostname"], known["hostvars"]).files
+        files = wanted(variables, known["inventory_hostname"], known["hostvars"], params["joins"]).files
         result = {"changed": False, "diff": [], "written": params["write"], "removed": params["remove"]}
         done = [
             host.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret)
@@ -33,10 +43,18 @@ class ActionModule(FleetAction):
             if file.path in params["write"]
         ]
         done += [host.module("ansible.builtin.file", {"path": path, "state": "absent"}) for path in params["remove"]]
-        for one in done:
+        for one in [*done, *self._stage(files, params, known)]:
             if one.get("failed"):
                 return {**result, "failed": True, "msg": one.get("msg", "a file could not be written")}
             diffs = one.get("diff") or []
             result["diff"] += diffs if isinstance(diffs, list) else [diffs]
             result["changed"] |= bool(one.get("changed"))
         return result
+
+    def _stage(
+        self, files: Sequence[File], params: Mapping[str, Any], known: dict[str, Any]
+    ) -> Iterator[dict[str, Any]]:
+        host = ActionHost(self, known)
+        for file in files:
+            if params["staged"] and file.path in params["write"] and not self._task.check_mode:
+                yield host.write(file.path + params["staged"], file.content, file.mode, diff=False)

@@ -13,41 +13,52 @@ from dataclasses import asdict
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import old_archives, plan
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import source
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
     is_foreign,
     is_made_from,
     kubeconfig_head,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
 
 
 class ActionModule(FleetAction):
     def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         variables = role_variables("k3s", self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
-        now = ActionHost(self, known).module("rosops.fleet.k3s_info", _look(variables, part))
-        if now.get("failed"):
+        now = ActionHost(self, known).module("rosops.fleet.k3s_info", _look(variables, part, known["hostvars"]))
+        if now.get("failed") or now.get("unreachable"):
             return now
-        return {"changed": False, **_plan(now, part, variables, known["inventory_hostname"])}
+        joins = "" if part.init else join_url(variables, known["hostvars"], now)
+        part = wanted(variables, known["inventory_hostname"], known["hostvars"], joins)
+        return {"changed": False, **_plan(now, part, variables, known)}
 
 
-def _look(variables: Mapping[str, Any], part: Wanted) -> dict[str, Any]:
+def _look(variables: Mapping[str, Any], part: Wanted, hostvars: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "role": part.role,
         "files": list(part.started_with),
         "token": variables["k3s_token"],
         "agent_token": variables["k3s_agent_token"],
-        "version": variables["k3s_install_source"] == "release",
+        "servers": [] if part.init else _addresses(variables, hostvars),
     }
 
 
-def _plan(now: Mapping[str, Any], part: Wanted, variables: Mapping[str, Any], host: str) -> dict[str, Any]:
+def _addresses(variables: Mapping[str, Any], hostvars: Mapping[str, Any]) -> list[str]:
+    return [f"{address(server, hostvars)}:{API_PORT}" for server in variables["k3s_server_hosts"]]
+
+
+def _plan(
+    now: Mapping[str, Any], part: Wanted, variables: Mapping[str, Any], known: Mapping[str, Any]
+) -> dict[str, Any]:
+    host = known["inventory_hostname"]
     if refused := list(refusals(now, variables, host)):
         raise SpecError(f"{host} was left as it is. {' '.join(refused)}")
     origin, servers = source(variables, now["machine"]), variables["k3s_server_hosts"]
@@ -64,6 +75,15 @@ def _plan(now: Mapping[str, Any], part: Wanted, variables: Mapping[str, Any], ho
         # a first server without a datastore would start a second cluster where one of these has one
         "rivals": servers[1:] if part.init and not now["data"] else [],
         "join": [] if part.init else work["tokens"],
+        "joins": part.url,
+        "givers": [
+            server
+            for server, place in zip(servers, _addresses(variables, known["hostvars"]), strict=True)
+            if place in now["answering"]
+        ]
+        or [server for server in servers if server != host][:1],
+        "version": now["version"],
+        "staged": NEXT if work["guarded"] else "",
         "hands_out": list(part.tokens),
         # waited for until etcd counts it; a cluster's only server has nobody to be counted by
         "member": variables["k3s_node_name"] if part.role == "server" and len(servers) > 1 else "",

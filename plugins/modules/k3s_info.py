@@ -38,10 +38,11 @@ options:
     description: The agents' token as the inventory gives it; empty to keep the one there is.
     type: str
     default: ""
-  version:
-    description: Whether to ask the binary for its version.
-    type: bool
-    default: true
+  servers:
+    description: C(address:port) of the cluster's servers. A host that has not joined says which of them answer.
+    type: list
+    elements: str
+    default: []
 extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 """
@@ -63,7 +64,7 @@ machine:
   type: str
   sample: aarch64
 version:
-  description: Version of the installed binary; empty if there is none, or with O(version=false).
+  description: Version of the installed binary; empty if there is none.
   returned: success
   type: str
   sample: v1.34.2+k3s1
@@ -105,6 +106,20 @@ tokens:
       V(lost) (the file is gone, none is given) or V(differs).
   returned: success
   type: dict
+server_url:
+  description: The server that the configuration names; empty where it names none.
+  returned: success
+  type: str
+answering:
+  description: Those of O(servers) to which a connection can be made.
+  returned: success
+  type: list
+  elements: str
+change:
+  description:
+    - What M(rosops.fleet.k3s_change) did last, C(unproven) (nobody has proven it) and C(version) (the one before).
+  returned: success
+  type: dict
 kubeconfig_sha256:
   description: Digest of the administrator's kubeconfig; empty if there is none.
   returned: success
@@ -112,9 +127,11 @@ kubeconfig_sha256:
 """
 
 import os
+from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
+from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import reach, server_url
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import (
     BINARY,
     CONFIG_DIR,
@@ -124,53 +141,58 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import (
     K3sHost,
     token_verdict,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import K3sChange
 
 ARGUMENTS = {
     "role": {"type": "str", "choices": ["server", "agent"], "required": True},
     "files": {"type": "list", "elements": "path", "default": []},
     "token": {"type": "str", "default": "", "no_log": True},
     "agent_token": {"type": "str", "default": "", "no_log": True},
-    "version": {"type": "bool", "default": True},
+    "servers": {"type": "list", "elements": "str", "default": []},
 }
+KNOCK = 2.0  # seconds
 
 
-def main() -> None:
-    module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
-    host, role, files = K3sHost(module.run_command), module.params["role"], module.params["files"]
-    service = SERVICES[role]
-    other = SERVICES["agent" if role == "server" else "server"]
-    shown = host.show(service)
-    seen = host.look(role)
-    data = f"{DATA_DIR}/server/db" if role == "server" else f"{DATA_DIR}/agent/client-kubelet.crt"
-    module.exit_json(
-        changed=False,
-        machine=os.uname().machine,
-        version=host.version() if module.params["version"] else "",
-        files={name: host.describe(name) for name in dict.fromkeys([*files, BINARY])},
-        images=host.sizes(f"{DATA_DIR}/agent/images"),
-        service={
+def looked(host: K3sHost, params: dict[str, Any]) -> dict[str, Any]:
+    """What the module returns."""
+    role, files, servers = params["role"], params["files"], params["servers"]
+    service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
+    shown, seen = host.show(service), host.look(role)
+    change = K3sChange(host.run, role).record()
+    data = host.path(f"{DATA_DIR}/server/db" if role == "server" else f"{DATA_DIR}/agent/client-kubelet.crt").exists()
+    knocks = [] if data else reach(servers, KNOCK)
+    return {
+        "machine": os.uname().machine,
+        "version": host.version(),
+        "files": {name: host.describe(name) for name in dict.fromkeys([*files, BINARY])},
+        "images": host.sizes(f"{DATA_DIR}/agent/images"),
+        "service": {
             "active": shown.get("ActiveState", "inactive"),
             "enabled": shown.get("UnitFileState") == "enabled",
             "reload": shown.get("NeedDaemonReload") == "yes",
             "installed": shown.get("LoadState") == "loaded",
         },
-        other_service=host.path(f"/etc/systemd/system/{other}.service").exists(),
-        stale=host.stale(service, files),
-        ready=seen.verdict == PASS,
-        observed=str(seen.observed),
-        data=host.path(data).exists(),
-        tokens={
-            "server": token_verdict(
-                module.params["token"], host.read(f"{CONFIG_DIR}/token"), host.read(f"{DATA_DIR}/server/token")
-            ),
-            "agent": token_verdict(
-                module.params["agent_token"],
-                host.read(f"{CONFIG_DIR}/agent-token"),
-                host.read(f"{DATA_DIR}/server/agent-token"),
-            ),
+        "other_service": host.path(f"/etc/systemd/system/{other}.service").exists(),
+        "stale": host.stale(service, files),
+        "ready": seen.verdict == PASS,
+        "observed": str(seen.observed),
+        "data": data,
+        "tokens": {
+            name: token_verdict(
+                params[option], host.read(f"{CONFIG_DIR}/{file}"), host.read(f"{DATA_DIR}/server/{file}")
+            )
+            for name, option, file in (("server", "token", "token"), ("agent", "agent_token", "agent-token"))
         },
-        kubeconfig_sha256=host.describe(KUBECONFIG)["sha256"],
-    )
+        "server_url": server_url(host.read(f"{CONFIG_DIR}/config.yaml")),
+        "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
+        "change": {"unproven": bool(change.get("unproven")), "version": change.get("version", "")},
+        "kubeconfig_sha256": host.describe(KUBECONFIG)["sha256"],
+    }
+
+
+def main() -> None:
+    module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
+    module.exit_json(changed=False, **looked(K3sHost(module.run_command), module.params))
 
 
 if __name__ == "__main__":

@@ -194,12 +194,17 @@ def socket_owners(host: Host, inodes: Iterable[str]) -> dict[str, tuple[str, boo
     return owners
 
 
+def server_url(config: str) -> str:
+    """The server that a text of config.yaml names."""
+    found = SERVER_URL.search(config)
+    return found.group(1) if found else ""
+
+
 def k3s_leftovers(host: Host) -> dict[str, Any]:
     config = host.read("/etc/rancher/k3s/config.yaml")
-    url = SERVER_URL.search(config)
     return {
         "config": bool(config),
-        "server_url": url.group(1) if url else "",
+        "server_url": server_url(config),
         "node_password": host.exists("/etc/rancher/node/password"),
         "server_data": bool(host.names(f"{DATA}/server/db")),
         "agent_data": host.exists(f"{DATA}/agent/client-kubelet.crt"),

@@ -58,17 +58,24 @@ def plan(
     changed = bool(binary or tokens or any(changes.values()) or now["stale"])
     up = now["service"]["active"] in UP
     start = changed or not up or not now["service"]["enabled"]
+    unproven = bool(now["change"]["unproven"])
+    works = bool(up and now["ready"] and now["data"])
     work: dict[str, Any] = {
         "binary": binary,
         "archive": bool(source.archive_name) and now["images"].get(source.archive_name) != source.archive_size,
         "tokens": tokens,
         **changes,
         "start": start,
-        "wait": start or not now["ready"],
+        "wait": start or unproven or not now["ready"],
+        # what serves is changed with care, and what nobody has proven is proven or taken back
+        "guarded": (works and changed) or unproven,
+        "restart": changed,
+        "works": works,
         "kubeconfig": bool(wanted.kubeconfig) and (start or not kubeconfig_right),
     }
     # A unit that is up and only not enabled is not restarted for that.
-    return {**work, "state": "restarted" if up and changed else "started", "any": any(work.values())}
+    some = any(value for name, value in work.items() if name != "works")
+    return {**work, "state": "restarted" if up and changed else "started", "any": some}
 
 
 def old_archives(now: Mapping[str, Any], source: Source) -> list[str]:

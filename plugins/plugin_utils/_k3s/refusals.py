@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
 
@@ -37,5 +38,10 @@ def refusals(now: Mapping[str, Any], variables: Mapping[str, Any], host: str) ->
         yield f"k3s_role is {role}, but k3s_server_hosts is {', '.join(servers)}."
     if variables["k3s_install_source"] == "airgap" and not variables["k3s_airgap_dir"]:
         yield "The install source airgap needs k3s_airgap_dir."
+    # what an airgap directory holds is known when it is on the host
+    wanted = variables["k3s_version"] if variables["k3s_install_source"] == "release" else ""
+    step = verdict(now["version"], wanted, True, back_to=now["change"]["version"] if now["change"]["unproven"] else "")
+    if step.word == REFUSED:
+        yield step.reason
     if now["machine"] not in MACHINES:
         yield f"There is no k3s for the architecture {now['machine']}."

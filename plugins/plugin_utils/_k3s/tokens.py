@@ -9,6 +9,7 @@ import base64
 import secrets
 import string
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import PurePosixPath
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
@@ -24,11 +25,15 @@ def tokens_to_keep(
 ) -> dict[str, str]:
     """Name of a token's file to its text: what the first server hands out, else the inventory's, else a new one.
 
-    `read` is what slurp returned for each file of the first server, empty on the first server itself. The full form of
-    a token (K10...) lets a member check that it talks to the right cluster before it says a word. SpecError where the
-    inventory's is not the cluster's.
+    `read` is what slurp returned for each file of the servers that could be asked, in their order; empty on the first
+    server itself. The full form of a token (K10...) lets a member check that it talks to the right cluster before it
+    says a word. SpecError where the inventory's is not the cluster's.
     """
-    joined = {file["item"]: base64.b64decode(file["content"]).decode().strip() for file in read}
+    joined = {
+        PurePosixPath(file["source"]).name: base64.b64decode(file["content"]).decode().strip()
+        for file in reversed(read)
+        if "content" in file
+    }
     wrong = [
         VARIABLES[name]
         for name, text in joined.items()

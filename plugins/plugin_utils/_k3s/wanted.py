@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses impo
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and
 # the arguments of its parts may hold more.
 SECRET_KEY = re.compile(r"secret|password|datastore-endpoint|s3-proxy|access-key|(^|-)(auth|token)$")
+API_PORT = 6443
 SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@")
 
 
@@ -46,11 +47,28 @@ class Wanted:
     kubeconfig: str  # its path on the control node; empty where this host gives none
 
 
-def wanted(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any]) -> Wanted:
-    """SpecError where a server is no host of the inventory."""
+def join_url(variables: Mapping[str, Any], hostvars: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Where a member joins; `now` is what k3s_info found.
+
+    One that has joined keeps its server as long as that is one of the cluster's: it knows them all by now, and another
+    address would be a restart. A new one takes the first server that answers it.
+    """
+    urls = [server_url(variables, server, hostvars) for server in variables["k3s_server_hosts"]]
+    if now["data"] and now["server_url"] in urls:
+        return str(now["server_url"])
+    return next((url for url in urls if url.removeprefix("https://") in now["answering"]), urls[0])
+
+
+def server_url(variables: Mapping[str, Any], server: str, hostvars: Mapping[str, Any]) -> str:
+    """A server's API, or what stands in front of all servers; SpecError where it is no host of the inventory."""
+    return f"https://{variables['k3s_api_endpoint'] or address(server, hostvars)}:{API_PORT}"
+
+
+def wanted(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any], joins: str = "") -> Wanted:
+    """`joins` is the server that a member joins, by default the first one. SpecError where a server is no host."""
     role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
     init = role == "server" and servers[:1] == [host]
-    url = f"https://{variables['k3s_api_endpoint'] or address(servers[0], hostvars)}:6443"
+    url = joins or server_url(variables, servers[0], hostvars)
     config = _config(variables, init, url, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
     service = SERVICES[role]
     config_file, unit, registries, environment = (

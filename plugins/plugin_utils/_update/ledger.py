@@ -22,8 +22,8 @@ NAME = "rosops-fleet-ledger.jsonl"
 class Ledger:
     """`wave` names the robots that are updated together: what becomes of them does not count against each other."""
 
-    def __init__(self, directory: Path, wave: str) -> None:
-        self._path, self._wave = directory / NAME, wave
+    def __init__(self, directory: Path, wave: str, name: str = NAME) -> None:
+        self._path, self._wave = directory / name, wave
 
     def refusal(self, budget: Any, robots: int) -> str:
         """Why this robot's wave may not begin, or nothing. SpecError for a budget that is none."""

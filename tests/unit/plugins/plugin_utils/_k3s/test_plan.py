@@ -27,6 +27,7 @@ NOW: dict[str, Any] = {
     "stale": False,
     "ready": True,
     "data": True,
+    "change": {"unproven": False, "version": ""},
     "tokens": {"server": "same", "agent": "same"},
 }
 WANTED = Wanted(
@@ -66,6 +67,13 @@ def test_a_ready_host_is_left_alone() -> None:
     [
         ({"stale": True}, {}, {"start": True, "state": "restarted", "kubeconfig": True}),
         ({"service__active": "failed"}, {}, {"start": True, "state": "started"}),
+        ({"stale": True}, {}, {"guarded": True, "restart": True, "works": True}),
+        ({"stale": True, "ready": False}, {}, {"guarded": False, "works": False}),
+        ({"stale": True, "data": False}, {}, {"guarded": False}),
+        ({"stale": True, "service__active": "inactive"}, {}, {"guarded": False}),
+        ({"change__unproven": True}, {}, {"guarded": True, "restart": False, "wait": True, "any": True}),
+        ({"change__unproven": True, "ready": False}, {}, {"guarded": True, "works": False, "any": True}),
+        ({}, {"right": False}, {"guarded": False}),
         ({"service__active": "activating", "stale": True, "ready": False}, {}, {"start": True, "state": "restarted"}),
         ({"service__active": "activating", "ready": False}, {}, {"start": False, "wait": True, "kubeconfig": False}),
         ({"service__enabled": False}, {}, {"start": True, "state": "started"}),

@@ -12,6 +12,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import 
 NOW: dict[str, Any] = {
     "machine": "x86_64",
     "other_service": False,
+    "version": "v1.34.2+k3s1",
+    "change": {"unproven": False, "version": ""},
     "tokens": {"server": "same", "agent": "same"},
 }
 VARIABLES: dict[str, Any] = {
@@ -19,6 +21,7 @@ VARIABLES: dict[str, Any] = {
     "k3s_cluster": "edge",
     "k3s_server_hosts": ["edge1"],
     "k3s_install_source": "release",
+    "k3s_version": "v1.34.2+k3s1",
     "k3s_airgap_dir": "",
 }
 
@@ -36,12 +39,26 @@ def test_a_sound_host_is_not_refused() -> None:
         ({"other_service": True}, {}, "It is a k3s agent and is to become a server"),
         ({}, {"k3s_server_hosts": ["edge2", "edge3"]}, "k3s_role is server, but k3s_server_hosts is edge2, edge3"),
         ({}, {"k3s_install_source": "airgap"}, "needs k3s_airgap_dir"),
+        ({"version": "v1.35.0+k3s1"}, {}, "k3s v1.34.2+k3s1 is older than v1.35.0+k3s1"),
+        ({"version": "v1.31.1+k3s1"}, {}, "a minor version is skipped"),
+        ({"version": "v1.35.0+k3s1", "change": {"unproven": False, "version": "v1.34.2+k3s1"}}, {}, "is older than"),
         ({"machine": "riscv64"}, {}, "no k3s for the architecture riscv64"),
     ],
 )
 def test_each_is_named(now: dict[str, Any], variables: dict[str, Any], words: str) -> None:
     (found,) = refusals({**NOW, **now}, {**VARIABLES, **variables}, "edge1")
     assert words in found
+
+
+@pytest.mark.parametrize(
+    ("now", "variables"),
+    [
+        ({"version": "v1.35.0+k3s1", "change": {"unproven": True, "version": "v1.34.2+k3s1"}}, {}),
+        ({"version": "v1.35.0+k3s1"}, {"k3s_install_source": "airgap", "k3s_airgap_dir": "/srv"}),
+    ],
+)
+def test_the_way_back_from_what_nobody_has_proven_is_open(now: dict[str, Any], variables: dict[str, Any]) -> None:
+    assert list(refusals({**NOW, **now}, {**VARIABLES, **variables}, "edge1")) == []
 
 
 def test_all_are_found_at_once() -> None:

@@ -12,7 +12,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.tokens import tokens_to_keep
 
 FULL = f"K10{'a' * 64}::node:s3cret"
-READ = [{"item": "agent-token", "content": base64.b64encode(f"{FULL}\n".encode()).decode()}]
+AWAY = {"unreachable": True, "item": ["edge1", "agent-token"]}
+GIVEN = {
+    "source": "/var/lib/rancher/k3s/server/agent-token",
+    "content": base64.b64encode(f"{FULL}\n".encode()).decode(),
+}
+READ = [AWAY, GIVEN]
 
 
 def variables(token: str = "", agent: str = "") -> dict[str, Any]:

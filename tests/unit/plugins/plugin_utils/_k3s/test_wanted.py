@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, join_url, wanted
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 
 HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}, "robot1": {}}
@@ -118,3 +118,33 @@ def test_the_unit_records_what_it_starts_with() -> None:
         "MemoryHigh=700M",
         "# A robot that boots without its server's network goes on trying; the role has a time limit of its own.",
     ]
+
+
+NEW = {"data": False, "server_url": "", "answering": []}
+
+
+@pytest.mark.parametrize(
+    ("now", "url"),
+    [
+        (NEW, "https://10.0.0.1:6443"),
+        ({**NEW, "answering": ["edge2:6443"]}, "https://edge2:6443"),
+        ({**NEW, "answering": ["10.0.0.1:6443", "edge2:6443"]}, "https://10.0.0.1:6443"),
+        # cut off before it had joined
+        ({**NEW, "server_url": "https://10.0.0.1:6443", "answering": ["edge2:6443"]}, "https://edge2:6443"),
+        # the first server is away, or no longer the first
+        ({"data": True, "server_url": "https://edge2:6443", "answering": []}, "https://edge2:6443"),
+        # its server is none any more
+        ({"data": True, "server_url": "https://edge9:6443", "answering": []}, "https://10.0.0.1:6443"),
+    ],
+)
+def test_a_member_joins_a_server_that_lives_and_stays_with_it(now: dict[str, Any], url: str) -> None:
+    known = variables("robot1")
+    assert join_url(known, HOSTVARS, now) == url
+    config_file = wanted(known, "robot1", HOSTVARS, url).files[0]
+    assert yaml.safe_load(config_file.content)["server"] == url
+
+
+def test_an_endpoint_is_joined_whoever_answers() -> None:
+    known = variables("robot1", k3s_api_endpoint="api.lan")
+    now = {"data": True, "server_url": "https://edge2:6443", "answering": ["edge2:6443"]}
+    assert join_url(known, HOSTVARS, now) == "https://api.lan:6443"

@@ -1,0 +1,204 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the role k3s: exchange the k3s of a host that works, with the care that robots at work there need.
+
+What is to come lies beside its place already. The result's `outcome` is a word of the fleet report.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible_collections.rosops.fleet.plugins.action.robot_update import (
+    MonotonicClock,
+    RobotHost,
+    _cancellable,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, verdict
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded, Limits, Surroundings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import (
+    KubeNodes,
+    server_versions,
+    servers_down,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+
+LEDGER = "rosops-fleet-k3s.jsonl"
+
+
+class K3sExchange:
+    """The change, as `Guarded` wants it: what the plan of the role says, by modules on the host."""
+
+    name = "k3s"
+
+    def __init__(self, host: RobotHost, plan: Mapping[str, Any], variables: Mapping[str, Any]) -> None:
+        self._host, self._plan, self._role = host, plan, variables["k3s_role"]
+        self._timeout = variables["k3s_start_timeout"]
+        release = variables["k3s_install_source"] == "release"
+        self.before = self.after = str(plan["version"])
+        self._coming = str(variables["k3s_version"]) if plan["binary"] and release else ""
+        self.unproven, self.earlier = False, ""
+
+    def look(self) -> None:
+        """What is staged, and whether anybody has proven what is there."""
+        found = self._ask("staged")
+        # check mode brings no binary, and what is in an airgap directory is known when it is on the host
+        coming = str(found["staged"]) if self._plan["binary"] else ""
+        self.after = coming or self._coming or self.before
+        self.unproven, self.earlier = bool(found["unproven"]), str(found["version"])
+
+    def make(self) -> None:
+        if self._plan["restart"]:  # else what nobody has proven runs already
+            write = [*self._plan["write"], *([BINARY] if self._plan["binary"] else [])]
+            self._ask("next", write=write, remove=self._plan["remove"])
+
+    def works(self) -> None:
+        asked = {"role": self._role, "member": self._plan["member"], "timeout": self._timeout}
+        found = self._host.module("rosops.fleet.k3s_ready", asked)
+        if found.get("failed"):
+            raise NotReadyError(str(found.get("msg")))
+
+    def undo(self) -> None:
+        self._ask("previous")
+
+    def proven(self) -> None:
+        self._ask("proven")
+
+    def _ask(self, state: str, **more: Any) -> dict[str, Any]:
+        found = self._host.module("rosops.fleet.k3s_change", {"role": self._role, "state": state, **more})
+        if found.get("failed"):
+            raise FleetError(str(found.get("msg")))
+        return found
+
+
+class ActionModule(ClusterAction):
+    """`plan` is what _k3s_plan found. Without the fleet's variable no robot is known to be at work here."""
+
+    TRANSFERS_FILES = True
+    _requires_connection = True
+    ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}}
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        variables, name = role_variables("k3s", self._templar, known), known["inventory_hostname"]
+        batch = known.get("ansible_play_batch") or [name]
+        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(batch[0]), LEDGER)
+        # the shared cluster's servers come before everybody else's waves, and are none of theirs
+        counted = (variables["k3s_role"], variables["k3s_cluster"]) != ("server", EDGE_CLUSTER)
+        hosts = len(known.get("ansible_play_hosts_all") or batch)
+        try:
+            refusal = ledger.refusal(variables["k3s_failure_budget"], hosts) if counted else ""
+            if refusal:
+                return {"changed": False, "outcome": _outcome(UNCHANGED, refusal, None), "msg": refusal}
+            with _cancellable():
+                found = self._change(params, variables, known)
+        except AwayError as error:
+            return _failure(OFFLINE, f"nothing was touched: {error}")
+        except FleetError as error:
+            if counted:
+                ledger.note(name, FAILED)
+            return _failure(FAILED, f"nothing was touched: {error}")
+        if counted:
+            ledger.note(name, found.outcome)
+        if found.outcome != UPDATED:
+            return _failure(found.outcome, found.reason, found)
+        told = f"would change: {found.told()}" if self._task.check_mode else found.told()
+        return {"changed": True, "outcome": _outcome(UPDATED, told, found), "msg": told}
+
+    def _change(self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]) -> StepResult:
+        exchange = K3sExchange(RobotHost(self, known), params["plan"], variables)
+        exchange.look()
+        if not params["plan"]["works"]:
+            self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
+            return self._guarded(exchange, (), None, variables, known).run()
+        with Kube(params) as kube:
+            cluster = KubeNodes(kube, self.say(known), f"{socket.gethostname()}, process {os.getppid()}")
+            pods_notice = _permitted(exchange, cluster.nodes(), variables)
+            if pods_notice:
+                self.say(known)(
+                    f"k3s {exchange.before} -> {exchange.after}: the kubelet of another minor version may start all "
+                    "containers of this node again"
+                )
+            robots = _robots(cluster, variables["k3s_node_name"], known, pods_notice)
+            return self._guarded(exchange, robots, cluster, variables, known).run()
+
+    def _guarded(
+        self,
+        exchange: K3sExchange,
+        robots: Sequence[Robot],
+        cluster: KubeNodes | None,
+        variables: Mapping[str, Any],
+        known: dict[str, Any],
+    ) -> Guarded:
+        host, check = RobotHost(self, known), bool(self._task.check_mode)
+
+        def reach() -> float:
+            host.module("ansible.builtin.ping", {})
+            return 0.0
+
+        modules = ModuleHost(
+            reach,
+            lambda name, arguments: host.module(f"rosops.fleet.{name}", arguments),
+            ImageSource(NodeImages(host)),
+            check,
+        )
+        limits = Limits(
+            on_busy=variables["k3s_on_busy"],
+            busy_timeout=variables["k3s_busy_timeout"],
+            ready_timeout=variables["k3s_start_timeout"],
+            check=check,
+        )
+        world = Surroundings(modules, MonotonicClock(), cluster, self.say(known))
+        return Guarded(exchange, robots, variables["k3s_node_name"], limits, world)
+
+
+def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Mapping[str, Any]) -> bool:
+    """Whether pods may notice it. SpecError where this step is not to be taken."""
+    agent, node = variables["k3s_role"] == "agent", variables["k3s_node_name"]
+    servers = tuple(server_versions(nodes).values()) if agent else ()
+    back_to = exchange.earlier if exchange.unproven else ""
+    step = verdict(exchange.before, exchange.after, True, servers, back_to)
+    if step.word == REFUSED:
+        raise SpecError(step.reason)
+    down = [] if agent else servers_down(nodes, node)
+    if down:
+        raise SpecError(
+            f"{', '.join(down)} of its cluster is not Ready, and with one more server away the cluster may have no "
+            f"majority. Bring {', '.join(down)} back first"
+        )
+    return step.restarts_pods
+
+
+def _robots(cluster: KubeNodes, node: str, known: Mapping[str, Any], pods_notice: bool) -> list[Robot]:
+    """Those that have to rest: the robot whose host it is; on an edge host those that have pods there that notice."""
+    if VARIABLE not in known:
+        return []
+    if known["inventory_hostname"] in known[VARIABLE]["robots"]:
+        return [robot_from_vars(known)]
+    return cluster.robots_on(node, Fleet.from_vars(known).robots.values()) if pods_notice else []
+
+
+def _failure(word: str, reason: str, found: StepResult | None = None) -> dict[str, Any]:
+    return {"changed": False, "failed": True, "outcome": _outcome(word, reason, found), "msg": f"{word}: {reason}"}
+
+
+def _outcome(word: str, reason: str, found: StepResult | None) -> dict[str, Any]:
+    return {"outcome": word, "reason": reason, "steps": [found.as_dict()] if found else []}

@@ -1,0 +1,173 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Put a staged k3s (binary, configuration, unit) in place of the one that runs, and keep that one to go back to.
+
+Runs on the host: Python 3.8 and the standard library. What is to come lies beside its place as `<path>.next`, what was
+there stays as `<path>.previous`, and a record says which files there were and whether the change is proven. As long as
+it is not, nothing that is kept is written over: a change that was cut off, or tried again, goes back to what last
+worked. Each file is exchanged at once, so that a cut leaves whole files.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any, Callable, Iterable, Mapping
+
+from .._common.errors import FleetError
+from .k3s import BINARY, DATA_DIR, SERVICES, version_of
+
+RECORD = "/var/lib/rosops-fleet/k3s-change.json"
+NEXT, PREVIOUS = ".next", ".previous"
+SNAPSHOT = "rosops-before"
+SNAPSHOTS_KEPT = 3
+ETCD = f"{DATA_DIR}/server/db/etcd"
+SQLITE = f"{DATA_DIR}/server/db/state.db"
+DATABASE = f"{DATA_DIR}/server/db"
+DATABASE_COPY = f"{DATA_DIR}/server/db.previous"
+
+Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard output, standard error)
+
+
+class K3sChange:
+    """Files are read and written below `root`, so tests can hand in a tree."""
+
+    def __init__(self, run: Run, role: str, root: str = "/") -> None:
+        self.run = run
+        self.service = SERVICES[role]
+        self.server = role == "server"
+        self.root = Path(root)
+
+    def path(self, name: str) -> Path:
+        return self.root / name.lstrip("/")
+
+    def record(self) -> dict[str, Any]:
+        """Of the last change: `version` and `files` (path -> whether it was there) before it, `snapshot`, `unproven`.
+
+        Empty where there was none.
+        """
+        try:
+            found: dict[str, Any] = json.loads(self.path(RECORD).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return found
+
+    def staged_version(self) -> str:
+        """The version of the staged binary; empty where none is staged."""
+        staged = self.path(BINARY + NEXT)
+        return version_of(self.run([str(staged), "--version"])[1]) if staged.exists() else ""
+
+    def switch(self, write: Iterable[str], remove: Iterable[str]) -> dict[str, Any]:
+        """Keep what is there, exchange it, and start k3s again. FleetError before anything was exchanged."""
+        coming, going = list(write), [name for name in remove if self.path(name).exists()]
+        missing = [name for name in coming if not self.path(name + NEXT).exists()]
+        if missing:
+            raise FleetError(f"{', '.join(name + NEXT for name in missing)} is not there; nothing was exchanged")
+        try:
+            record = self._keep([*coming, *going])
+        except (FleetError, OSError):
+            self._systemctl("start", "--no-block", self.service)  # it may have been stopped for its database
+            raise
+        for name in coming:
+            self.path(name + NEXT).replace(self.path(name))
+        for name in going:
+            self.path(name).unlink()
+        self._start()
+        return record
+
+    def back(self) -> dict[str, Any]:
+        """What was there before the change that is not proven, and start k3s again."""
+        record = self.record()
+        if not record.get("unproven"):
+            raise FleetError("there is no unproven change of k3s to go back from")
+        for name, existed in record["files"].items():
+            if existed:
+                self._link(name + PREVIOUS, name + NEXT)
+                self.path(name + NEXT).replace(self.path(name))
+            elif self.path(name).exists():
+                self.path(name).unlink()
+        self._start()
+        return record
+
+    def prove(self) -> bool:
+        """What runs is proven: the next change keeps it. Whether that is news."""
+        record = self.record()
+        if not record.get("unproven"):
+            return False
+        self._write({**record, "unproven": False})
+        return True
+
+    # --- keeping ----------------------------------------------------------------------------------------------------
+
+    def _keep(self, names: Iterable[str]) -> dict[str, Any]:
+        before = self.record()
+        open_ = bool(before.get("unproven"))
+        files: dict[str, bool] = dict(before["files"]) if open_ else {}
+        for name in (name for name in names if name not in files):
+            files[name] = self.path(name).exists()
+            if files[name]:
+                self._link(name, name + PREVIOUS)
+        version = before["version"] if open_ else version_of(self.run([str(self.path(BINARY)), "--version"])[1])
+        record = {"version": version, "files": files, "unproven": True, "snapshot": before.get("snapshot", "")}
+        if not open_:
+            record["snapshot"] = self._snapshot(version)
+        self._write(record)
+        return record
+
+    def _snapshot(self, version: str) -> str:
+        """A copy of the datastore as it is now: where it is; empty where this host holds none."""
+        if not self.server:
+            return ""
+        if self.path(ETCD).exists():
+            name = f"{SNAPSHOT}-{version.partition('+')[0]}"
+            self._must("etcd-snapshot", "save", "--name", name)
+            # older ones go; that one of them stays is no reason to leave k3s as it is
+            self.run([str(self.path(BINARY)), "etcd-snapshot", "prune", "--snapshot-retention", str(SNAPSHOTS_KEPT),
+                      "--name", name])  # fmt: skip
+            return f"{DATABASE}/snapshots/{name}*"
+        if self.path(SQLITE).exists():
+            # only a database that nobody writes to is copied whole
+            self._systemctl("stop", self.service)
+            shutil.rmtree(str(self.path(DATABASE_COPY)), ignore_errors=True)
+            shutil.copytree(str(self.path(DATABASE)), str(self.path(DATABASE_COPY)))
+            return DATABASE_COPY
+        return ""
+
+    def _link(self, name: str, other: str) -> None:
+        """The same file under another name, put there at once. A binary of 70 MB is not copied."""
+        new = self.path(f"{other}.new")
+        if new.exists():
+            new.unlink()
+        os.link(str(self.path(name)), str(new))
+        new.replace(self.path(other))
+        if new.exists():  # rename does nothing where both names are of one file
+            new.unlink()
+
+    def _write(self, record: Mapping[str, Any]) -> None:
+        place, new = self.path(RECORD), self.path(f"{RECORD}.new")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with new.open("w", encoding="utf-8") as file:
+            file.write(json.dumps(record, sort_keys=True))
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(place)
+
+    # --- commands ---------------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        self._systemctl("daemon-reload")
+        self._systemctl("restart", "--no-block", self.service)
+
+    def _systemctl(self, *arguments: str) -> None:
+        code, out, err = self.run(["systemctl", *arguments])
+        if code != 0:
+            raise FleetError(f"systemctl {' '.join(arguments)}: {(err or out).strip()}")
+
+    def _must(self, *arguments: str) -> None:
+        code, out, err = self.run([str(self.path(BINARY)), *arguments])
+        if code != 0:
+            last = (err or out).strip().splitlines()[-1:]
+            raise FleetError(f"k3s {' '.join(arguments)}: {''.join(last)[:300]}; nothing was exchanged")

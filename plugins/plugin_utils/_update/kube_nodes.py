@@ -1,0 +1,56 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A cluster of which one node is to be changed: what its nodes say, and which robots work there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, condition
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
+
+SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
+
+
+class KubeNodes(KubeCluster):
+    """KubeCluster with what a change of a node asks beside."""
+
+    def beat(self, node: str) -> str:
+        """When the node's kubelet renewed its Lease."""
+        lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
+        return str((lease.get("spec") or {}).get("renewTime") or "")
+
+    def nodes(self) -> Sequence[Object]:
+        return self._kube.nodes()
+
+    def robots_on(self, node: str, robots: Iterable[Robot]) -> list[Robot]:
+        """Those of which a pod is there."""
+        pods = self._kube.objects("Pod", fields=f"spec.nodeName={node}")
+        namespaces = {str(pod["metadata"]["namespace"]) for pod in pods}
+        return [robot for robot in robots if robot.namespace in namespaces]
+
+
+def server_versions(nodes: Iterable[Object]) -> dict[str, str]:
+    """Node of each server -> the version of its kubelet, which is that of its k3s."""
+    return {
+        str(node["metadata"]["name"]): str(((node.get("status") or {}).get("nodeInfo") or {}).get("kubeletVersion"))
+        for node in nodes
+        if is_server(node)
+    }
+
+
+def servers_down(nodes: Iterable[Object], but: str) -> list[str]:
+    """Servers other than `but` that are not Ready: with one more away the cluster may have no majority."""
+    return sorted(
+        str(node["metadata"]["name"])
+        for node in nodes
+        if is_server(node) and node["metadata"]["name"] != but and condition(node, "Ready").get("status") != "True"
+    )
+
+
+def is_server(node: Object) -> bool:
+    """Whether the node runs the API."""
+    return any(label in (node["metadata"].get("labels") or {}) for label in SERVER_LABELS)

@@ -1,0 +1,191 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""k3s is exchanged whole and kept, whenever the exchange is cut off."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s_change
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import K3sChange
+
+BINARY, CONFIG = "/usr/local/bin/k3s", "/etc/rancher/k3s/config.yaml"
+REGISTRIES, ENVIRONMENT = "/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment"
+OLD = {BINARY: "v1.34.2+k3s1", CONFIG: "a: 1", ENVIRONMENT: "A=1"}
+NEW = {BINARY: "v1.34.3+k3s1", CONFIG: "a: 2", REGISTRIES: "mirrors: {}"}
+
+
+class Cut(BaseException):
+    """The host lost its power."""
+
+
+class Machine:
+    """A host whose k3s says what is in its binary's file."""
+
+    def __init__(self, root: Path, role: str = "server", **files: str) -> None:
+        self.root, self.asked = root, list[list[str]]()
+        self.fails: str = ""
+        self.put({**OLD, **files})
+        self.change = K3sChange(self.run, role, str(root))
+
+    def put(self, files: dict[str, str]) -> None:
+        for name, text in files.items():
+            path = self.root / name.lstrip("/")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.unlink(missing_ok=True)
+            path.write_text(text)
+
+    def stage(self, files: dict[str, str]) -> None:
+        self.put({f"{name}.next": text for name, text in files.items()})
+
+    def run(self, command: list[str], **_options: Any) -> tuple[int, str, str]:
+        if command[-1] == "--version":
+            return 0, f"k3s version {Path(command[0]).read_text()} (1a2b3c)\n", ""
+        self.asked.append([Path(command[0]).name, *command[1:]])
+        failed = bool(self.fails) and self.fails in " ".join(command)
+        return int(failed), "", "boom" if failed else ""
+
+    def there(self) -> dict[str, str]:
+        found = {name: self.root / name.lstrip("/") for name in {**OLD, **NEW}}
+        return {name: path.read_text() for name, path in found.items() if path.exists()}
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    return Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/etcd/member": ""})
+
+
+def switch(machine: Machine, files: dict[str, str] = NEW) -> dict[str, Any]:
+    machine.stage(files)
+    return machine.change.switch(list(files), [ENVIRONMENT])
+
+
+def test_what_is_staged_comes_and_what_was_there_is_kept(machine: Machine) -> None:
+    machine.stage(NEW)
+    assert machine.change.staged_version() == NEW[BINARY]
+    found = switch(machine)
+    assert machine.there() == NEW
+    assert (machine.root / "usr/local/bin/k3s.previous").read_text() == OLD[BINARY]
+    assert found == machine.change.record()
+    assert found["version"] == OLD[BINARY]
+    assert found["unproven"]
+    assert machine.asked[-2:] == [["systemctl", "daemon-reload"], ["systemctl", "restart", "--no-block", "k3s"]]
+    assert not list(machine.root.rglob("*.next"))
+
+
+def test_the_way_back_is_what_was_there(machine: Machine) -> None:
+    switch(machine)
+    machine.change.back()
+    assert machine.there() == OLD
+    assert machine.change.record()["unproven"]
+    assert machine.change.prove()
+    assert not machine.change.prove()
+    with pytest.raises(FleetError, match="no unproven change"):
+        machine.change.back()
+    # and from there on again
+    switch(machine)
+    machine.change.back()
+    assert machine.there() == OLD
+
+
+def test_a_second_try_goes_back_to_what_was_proven(machine: Machine) -> None:
+    switch(machine)
+    switch(machine, {BINARY: "v1.34.4+k3s1", CONFIG: "a: 3"})
+    assert machine.change.record()["version"] == OLD[BINARY]
+    machine.change.back()
+    assert machine.there() == OLD
+
+
+def test_what_is_proven_is_what_the_next_change_keeps(machine: Machine) -> None:
+    switch(machine)
+    machine.change.prove()
+    switch(machine, {BINARY: "v1.34.4+k3s1"})
+    machine.change.back()
+    assert machine.there() == {**NEW}
+
+
+def test_nothing_is_exchanged_where_something_is_missing(machine: Machine) -> None:
+    with pytest.raises(FleetError, match=r"config.yaml.next is not there"):
+        machine.change.switch([CONFIG], [])
+    assert machine.there() == OLD
+    assert machine.asked == []
+
+
+@pytest.mark.parametrize(("role", "snapshot"), [("server", True), ("agent", False)])
+def test_a_servers_datastore_is_kept_first(tmp_path: Path, role: str, snapshot: bool) -> None:
+    machine = Machine(tmp_path, role, **{"/var/lib/rancher/k3s/server/db/etcd/member": ""})
+    found = switch(machine)
+    saves = [command for command in machine.asked if command[1:3] == ["etcd-snapshot", "save"]]
+    assert saves == ([["k3s", "etcd-snapshot", "save", "--name", "rosops-before-v1.34.2"]] if snapshot else [])
+    assert ("rosops-before-v1.34.2" in found["snapshot"]) is snapshot
+    switch(machine)  # a second try writes no second one: what runs is not proven
+    assert [command for command in machine.asked if command[1:3] == ["etcd-snapshot", "save"]] == saves
+
+
+def test_a_datastore_that_cannot_be_kept_forbids_the_change(machine: Machine) -> None:
+    machine.fails = "etcd-snapshot save"
+    with pytest.raises(FleetError, match=r"etcd-snapshot save .*: boom; nothing was exchanged"):
+        switch(machine)
+    assert machine.there() == OLD
+    assert not machine.change.record()
+
+
+def test_a_database_in_a_file_is_copied_while_nobody_writes_to_it(tmp_path: Path) -> None:
+    machine = Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/state.db": "rows"})
+    found = switch(machine)
+    assert found["snapshot"] == "/var/lib/rancher/k3s/server/db.previous"
+    assert (tmp_path / "var/lib/rancher/k3s/server/db.previous/state.db").read_text() == "rows"
+    assert machine.asked[0] == ["systemctl", "stop", "k3s"]
+    assert machine.asked[-1] == ["systemctl", "restart", "--no-block", "k3s"]
+
+
+def test_k3s_runs_again_where_its_database_could_not_be_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_args: Any) -> None:
+        raise OSError("no space left on device")
+
+    machine = Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/state.db": "rows"})
+    monkeypatch.setattr(k3s_change.shutil, "copytree", full)
+    with pytest.raises(OSError, match="no space"):
+        switch(machine)
+    assert machine.asked[-1] == ["systemctl", "start", "--no-block", "k3s"]
+    assert machine.there() == OLD
+
+
+def test_power_lost_at_any_moment_leaves_whole_files_and_the_way_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Counted by what is written: at each of these moments the power is lost, and somebody goes back, or on."""
+    writes: dict[str, Any] = {"link": os.link, "replace": Path.replace}
+    moments, left = 0, 0
+
+    def counted(name: str) -> Any:
+        def call(*args: Any) -> None:
+            nonlocal moments, left
+            moments, left = moments + 1, left - 1
+            if left == 0:
+                raise Cut
+            writes[name](*args)
+
+        return call
+
+    monkeypatch.setattr(k3s_change.os, "link", counted("link"))
+    monkeypatch.setattr(Path, "replace", counted("replace"))
+    switch(Machine(tmp_path / "clean"))
+    for at in range(1, moments + 1):
+        for on in (False, True):
+            machine, left = Machine(tmp_path / f"{at}-{on}"), at
+            with pytest.raises(Cut):
+                switch(machine)
+            whole = {name: {OLD.get(name, ""), NEW.get(name, "")} for name in {**OLD, **NEW}}
+            assert all(text in whole[name] for name, text in machine.there().items()), at
+            left = 0
+            if on:
+                switch(machine)
+                assert machine.there() == NEW, at
+            if machine.change.record().get("unproven"):
+                machine.change.back()
+            assert machine.there() == OLD, at

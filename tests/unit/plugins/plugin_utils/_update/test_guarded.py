@@ -1,0 +1,388 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A change of a host on which robots work: every fault at every call of it.
+
+The host is simulated: its change is made, half made, or not; what is there works or does not; the API is away while it
+starts. Time passes only in calls. An outcome's word is held against what is there, never against what was said.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded, Limits, Surroundings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
+    AwayError,
+    CancelledError,
+    HeldError,
+    Live,
+    Object,
+    Seen,
+)
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+FOREVER = 1e9
+START = 20.0  # seconds until what was changed serves again
+BEAT = 10.0  # between two words of a kubelet
+ROBOTS = [robot(name="robot1"), robot(name="robot2")]
+GRAPH: dict[str, Any] = {
+    "nodes": {name: {"reachable": True, "uri": f"http://{name}/"} for name in ("/driver", "/planner", "/rqt_gui_1")},
+    "topics": {
+        "/scan": {
+            "type": "sensor_msgs/LaserScan", "publishers": ["/driver"], "subscribers": ["/planner"],
+            "connections": [{"publisher": "/driver", "subscriber": "/planner"}], "rates": {"/driver": 10.0},
+        }
+    },
+    "services": {},
+    "actions": {
+        "/plan": {"up": True, "servers": ["/planner"], "clients": []},
+        "/gone": {"up": False, "servers": [], "clients": ["/ui"]},
+    },
+}  # fmt: skip
+FAULTS = ("killed", "cancelled", "robot-away", "away-after", "refused", "lost-answer", "api-blip", "api-gone")
+
+
+class Killed(BaseException):
+    """The control node is gone."""
+
+
+@dataclass
+class Site:
+    """What is there. `version` is what is installed, `bad` are versions that do not work and how."""
+
+    version: str = "old"
+    previous: str = "old"  # what the last proven one was
+    is_proven: bool = True
+    bad: Mapping[str, str] = field(default_factory=dict)
+    deployments: tuple[str, ...] = ("robot1",)
+    ready_before: bool = True
+    busy_until: float = 0.0
+    master_silent: bool = False
+    other_run: bool = False
+    cannot_undo: bool = False
+    api_later: float = 0.0
+
+    time: float = 0.0
+    up_at: float = 0.0  # the API and the kubelet serve since then
+    down: tuple[float, float] = (FOREVER, FOREVER)  # a fault took the API away
+    away_until: float = -1.0
+    calls: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
+    fault: str = ""
+    at: int = 0
+    claimed: list[str] = field(default_factory=list)
+    held: set[str] = field(default_factory=set)
+    interrupted: list[str] = field(default_factory=list)
+    changes: int = 0
+    last_beat: str = ""
+
+    # --- the world ----------------------------------------------------------------------------------------------------
+
+    def now(self) -> float:
+        return self.time
+
+    def wall(self) -> float:
+        return 1.8e9 + self.time
+
+    def sleep(self, seconds: float) -> None:
+        self.time += seconds
+
+    @contextlib.contextmanager
+    def call(self, name: str, seconds: float = 0.5) -> Iterator[None]:
+        self.calls.append(name)
+        fault = self.fault if len(self.calls) == self.at else ""
+        if fault == "killed":
+            raise Killed
+        if fault == "cancelled":
+            raise CancelledError("the run was cancelled")
+        if fault == "robot-away":
+            self.away_until = self.time + 30
+        if fault.startswith("api"):
+            self.down = (self.time, FOREVER if fault == "api-gone" else self.time + 5)
+        self.time += seconds
+        cluster = name.startswith("api")
+        if not cluster and self.away_until > self.time:
+            raise AwayError("no route to host")
+        if fault == "refused":
+            raise (KubeError if cluster else RosError)(f"refused at {name}")
+        if cluster and (self.time < self.up_at or self.down[0] <= self.time < self.down[1]):
+            self.time += 5
+            raise KubeError("the API cannot be reached")
+        yield
+        if fault == "lost-answer":
+            raise (KubeError if cluster else RosError)(f"the answer of {name} was lost")
+        if fault == "away-after" and not cluster:
+            raise AwayError("the connection broke")
+
+    # --- the change ---------------------------------------------------------------------------------------------------
+
+    name, before, after = "k3s", "v1.34.2", "v1.34.3"
+
+    def make(self) -> None:
+        with self.call("make"):
+            if self.busy_until > self.time:
+                self.interrupted.append("make")
+            self.install("new")
+
+    def undo(self) -> None:
+        with self.call("undo"):
+            if self.cannot_undo:
+                raise NotReadyError("the disk is full")
+            self.install(self.previous)
+
+    def install(self, version: str) -> None:
+        self.version, self.is_proven = version, False
+        self.up_at = self.time + START
+        self.changes += 1
+
+    def works(self) -> None:
+        with self.call("works"):
+            self.time = max(self.time, self.up_at - self.api_later)
+            if self.bad.get(self.version) == "works":
+                raise NotReadyError(f"{self.version} keeps ending")
+
+    def proven(self) -> None:
+        with self.call("proven"):
+            assert self.version not in self.bad, f"{self.version} is proven, and does not work"
+            assert not self.is_proven or self.changes == 0
+            self.previous, self.is_proven = self.version, True
+
+    # --- the cluster --------------------------------------------------------------------------------------------------
+
+    def beat(self, node: str) -> str:
+        with self.call("api beat"):
+            assert node == "node1"
+            if self.bad.get(self.version) != "beat":
+                self.last_beat = f"{self.changes}: {self.time // BEAT}"
+            return self.last_beat
+
+    def read(self, namespaces: Iterable[str]) -> Live:
+        with self.call("api read"):
+            found = [deployment(name, self.ready_before) for name in self.deployments if f"robot-{name}" in namespaces]
+            return Live(found, (), [service("ros-master", 11311), service("ros-keeper", 11411)])
+
+    @contextlib.contextmanager
+    def claim(self, namespace: str) -> Iterator[None]:
+        with self.call("api claim"):
+            if self.other_run:
+                raise HeldError("somebody changes this robot")
+        self.claimed.append(namespace)
+        try:
+            yield
+        finally:
+            self.claimed.remove(namespace)
+
+    def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
+        with self.call("api rollout"):
+            assert not fail_on_restart, "a kubelet that starts containers again is no failure"
+            if self.bad.get(self.version) == "rollout":
+                self.time += timeout
+                raise NotReadyError("node1 is not Ready")
+            kinds = [item["kind"] for item in objects]
+            assert kinds == ["Node", *["Deployment"] * (len(self.deployments) if self.ready_before else 0)]
+
+    # --- the host -----------------------------------------------------------------------------------------------------
+
+    def there(self) -> float:
+        with self.call("there"):
+            return self.wall()
+
+    def graph(self, master: str, rate_seconds: float) -> Mapping[str, Any]:
+        with self.call("graph"):
+            assert (master, rate_seconds) == ("http://10.43.0.1:11311", 0.0)
+            if self.master_silent:
+                raise RosError("the master does not answer")
+            return copy.deepcopy(GRAPH)
+
+    def hold(self, _master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+        with self.call("hold"):
+            assert [action["name"] for action in actions] == ["/plan"]
+            assert seconds <= 60
+            self.time += min(timeout, max(self.busy_until - self.time, 0.0))
+            if self.busy_until > self.time:
+                return Seen("wait", "/plan has a goal")
+            if keeper:
+                self.held |= {"/plan"}
+            return Seen("pass", "", ("/plan",) if keeper else ())
+
+    def release(self, _master: str, _keeper: str, _actions: Sequence[Object]) -> None:
+        with self.call("release"):
+            self.held = set()
+
+    def ready(self, _master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
+        with self.call("ready"):
+            assert "/rqt_gui_1" not in conditions["nodes"]
+            assert all("min_rate" not in topic for topic in conditions["topics"])
+            self.time += stable
+            if self.bad.get(self.version) == "graph":
+                self.time += timeout
+                return Seen("wait", "/driver is missing")
+            return Seen("pass")
+
+    # --- a run --------------------------------------------------------------------------------------------------------
+
+    def run(self, fault: str = "", at: int = 0, cluster: bool = True, **limits: Any) -> StepResult | None:
+        self.calls, self.said, self.fault, self.at = [], [], fault, at
+        here: Any = self
+        world = Surroundings(here, here, here if cluster else None, self.said.append, sleep=self.sleep)
+        wanted = Limits(**{"busy_timeout": 60.0, "ready_timeout": 60.0, **limits})
+        guarded = Guarded(self, ROBOTS, "node1", wanted, world)
+        before = self.version
+        try:
+            found = guarded.run()
+        except Killed:
+            return None
+        finally:
+            self.fault = ""
+        self.truth(found, before, wanted)
+        return found
+
+    def truth(self, found: StepResult, before: str, limits: Limits) -> None:
+        word = found.outcome
+        if limits.check:
+            assert (self.version, self.held, self.changes) == (before, set(), 0)
+            return
+        if word == "updated":
+            assert (self.version, self.is_proven) == ("new", True), found
+        if word == "rolled-back":
+            assert (self.version, self.is_proven) == (self.previous, True), found
+        if "nothing was touched" in found.reason or word == "deferred-busy":
+            assert self.version == before, found
+        if word == "failed" and self.version != before:
+            assert "unproven" in found.reason or "way back failed" in found.reason, found
+        assert not self.claimed
+        if self.away_until < 0 and "release" not in self.calls[: self.at][-1:]:
+            assert not self.held, f"{found}: goals are held still"
+        assert not self.interrupted, "a robot was interrupted at its work"
+
+
+def deployment(name: str, ready: bool) -> dict[str, Any]:
+    return {
+        "apiVersion": "apps/v1", "kind": "Deployment", "metadata": {"name": "app", "namespace": f"robot-{name}"},
+        "spec": {"replicas": 1}, "status": {"availableReplicas": int(ready)},
+    }  # fmt: skip
+
+
+def service(name: str, port: int) -> dict[str, Any]:
+    return {"metadata": {"name": name}, "spec": {"clusterIP": "10.43.0.1", "ports": [{"port": port}]}}
+
+
+def outcome(site: Site, **limits: Any) -> tuple[str, str]:
+    found = site.run(**limits)
+    assert found is not None
+    return found.outcome, found.reason
+
+
+def test_a_robot_at_rest_is_changed_and_proven() -> None:
+    site = Site()
+    found = site.run()
+    assert found is not None
+    assert found.told().startswith("k3s v1.34.2 -> v1.34.3 in ")
+    assert [name for name in site.calls if name in ("hold", "make", "works", "ready", "proven", "release")] == [
+        "hold", "make", "works", "ready", "proven", "release",
+    ]  # fmt: skip
+
+
+def test_the_api_of_the_robot_itself_is_away_meanwhile() -> None:
+    site = Site(api_later=15.0)  # than its unit says that it works
+    assert outcome(site) == ("updated", "")
+    assert site.calls.count("api beat") > 2
+
+
+def test_a_host_on_which_no_robot_works_is_not_waited_for() -> None:
+    site = Site(deployments=())
+    assert outcome(site)[0] == "updated"
+    assert not {"hold", "graph", "api claim"} & set(site.calls)
+
+
+@pytest.mark.parametrize("kind", ["works", "beat", "rollout", "graph"])
+def test_what_does_not_prove_itself_is_taken_back(kind: str) -> None:
+    site = Site(bad={"new": kind})
+    word, reason = outcome(site)
+    assert word == "rolled-back"
+    assert reason
+    assert site.version == "old"
+
+
+def test_a_way_back_that_fails_is_said() -> None:
+    site = Site(bad={"new": "works"}, cannot_undo=True)
+    word, reason = outcome(site)
+    assert word == "failed"
+    assert "the way back failed, too: the disk is full" in reason
+
+
+@pytest.mark.parametrize(
+    ("limits", "word"),
+    [({}, "updated"), ({"on_busy": "defer"}, "deferred-busy"), ({"busy_timeout": 20.0}, "deferred-busy")],
+)
+def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> None:
+    site = Site(busy_until=45.0)
+    assert outcome(site, **limits)[0] == word
+    if word == "updated":
+        assert any("/plan has a goal" in text for text in site.said)
+
+
+def test_another_run_is_left_alone() -> None:
+    assert outcome(Site(other_run=True)) == ("deferred-busy", "nothing was touched: somebody changes this robot")
+
+
+@pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("defer", "failed"), ("force", "updated")])
+def test_a_graph_that_cannot_be_read_is_no_idle_robot(policy: str, word: str) -> None:
+    assert outcome(Site(master_silent=True), on_busy=policy)[0] == word
+
+
+def test_what_was_not_well_before_is_no_part_of_the_proof() -> None:
+    assert outcome(Site(ready_before=False))[0] == "updated"
+
+
+def test_without_a_cluster_the_change_proves_itself() -> None:
+    """The API is dead, and this is how to mend it."""
+    assert outcome(Site(), cluster=False)[0] == "updated"
+    assert outcome(Site(bad={"new": "works"}), cluster=False)[0] == "rolled-back"
+
+
+@pytest.mark.parametrize(
+    ("busy", "policy", "word", "said"),
+    [
+        (0.0, "wait", "updated", "idle now"),
+        (FOREVER, "wait", "updated", "busy now: /plan has a goal"),
+        (FOREVER, "defer", "deferred-busy", "busy now: /plan has a goal"),
+    ],
+)
+def test_check_mode_says_what_it_would_meet(busy: float, policy: str, word: str, said: str) -> None:
+    site = Site(busy_until=busy)
+    assert outcome(site, check=True, on_busy=policy)[0] == word
+    assert any(said in text for text in site.said)
+
+
+def test_several_robots_of_one_host_all_rest() -> None:
+    site = Site(deployments=("robot1", "robot2"))
+    assert outcome(site)[0] == "updated"
+    assert site.calls.count("api claim") == site.calls.count("hold") == site.calls.count("ready") == 2
+
+
+@pytest.mark.parametrize("bad", [{}, {"new": "works"}, {"new": "graph"}])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_at_every_call(bad: dict[str, str], fault: str) -> None:
+    """Whatever happened: an outcome that is true, and the next run brings it to where it has to be."""
+    clean = Site(bad=bad)
+    clean.run()
+    for at in range(1, len(clean.calls) + 1):
+        site = Site(bad=bad)
+        found = site.run(fault, at)
+        assert found is None or found.outcome in (
+            "updated", "rolled-back", "deferred-offline", "deferred-busy", "failed",
+        )  # fmt: skip
+        assert (found is None) == (fault == "killed")
+        site.down, site.away_until, site.held = (FOREVER, FOREVER), -1.0, set()
+        site.time += 60.0
+        again = site.run()
+        assert again is not None
+        assert again.outcome == ("rolled-back" if bad else "updated"), (fault, at, found, again)

@@ -1,0 +1,120 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One host's failure stays its own in site.yml's plays of k3s: they run here, with a role that fails where told to."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+SERVERS, ROBOTS = ["edge1", "edge2", "edge3"], ["robot1", "robot2", "robot3"]
+LOOK = """
+- ansible.builtin.set_fact:
+    __k3s: {any: "{{ way != 'as it should be' }}", guarded: "{{ at_work }}"}
+- ansible.builtin.fail:
+    msg: refused
+  when: way == 'refused'
+"""
+WORK = """
+- ansible.builtin.shell: echo {{ inventory_hostname }} >>{{ journal }}
+- ansible.builtin.fail:
+    msg: it broke
+  when: way == 'broken'
+- ansible.builtin.set_fact:
+    ansible_connection: ssh
+  when: way == 'away'
+- ansible.builtin.command: "true"
+"""
+LAST = {
+    "name": "What goes on",
+    "hosts": "all",
+    "gather_facts": False,
+    "tasks": [{"ansible.builtin.shell": "echo {{ inventory_hostname }} >>{{ survivors }}"}],
+}
+
+
+@pytest.fixture
+def collection(tmp_path: Path) -> Path:
+    role = tmp_path / "collections/ansible_collections/rosops/fleet/roles/k3s/tasks"
+    role.mkdir(parents=True)
+    (role / "look.yml").write_text(LOOK)
+    (role / "main.yml").write_text(WORK)
+    shutil.copy(CHECKOUT / "roles/k3s/tasks/isolated.yml", role)
+    plays = yaml.safe_load((CHECKOUT / "playbooks/site.yml").read_text("utf-8"))
+    ours = [play for play in plays if play.get("tags") == ["k3s"]]
+    for play in ours:
+        play.update(become=False, vars_files=[], vars={"fleet_self": FLEET_SELF})
+    (tmp_path / "ansible.cfg").write_text("")
+    (tmp_path / "site.yml").write_text(yaml.safe_dump([*ours, LAST]))
+    return tmp_path
+
+
+FLEET_SELF = {
+    "role": "{{ 'server' if inventory_hostname in groups['edge'] else 'agent' }}",
+    "cluster": "edge",
+    "servers": SERVERS,
+}
+
+
+def run(base: Path, ways: dict[str, str], at_work: bool = True) -> tuple[int, list[str], set[str]]:
+    """Exit status, hosts in the order in which their k3s was worked on, hosts that go on."""
+    hosts: dict[str, Any] = {
+        name: {"way": ways.get(name, "well"), **({"ansible_ssh_port": 1} if ways.get(name) == "away" else {})}
+        for name in [*SERVERS, *ROBOTS]
+    }
+    common = {
+        "ansible_connection": "local", "ansible_python_interpreter": sys.executable, "at_work": at_work,
+        "journal": str(base / "journal"), "survivors": str(base / "survivors"),
+        "ansible_host": "127.0.0.1",
+    }  # fmt: skip
+    inventory = {
+        "all": {
+            "vars": common,
+            "children": {
+                "edge": {"hosts": {name: hosts[name] for name in SERVERS}},
+                "robots": {"hosts": {name: hosts[name] for name in ROBOTS}},
+            },
+        }
+    }
+    (base / "hosts.yml").write_text(yaml.safe_dump(inventory))
+    environment = {
+        **os.environ, "ANSIBLE_COLLECTIONS_PATH": str(base / "collections"), "ANSIBLE_HOME": str(base / "home"),
+        "ANSIBLE_CONFIG": str(base / "ansible.cfg"), "LC_ALL": "C.UTF-8", "ANSIBLE_FORKS": "6", "ANSIBLE_TIMEOUT": "3",
+    }  # fmt: skip
+    program = str(Path(sys.executable).parent / "ansible-playbook")
+    ended = subprocess.run(  # noqa: S603
+        [program, "-i", str(base / "hosts.yml"), str(base / "site.yml")],
+        env=environment, cwd=base, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    print(ended.stdout[-6000:], ended.stderr[-1000:])
+
+    def lines(name: str) -> list[str]:
+        path = base / name
+        return path.read_text().split() if path.exists() else []
+
+    return ended.returncode, lines("journal"), set(lines("survivors"))
+
+
+def test_servers_come_first_one_after_the_other(collection: Path) -> None:
+    status, order, survivors = run(collection, {"robot3": "as it should be"}, at_work=False)
+    assert status == 0
+    assert order[:3] == SERVERS
+    assert set(order[3:]) == {"robot1", "robot2"}
+    assert survivors == {*SERVERS, *ROBOTS}
+
+
+def test_a_host_that_is_lost_is_lost_alone(collection: Path) -> None:
+    """Two servers, and the only robot of the first wave: all hosts of three waves, each in another way."""
+    lost = {"edge1": "broken", "edge2": "away", "robot1": "refused", "robot2": "broken"}
+    status, order, survivors = run(collection, lost)
+    assert status in (2, 4)
+    assert survivors == {"edge3", "robot3"}
+    assert order == ["edge1", "edge2", "edge3", "robot2", "robot3"]
