@@ -150,9 +150,8 @@ class ActionModule(ClusterAction):
     ) -> Guarded:
         host, check = RobotHost(self, known), bool(self._task.check_mode)
 
-        def reach() -> float:
+        def reach() -> None:
             host.module("ansible.builtin.ping", {})
-            return 0.0
 
         modules = ModuleHost(
             reach,

@@ -245,6 +245,8 @@ class Guarded:
                 self._record()
                 self._hold()
             with self._phase("apply"):
+                if self.cluster is not None:
+                    self.cluster.confirm()
                 self.made = True  # from the first moment on
                 self.change.make()
             with self._phase("verify"):

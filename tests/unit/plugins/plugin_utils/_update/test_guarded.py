@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     CancelledError,
     HeldError,
     Live,
+    LostError,
     Object,
     Seen,
 )
@@ -66,6 +67,7 @@ class Site:
     busy_until: float = 0.0
     master_silent: bool = False
     other_run: bool = False
+    lost: bool = False
     cannot_undo: bool = False
     api_later: float = 0.0
 
@@ -179,6 +181,11 @@ class Site:
         finally:
             self.claimed.remove(namespace)
 
+    def confirm(self) -> None:
+        with self.call("api confirm"):
+            if self.lost:
+                raise LostError("somebody else has this robot now")
+
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         with self.call("api rollout"):
             assert not fail_on_restart, "a kubelet that starts containers again is no failure"
@@ -190,9 +197,9 @@ class Site:
 
     # --- the host -----------------------------------------------------------------------------------------------------
 
-    def there(self) -> float:
+    def there(self) -> None:
         with self.call("there"):
-            return self.wall()
+            pass
 
     def graph(self, master: str, rate_seconds: float) -> Mapping[str, Any]:
         with self.call("graph"):
@@ -331,6 +338,13 @@ def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> 
 
 def test_another_run_is_left_alone() -> None:
     assert outcome(Site(other_run=True)) == ("deferred-busy", "nothing was touched: somebody changes this robot")
+
+
+def test_a_robot_that_went_to_another_run_is_not_changed() -> None:
+    """The control node slept between the wait and the change."""
+    site = Site(lost=True)
+    assert outcome(site) == ("failed", "nothing was touched: somebody else has this robot now")
+    assert site.changes == 0
 
 
 @pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("defer", "failed"), ("force", "updated")])

@@ -1,0 +1,178 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A k3s that works is exchanged: what is asked of the host, and which steps are not taken."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible.errors import AnsibleConnectionFailure
+from ansible_collections.rosops.fleet.plugins.action import _k3s_change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+
+OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
+PLAN: dict[str, Any] = {
+    "binary": True, "write": ["/etc/rancher/k3s/config.yaml"], "remove": [], "restart": True, "works": True,
+    "member": "", "version": OLD,
+}  # fmt: skip
+
+
+def node(name: str, version: str = OLD, ready: str = "True", server: bool = True) -> dict[str, Any]:
+    labels = {"node-role.kubernetes.io/control-plane": "true"} if server else {}
+    status = {"nodeInfo": {"kubeletVersion": version}, "conditions": [{"type": "Ready", "status": ready}]}
+    return {"metadata": {"name": name, "labels": labels}, "status": status}
+
+
+class Host:
+    """What k3s_change and k3s_ready are asked; `staged` is the version to come, `bad` one that never serves."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, directory: Path) -> None:
+        self.asked: list[str] = []
+        self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
+        self.nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
+        monkeypatch.setattr(ActionHost, "module", lambda _host, name, args: self.module(name, args))
+        monkeypatch.setattr(_k3s_change, "Kube", lambda _params: contextlib.nullcontext())
+        monkeypatch.setattr(_k3s_change, "KubeNodes", lambda *_args: Cluster(self))
+        monkeypatch.setattr(_k3s_change.C, "DEFAULT_LOCAL_TMP", str(directory))
+
+    def module(self, name: str, args: dict[str, Any]) -> dict[str, Any]:
+        if self.away:
+            raise AnsibleConnectionFailure("no route to host")
+        if name == "rosops.fleet.k3s_change":
+            self.asked.append(args["state"])
+            self.bad = self.bad and args["state"] != "previous"
+            if args["state"] == "next":
+                assert args["write"] == ["/etc/rancher/k3s/config.yaml", "/usr/local/bin/k3s"]
+            return {"staged": self.staged, "version": OLD, "unproven": self.unproven, "snapshot": ""}
+        if name == "rosops.fleet.k3s_ready":
+            return {"failed": self.bad, "msg": "k3s will not become ready"}
+        return {}
+
+    def change(self, check_mode: bool = False, **more: Any) -> dict[str, Any]:
+        plan = {**PLAN, **more.pop("plan", {})}
+        variables = {
+            "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"], "k3s_node_name": "robot1",
+            "k3s_install_source": "airgap", "k3s_kubeconfig_path": "", "k3s_start_timeout": 5,
+            "k3s_failure_budget": "0", **more,
+        }  # fmt: skip
+        return run(_k3s_change, {"plan": plan}, variables, check_mode)
+
+
+class Cluster:
+    def __init__(self, host: Host) -> None:
+        self.host = host
+
+    def nodes(self) -> list[dict[str, Any]]:
+        return self.host.nodes
+
+    def beat(self, _node: str) -> str:
+        self.host.beats += 1
+        return str(self.host.beats)
+
+    def robots_on(self, _node: str, _robots: Any) -> list[Any]:
+        self.host.robots_asked = True
+        return []
+
+    def confirm(self) -> None:
+        """Nobody else is there."""
+
+    def wait(self, objects: list[Any], timeout: float) -> None:
+        assert [item["kind"] for item in objects] == ["Node"]
+        assert timeout <= 5
+
+
+@pytest.fixture
+def host(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Host]:
+    yield Host(monkeypatch, tmp_path)
+
+
+def test_what_was_staged_is_taken_and_proven(host: Host) -> None:
+    found = host.change()
+    assert found["changed"]
+    assert found["outcome"]["outcome"] == "updated"
+    assert found["msg"].startswith(f"k3s {OLD} -> {NEW} in ")
+    assert host.asked == ["staged", "next", "proven"]
+
+
+def test_what_does_not_serve_is_taken_back(host: Host) -> None:
+    host.bad = True
+    found = host.change()
+    assert found["failed"]
+    assert found["outcome"]["outcome"] == "rolled-back"
+    assert "k3s will not become ready" in found["msg"]
+    assert host.asked == ["staged", "next", "previous", "proven"]
+
+
+def test_what_nobody_has_proven_is_proven_without_a_restart(host: Host) -> None:
+    host.unproven, host.staged = True, ""
+    found = host.change(plan={"restart": False, "binary": False, "write": []})
+    assert found["outcome"]["outcome"] == "updated"
+    assert host.asked == ["staged", "proven"]
+
+
+def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:
+    host.nodes = []
+    assert host.change(plan={"works": False})["outcome"]["outcome"] == "updated"
+    assert host.beats == 0
+
+
+@pytest.mark.parametrize(
+    ("staged", "nodes", "more", "words"),
+    [
+        ("v1.34.1+lab1", [], {}, "is older than v1.34.2+lab1"),
+        ("v1.36.0+lab1", [], {}, "a minor version is skipped"),
+        (NEW, [node("edge1")], {"k3s_role": "agent"}, "newer than its cluster's servers (v1.34.2+lab1)"),
+        (NEW, [node("robot1"), node("edge2", ready="Unknown")], {}, "edge2 of its cluster is not Ready"),
+    ],
+)
+def test_steps_that_are_not_taken(host: Host, staged: str, nodes: list[Any], more: dict[str, Any], words: str) -> None:
+    host.staged, host.nodes = staged, nodes
+    found = host.change(**more)
+    assert found["failed"]
+    assert found["outcome"]["outcome"] == "failed"
+    assert "nothing was touched" in found["msg"]
+    assert words in found["msg"]
+    assert host.asked == ["staged"]
+
+
+def test_another_robot_that_is_not_ready_is_no_server(host: Host) -> None:
+    host.nodes = [node("robot1"), node("robot2", ready="False", server=False)]
+    assert host.change()["outcome"]["outcome"] == "updated"
+
+
+@pytest.mark.parametrize(("staged", "asked"), [(NEW, False), ("v1.35.0+lab1", True)])
+def test_an_edge_hosts_robots_rest_where_their_pods_may_be_started_again(host: Host, staged: str, asked: bool) -> None:
+    host.staged = staged
+    host.change(fleet={"robots": {}, "hosts": {}, "edge_nodes": []})
+    assert host.robots_asked is asked
+
+
+def test_a_host_that_is_away_is_deferred(host: Host) -> None:
+    host.away = True
+    assert host.change()["outcome"]["outcome"] == "deferred-offline"
+
+
+def test_check_mode_says_what_would_come_and_asks_nothing(host: Host) -> None:
+    host.staged = ""
+    found = host.change(check_mode=True, k3s_install_source="release", k3s_version="v1.34.3+k3s1")
+    assert found["changed"]
+    assert found["msg"].startswith(f"would change: k3s {OLD} -> v1.34.3+k3s1")
+    assert host.asked == ["staged"]
+
+
+def test_after_a_wave_with_a_failure_no_further_one_begins(host: Host) -> None:
+    host.bad = True
+    host.change(inventory_hostname="robot1", ansible_play_batch=["robot1"], ansible_play_hosts_all=["robot1", "robot2"])
+    host.asked = []
+    found = host.change(
+        inventory_hostname="robot2", ansible_play_batch=["robot2"], ansible_play_hosts_all=["robot1", "robot2"]
+    )
+    assert not found.get("failed")
+    assert found["outcome"]["outcome"] == "unchanged"
+    assert "robot1 failed" in found["msg"]
+    assert host.asked == []

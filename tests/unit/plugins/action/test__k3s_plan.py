@@ -1,0 +1,87 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the role k3s is told to do on a host that it has looked at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.action import _k3s_plan
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+
+HOSTVARS: dict[str, dict[str, str]] = {"edge1": {"ansible_host": "10.0.0.1"}, "edge2": {}, "edge3": {}, "robot1": {}}
+GONE = {"exists": False, "sha256": "", "mode": ""}
+BARE: dict[str, Any] = {
+    "machine": "x86_64",
+    "version": "",
+    "images": {},
+    "service": {"active": "inactive", "enabled": False, "reload": False, "installed": False},
+    "other_service": False,
+    "stale": False,
+    "ready": False,
+    "data": False,
+    "tokens": {"server": "absent", "agent": "absent"},
+    "server_url": "",
+    "answering": [],
+    "change": {"unproven": False, "version": ""},
+    "kubeconfig_sha256": "",
+}
+
+
+@pytest.fixture
+def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The plan for a host of which the module says `now`; what the module was asked is in `asked`."""
+
+    def plan(host: str, now: dict[str, Any], **variables: Any) -> dict[str, Any]:
+        def module(_self: Any, name: str, args: dict[str, Any]) -> dict[str, Any]:
+            assert name == "rosops.fleet.k3s_info"
+            plan.asked = args  # type: ignore[attr-defined]
+            return {"files": dict.fromkeys([*args["files"], BINARY], GONE), **BARE, **now}
+
+        monkeypatch.setattr(_k3s_plan.ActionHost, "module", module)
+        given = {
+            "inventory_hostname": host, "hostvars": HOSTVARS, "k3s_cluster": "edge", "k3s_node_name": host,
+            "k3s_role": "agent" if host == "robot1" else "server", "k3s_server_hosts": ["edge1", "edge2", "edge3"],
+            "k3s_kubeconfig_path": "", **variables,
+        }  # fmt: skip
+        return run(_k3s_plan, {}, given)
+
+    return plan
+
+
+def test_a_bare_host_is_installed_in_place(planned: Any) -> None:
+    found = planned("edge1", {})
+    assert (found["any"], found["guarded"], found["staged"], found["binary"]) == (True, False, "", True)
+    assert (found["state"], found["rivals"], found["join"]) == ("started", ["edge2", "edge3"], [])
+    assert planned.asked["servers"] == []
+
+
+def test_one_that_works_is_staged(planned: Any) -> None:
+    works = {"service": {**BARE["service"], "active": "active", "enabled": True, "installed": True}, "ready": True}
+    tokens = {"server": "same", "agent": "same"}
+    found = planned("edge1", {**works, "data": True, "tokens": tokens, "version": "v1.34.1+k3s1"})
+    assert (found["guarded"], found["staged"], found["restart"], found["version"]) == (
+        True, ".next", True, "v1.34.1+k3s1",
+    )  # fmt: skip
+
+
+def test_a_new_member_asks_the_servers_that_live(planned: Any) -> None:
+    """The first server is away: whoever has the cluster takes the member in."""
+    found = planned("robot1", {"answering": ["edge2:6443", "edge3:6443"]})
+    assert planned.asked["servers"] == ["10.0.0.1:6443", "edge2:6443", "edge3:6443"]
+    assert (found["givers"], found["joins"]) == (["edge2", "edge3"], "https://edge2:6443")
+    assert (found["join"], found["hands_out"]) == (["agent-token"], ["agent-token"])
+
+
+def test_where_no_server_answers_the_first_is_named(planned: Any) -> None:
+    assert planned("robot1", {})["givers"] == ["edge1"]
+    assert planned("edge2", {})["givers"] == ["edge1"]
+
+
+def test_an_older_version_is_refused(planned: Any) -> None:
+    found = planned("edge1", {"version": "v1.99.0+k3s1"})
+    assert found["failed"]
+    assert "edge1 was left as it is." in found["msg"]
+    assert "is older than v1.99.0+k3s1" in found["msg"]
