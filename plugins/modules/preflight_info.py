@@ -87,6 +87,11 @@ facts:
       description: Default routes with interface, gateway and MTU.
       type: list
       elements: dict
+    network:
+      description:
+        - Firewalls that are on, SELinux' mode and whether k3s's policy is there, and what the kernel lacks of the modules
+          for the pods' network.
+      type: dict
     listening:
       description: Which of O(ports) are taken, and by which process.
       type: list
@@ -107,6 +112,7 @@ import time
 
 from ansible.module_utils.basic import AnsibleModule
 from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host, collect
+from ansible_collections.rosops.fleet.plugins.module_utils._host.network_facts import network
 
 
 def main() -> None:
@@ -128,7 +134,8 @@ def main() -> None:
         },
         supports_check_mode=True,
     )
-    facts = collect(Host(), module.params["ports"], module.params["reach"], module.params)
+    host, params = Host(), module.params
+    facts = {**collect(host, params["ports"], params["reach"], params), "network": network(host)}
     # Both readings, for the action plugin: the time in between is the module's own work, no part of the way.
     facts["clock"] = {"began": began, "ended": time.time()}
     module.exit_json(changed=False, facts=facts)

@@ -10,12 +10,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypedDict
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding import (
+    ERROR,
+    WARNING,
+    Finding,
+    error,
+    warning,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.network import network_findings
 
-ERROR = "error"
-WARNING = "warning"
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
 ANSWERS = ("open", "refused")
 LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
@@ -25,23 +31,6 @@ K3S_PROCESS = re.compile(r"^(k3s|containerd$|etcd$)")
 PI_OPTIONS = "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1"
 
 Facts = Mapping[str, Any]
-
-
-class Finding(TypedDict):
-    """One line of a host's report."""
-
-    severity: str
-    what: str
-    where: str
-    fix: str
-
-
-def error(what: str, where: str, fix: str) -> Finding:
-    return {"severity": ERROR, "what": what, "where": where, "fix": fix}
-
-
-def warning(what: str, where: str, fix: str) -> Finding:
-    return {"severity": WARNING, "what": what, "where": where, "fix": fix}
 
 
 def clock_offset(sent: float, began: float, ended: float, received: float) -> dict[str, float]:
@@ -312,6 +301,7 @@ CHECKS: tuple[Callable[[Facts, Mapping[str, Any]], Iterable[Finding]], ...] = (
     _disk,
     _clock,
     _network,
+    network_findings,
     _ports,
     _reachable,
     _name,

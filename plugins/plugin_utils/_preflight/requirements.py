@@ -39,5 +39,6 @@ def requirements(variables: Mapping[str, Any], servers: Sequence[str]) -> dict[s
         "disk_mb": variables["preflight_disk_mb"],
         "clock_offset": variables["preflight_clock_offset"],
         "minimum_mtu": variables["preflight_minimum_mtu"],
+        "interface": variables["preflight_interface"],
         "server_urls": [f"https://{server}:{API}" for server in servers],
     }

@@ -18,6 +18,7 @@ REQUIREMENTS: dict[str, Any] = {
     "disk_mb": {"minimum": 3000, "recommended": 10000},
     "clock_offset": {"maximum": 30, "recommended": 1},
     "minimum_mtu": 1280,
+    "interface": "",
     "server_urls": ["https://10.0.0.1:6443"],
 }
 
@@ -40,6 +41,7 @@ X86: dict[str, Any] = {
     "memory_mb": 7943,
     "disk": {"path": "/var/lib/rancher", "total_mb": 60000, "free_mb": 41000, "free_inodes": 3600000, "type": "ext4"},
     "routes": [{"family": 4, "interface": "eth0", "gateway": "10.0.0.254", "mtu": 1500}],
+    "network": {"firewalls": [], "selinux": {"mode": "", "policy": False}, "lacking": []},
     "listening": [],
     "reach": [{"host": "10.0.0.1", "port": 6443, "outcome": "refused"}],
     "k3s": {
@@ -143,7 +145,7 @@ def test_sound_hosts_have_no_findings(facts: dict[str, Any]) -> None:
         ),
         (host(clock={"offset": 2.5, "uncertainty": 0.2}), {}, "warning: the clock is 2.50 s (± 0.20 s) ahead of"),
         (host(routes=[]), {}, "error: there is no default route"),
-        (host(routes=[{"interface": "wg0", "mtu": 1200}]), {}, "error: the MTU is 1200, at least 1280"),
+        (host(routes=[{"family": 4, "interface": "wg0", "mtu": 1200}]), {}, "error: the MTU is 1200, at least 1280"),
         (
             host(listening=[{"protocol": "tcp", "port": 6443, "process": "haproxy", "k3s": False}]),
             {},
