@@ -26,7 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, verdict
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
@@ -110,7 +110,7 @@ class ActionModule(ClusterAction):
                 return {"changed": False, "outcome": _outcome(UNCHANGED, refusal, None), "msg": refusal}
             with _cancellable():
                 found = self._change(params, variables, known)
-        except AwayError as error:
+        except (AwayError, ServersAwayError) as error:
             return _failure(OFFLINE, f"nothing was touched: {error}")
         except FleetError as error:
             if counted:
@@ -129,7 +129,7 @@ class ActionModule(ClusterAction):
         if not params["plan"]["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             return self._guarded(exchange, (), None, variables, known).run()
-        with Kube(params) as kube:
+        with self.cluster(params, known) as kube:
             cluster = KubeNodes(kube, self.say(known), f"{socket.gethostname()}, process {os.getppid()}")
             pods_notice = _permitted(exchange, cluster.nodes(), variables)
             if pods_notice:

@@ -89,8 +89,8 @@ facts:
       elements: dict
     network:
       description:
-        - Firewalls that are on, SELinux' mode and whether k3s's policy is there, and what the kernel lacks of the modules
-          for the pods' network.
+        - Firewalls that are on, SELinux' mode and whether k3s's policy is there, and what the kernel lacks of the
+          modules for the pods' network.
       type: dict
     listening:
       description: Which of O(ports) are taken, and by which process.

@@ -36,7 +36,7 @@ class Host:
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
         monkeypatch.setattr(ActionHost, "module", lambda _host, name, args: self.module(name, args))
-        monkeypatch.setattr(_k3s_change, "Kube", lambda _params: contextlib.nullcontext())
+        monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
         monkeypatch.setattr(_k3s_change, "KubeNodes", lambda *_args: Cluster(self))
         monkeypatch.setattr(_k3s_change.C, "DEFAULT_LOCAL_TMP", str(directory))
 
@@ -148,7 +148,7 @@ def test_another_robot_that_is_not_ready_is_no_server(host: Host) -> None:
 @pytest.mark.parametrize(("staged", "asked"), [(NEW, False), ("v1.35.0+lab1", True)])
 def test_an_edge_hosts_robots_rest_where_their_pods_may_be_started_again(host: Host, staged: str, asked: bool) -> None:
     host.staged = staged
-    host.change(fleet={"robots": {}, "hosts": {}, "edge_nodes": []})
+    host.change(fleet={"robots": {}, "hosts": {}, "edge_nodes": [], "name": "lab"})
     assert host.robots_asked is asked
 
 
