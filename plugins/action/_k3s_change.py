@@ -33,12 +33,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded, Limits, Surroundings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import (
     KubeNodes,
     server_versions,
     servers_down,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
 
