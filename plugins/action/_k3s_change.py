@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
+from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.action.robot_update import (
     MonotonicClock,
     RobotHost,
@@ -41,6 +42,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+
+display = Display()
 
 LEDGER = "rosops-fleet-k3s.jsonl"
 
@@ -165,7 +168,10 @@ class ActionModule(ClusterAction):
             ready_timeout=variables["k3s_start_timeout"],
             check=check,
         )
-        world = Surroundings(modules, MonotonicClock(), cluster, self.say(known))
+        name = known["inventory_hostname"]
+        world = Surroundings(
+            modules, MonotonicClock(), cluster, self.say(known), lambda text: display.v(f"[{name}] {text}")
+        )
         return Guarded(exchange, robots, variables["k3s_node_name"], limits, world)
 
 

@@ -1,0 +1,147 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""k3s is changed under robots at work: configuration, version, one that does not start, a run that is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from cluster import LAB, Hosts
+from fleet import ALL_AT_ONCE, ROBOTS, Fleet
+from runs import Run
+from test_3_interrupted import wait_for_new_goal
+
+EDGE = "edge1"
+HOSTS = [EDGE, *ROBOTS]
+BINARY, RECORD = "/usr/local/bin/k3s", "/var/lib/rosops-fleet/k3s-change.json"
+SETTINGS: dict[str, Any] = {"kubelet-arg": ["max-pods=100"]}
+
+
+def change(fleet: Fleet, *arguments: str, **variables: Any) -> Run:
+    """`site.yml --tags k3s` with these variables on top of the fleet's."""
+    return fleet.playbooks.run("site", {**fleet.variables, **variables}, "--tags", "k3s", *arguments)
+
+
+def on(fleet: Fleet, command: str) -> dict[str, str]:
+    """What a command prints on every host."""
+    return {host: fleet.hosts.ssh(host, command).strip() for host in HOSTS}
+
+
+def starts(fleet: Fleet) -> dict[str, str]:
+    """When each host's k3s was started."""
+    return on(fleet, "systemctl show k3s k3s-agent -p ExecMainStartTimestampMonotonic --value | tr '\\n' ' '")
+
+
+def unproven(fleet: Fleet, host: str) -> bool:
+    return bool(json.loads(fleet.hosts.ssh(host, f"cat {RECORD}"))["unproven"])
+
+
+@pytest.fixture
+def put_back(fleet: Fleet) -> Iterator[None]:
+    """The hosts' k3s as it was, whatever the case did to it: there is no way down by the inventory."""
+    before = on(fleet, f"{BINARY} --version")
+    yield
+    for host, text in before.items():
+        if fleet.hosts.ssh(host, f"{BINARY} --version").strip() != text:
+            unit = "k3s" if host == EDGE else "k3s-agent"
+            fleet.hosts.ssh(
+                host,
+                f"systemctl stop {unit} && cp -p {BINARY}.previous {BINARY} && rm {RECORD} && systemctl start {unit}",
+            )
+    run = change(fleet, **ALL_AT_ONCE)
+    assert run.status == 0, run
+    fleet.wait_settled()
+
+
+@pytest.mark.promise("k3s is changed under robots at work, and they notice nothing")
+@pytest.mark.usefixtures("put_back")
+def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) -> None:
+    before, pods = starts(fleet), fleet.running()
+    watch = fleet.watch()
+    check = change(fleet, "--check", k3s_config=SETTINGS)
+    assert check.status == 0, check
+    assert starts(fleet) == before
+    assert check.output.count("idle now") + check.output.count("busy now") >= len(ROBOTS), check.output[-3000:]
+
+    run = change(fleet, k3s_config=SETTINGS, update_waves=[1, "100%"])
+    assert run.status == 0, run
+    now = starts(fleet)
+    assert all(now[host] != before[host] for host in HOSTS), run
+    assert not any(unproven(fleet, host) for host in HOSTS)
+    assert fleet.running() == pods, "a restart of k3s is none of the pods"
+    watch.assert_nothing_lost()
+
+    again = change(fleet, k3s_config=SETTINGS)
+    assert (again.status, again.changed) == (0, 0), again
+    assert starts(fleet) == now
+
+
+@pytest.mark.usefixtures("put_back")
+def test_a_busy_robot_keeps_its_k3s_and_holds_up_no_other(fleet: Fleet) -> None:
+    normal = fleet.variables
+    slow = fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), "--limit", "robot1,edge1")
+    assert slow.status == 0, slow
+    before = starts(fleet)
+    wait_for_new_goal(fleet, "robot1")
+    run = change(fleet, k3s_config=SETTINGS, update_on_busy="defer", **ALL_AT_ONCE)
+    assert run.status == 2, run
+    assert run.outcomes["robot1"] == "deferred-busy", run
+    now = starts(fleet)
+    assert now["robot1"] == before["robot1"]
+    assert now["robot2"] != before["robot2"]
+    assert fleet.update(normal, "--limit", "robot1,edge1").status == 0
+
+
+@pytest.mark.promise("a k3s that does not start is taken back")
+@pytest.mark.usefixtures("put_back")
+def test_a_configuration_with_which_k3s_does_not_start_is_taken_back(fleet: Fleet) -> None:
+    pods, config = fleet.running(), on(fleet, "cat /etc/rancher/k3s/config.yaml")
+    bad = "{{ {'kubelet-arg': ['max-pods=none']} if inventory_hostname == 'robot1' else {} }}"
+    run = change(fleet, k3s_config=bad)
+    assert run.status == 2, run
+    assert run.outcomes["robot1"] == "rolled-back", run
+    assert on(fleet, "cat /etc/rancher/k3s/config.yaml") == config
+    assert not unproven(fleet, "robot1")
+    fleet.wait_settled()
+    assert fleet.running() == pods
+    again = change(fleet)
+    assert (again.status, again.changed) == (0, 0), again
+
+
+@pytest.mark.usefixtures("put_back")
+def test_what_a_killed_run_left_is_proven_by_the_next(fleet: Fleet) -> None:
+    running = fleet.playbooks.start("site", {**fleet.variables, "k3s_config": SETTINGS}, "--tags", "k3s", "-v")
+    running.wait_for(r"k3s: verify")
+    running.kill()
+    run = change(fleet, k3s_config=SETTINGS)
+    assert run.status == 0, run
+    assert not any(unproven(fleet, host) for host in HOSTS)
+
+
+@pytest.mark.usefixtures("put_back")
+def test_another_version_comes_and_the_one_before_is_refused(fleet: Fleet) -> None:
+    subprocess.run([str(LAB), "artifacts", "--next-k3s"], capture_output=True, check=True, timeout=1200)  # noqa: S603
+    following = Hosts(os.environ.get("ROSOPS_LAB", "mol-update"), ROBOTS).variables.get("lab_next_airgap_dir")
+    if not following:
+        pytest.skip("the lab runs a release of k3s, and has no second one")
+    before, pods = on(fleet, f"{BINARY} --version | head -1"), fleet.running()
+    watch = fleet.watch()
+    run = change(fleet, k3s_airgap_dir=following, update_waves=[1, "100%"])
+    assert run.status == 0, run
+    now = on(fleet, f"{BINARY} --version | head -1")
+    assert all(now[host] != before[host] for host in HOSTS), now
+    assert on(fleet, f"{BINARY}.previous --version | head -1") == before
+    assert "rosops-before-" in fleet.hosts.ssh(EDGE, "ls /var/lib/rancher/k3s/server/db/snapshots")
+    assert fleet.running() == pods
+    watch.assert_nothing_lost()
+
+    down = change(fleet)
+    assert down.status == 2, down
+    assert "is older than" in down.host("robot1")["reason"], down
+    assert on(fleet, f"{BINARY} --version | head -1") == now
