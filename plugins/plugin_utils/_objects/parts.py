@@ -1,20 +1,18 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parts that make up a robot in its cluster, in the order in which they are applied."""
+"""The parts that make up a robot in its cluster, which are the stages of rosops.fleet.site, too. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files, exporter_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
     namespace_objects,
@@ -22,43 +20,40 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
     storage_objects,
 )
 
+NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
+
 # Read once in Ansible's main process, which imports the actions: the workers of all robots have it then.
 CODE = app_files()
 
 
-@dataclass(frozen=True)
-class Outside:
-    """What is no part of a robot but of its objects: the items of robot_namespace_pull_secrets, settings."""
+def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Collection[str] = ()) -> tuple[str, ...]:
+    """Those of the parts that a run's tags mean: all of them, unless some are named.
 
-    pull_secrets: Sequence[Mapping[str, Any]] = ()
-    exporter: Settings = field(default_factory=Settings)
-
-
-def _namespace(robot: Robot, outside: Outside) -> list[Object]:
-    return [*namespace_objects(robot), *pull_secret_objects(robot, outside.pull_secrets)]
+    >>> tagged_parts(PARTS, ["apps", "ready"]), tagged_parts(("apps",), ["all"], ["ready"])
+    (('apps', 'ready'), ('apps',))
+    """
+    named = [part for part in parts if part in run_tags] or parts
+    return tuple(part for part in named if part not in skip_tags)
 
 
-def _master(robot: Robot, _outside: Outside) -> list[Object]:
-    """With the code that its keeper runs, so that the part is whole without the apps."""
-    made = master_objects(robot)
-    return [*code_maps(robot, CODE), *made] if made else []
+def ground_objects(
+    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Mapping[str, Any]], code: Mapping[str, str]
+) -> list[Object]:
+    """What the pods stand on, and what changes without any of them: namespace, Secrets, claims, the code in the pods.
+
+    `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
+    """
+    found: list[Object] = []
+    if NAMESPACE in parts:
+        found += [*namespace_objects(robot), *pull_secret_objects(robot, pull_secrets)]
+    if STORAGE in parts:
+        found += storage_objects(robot)
+    if MASTER in parts or APPS in parts:
+        found += code_maps(robot, code)
+    return found
 
 
-PARTS: dict[str, Callable[[Robot, Outside], list[Object]]] = {
-    "namespace": _namespace,
-    "storage": lambda robot, _outside: storage_objects(robot),
-    "master": _master,
-    "apps": lambda robot, _outside: app_objects(robot, CODE),
-    "exporter": lambda robot, outside: exporter_objects(robot, exporter_files(), outside.exporter),
-}
-
-
-def part_objects(part: str, robot: Robot, outside: Outside | None = None) -> list[Object]:
-    """The objects of one part."""
-    return PARTS[part](robot, outside or Outside())
-
-
-def awaited_objects(robot: Robot) -> list[Object]:
-    """Everything of the robot that is rolled out before its graph is asked."""
-    made = [*storage_objects(robot), *master_objects(robot), *app_objects(robot)]
-    return [one for one in made if one["kind"] != "Service"]
+def workload_objects(robot: Robot, parts: Collection[str]) -> list[Object]:
+    """What runs, with its Services."""
+    made = master_objects(robot) if MASTER in parts else []
+    return [*made, *(app_objects(robot) if APPS in parts else [])]

@@ -79,9 +79,9 @@ class KubeCluster:
         self.confirm()
         return self._kube.apply(objects, dry_run)
 
-    def delete(self, objects: Sequence[Object]) -> None:
+    def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         self.confirm()
-        self._kube.delete([ref_of(item) for item in objects])
+        return self._kube.delete([ref_of(item) for item in objects], dry_run)
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         refs = parse_refs([dict(item) for item in objects])

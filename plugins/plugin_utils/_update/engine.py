@@ -5,6 +5,9 @@
 
     plan      what differs from the inventory; nothing does: `unchanged`
     prepare   images on the node, namespace, claims, code for the pods, while the robot works
+
+then, where no app is at work, all that is new at once: applied, awaited, and the graph is what the apps promised; else
+
     record    the graph, once for all steps
     and for every step
     gate      what has to hold, and whether anything forbids the step
@@ -15,6 +18,8 @@
     finish    the mark comes off
     or back   once the new version is idle or dead: the old version, under the same proof
 
+and in the end, where that is asked for, the graph of the whole robot is what its apps promise.
+
 What has to be remembered is in the cluster before it is needed: the mark on the Deployment, and the contract and the
 way back in a ConfigMap beside it. So a run may end at any line, and the next one goes on from there.
 """
@@ -22,7 +27,7 @@ way back in a ConfigMap beside it. So a run may end at any line, and the next on
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
@@ -35,17 +40,31 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     FAILED,
     OFFLINE,
     ROLLED_BACK,
+    UNCHANGED,
     UPDATED,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
-    namespace_objects,
     needs_fleet_namespace,
+    removed_claims,
     storage_objects,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
+    NAMESPACE,
+    PARTS,
+    READY,
+    ground_objects,
+    workload_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME, events_map, step_id
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import (
+    INSTALL,
+    claim_users,
+    members,
+    promised,
+    with_install,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import (
     RobotOutcome,
     StepResult,
@@ -55,6 +74,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     Plan,
     Request,
     Step,
+    deployments_of,
     update_plan,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
@@ -74,6 +94,8 @@ HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the step
 MASTER_SECONDS = 30.0
 VERIFY_EXTRA = 20.0
 UNPROVEN = "it runs unproven beside the way back; the next run takes this step up again"
+NO_MASTER = "run the stage master of rosops.fleet.site first"
+UNFINISHED = "what came up stays as it is; the next run goes on from there"
 
 
 class BusyError(FleetError):
@@ -93,6 +115,12 @@ class Settings:
     rate_seconds: float = 1.0
     check: bool = False
     code: Mapping[str, str] = field(default_factory=dict)  # what runs in the pods, file name -> content
+    parts: Collection[str] = tuple(part for part in PARTS if part != READY)
+    pull_secrets: Sequence[Mapping[str, object]] = ()  # items of robot_namespace_pull_secrets
+    remove_claims: Sequence[str] = ()  # names of volumes whose claims go, with their data
+    remove_confirm: bool = False
+    rollout_timeout: float = 300.0  # of what is installed, whose images may have to be pulled
+    at_work: bool = True  # whether a robot at work may be changed; else it is only looked at
     edge_images: Mapping[str, Sequence[str]] = field(default_factory=dict)  # edge host -> names of images there
 
 
@@ -120,6 +148,8 @@ class Engine:
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
         self.recorded = self.over = False
         self.rated: set[str] = set()  # nodes
+        self.graph_told: dict[str, object] = {}  # of what the whole robot promises: verdict, and elapsed seconds
+        self.left = False  # it is at work and has to be changed, which this run may not
         self.results: list[StepResult] = []
         self.changes: list[Applied] = []
 
@@ -128,12 +158,16 @@ class Engine:
     def run(self) -> RobotOutcome:
         """From what differs to the outcome. Whatever goes wrong with this robot is its outcome, and no error."""
         try:
+            gone = removed_claims(self.robot, self.settings.remove_claims, self.settings.remove_confirm)
             self.host.there()
             self._plan()
+            self.left = not self.settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
+            if self.left:
+                return RobotOutcome(UNCHANGED, "at work: it is changed in its wave")
             if self.settings.check or not self.plan.steps:
                 self._change()
             else:
-                self._apply_all(namespace_objects(self.robot))
+                self._apply_all(self._ground([NAMESPACE]))
                 with contextlib.ExitStack() as claims:
                     claims.enter_context(self.cluster.claim(self.robot.namespace))
                     self._plan()  # the run that had it may have ended just now
@@ -145,18 +179,36 @@ class Engine:
             if not self.results:
                 word = {HeldError: BUSY, LostError: BUSY, AwayError: OFFLINE}.get(type(error), FAILED)
                 return RobotOutcome(word, f"nothing was touched: {error}")
-        return robot_outcome(self.results, len(self.plan.steps))
+        return self._conclude(robot_outcome(self.results, len(self.plan.steps)), gone)
+
+    def _conclude(self, outcome: RobotOutcome, gone: Sequence[Object]) -> RobotOutcome:
+        """What comes after all steps, if they went well: claims go, and the whole graph is looked at."""
+        if outcome.outcome not in (UPDATED, UNCHANGED):
+            return outcome
+        try:
+            self._remove(gone)
+            installed = any(step.kind == INSTALL for step in self.plan.steps)  # that was looked at just now
+            if READY in self.settings.parts and not (self.settings.check or installed):
+                self._all_ready()
+        except FleetError as error:
+            word = OFFLINE if isinstance(error, AwayError) else FAILED
+            return replace(outcome, outcome=word, reason="; ".join(filter(None, [outcome.reason, str(error)])))
+        if outcome.outcome == UNCHANGED and self.changes:
+            return replace(outcome, outcome=UPDATED, reason=", ".join(str(change.ref) for change in self.changes))
+        return outcome
 
     def _change(self) -> None:
         """Take the steps. What goes wrong before the first of them is an error, afterwards it is the step's result."""
         if self.plan.orphans:
             self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
-        if any(not step.proven for step in self.plan.steps):
-            self._prepare()
+        gated = [step for step in self.plan.steps if step.kind != INSTALL and not step.proven]
+        self._prepare(bool(gated))
+        if gated:
             self._record()
         for step in self.plan.steps:
             now = _Now(step, self.clock.wall())
-            self.results.append(self._finish(now) if step.proven else self._step(now))
+            take = self._finish if step.proven else self._install if step.kind == INSTALL else self._step
+            self.results.append(take(now))
             if self.results[-1].outcome != UPDATED or self.over:
                 break
         self._tell()
@@ -167,23 +219,27 @@ class Engine:
 
     def _plan(self) -> None:
         self.live = self._read()
-        self.plan = update_plan(self.robot, self.live, self.settings.request)
+        request = replace(self.settings.request, parts=self.settings.parts)
+        self.plan = with_install(update_plan(self.robot, self.live, request), self.robot, self.live)
 
     def _is_shared(self) -> bool:
-        places = {item["metadata"].get("namespace") for step in self.plan.steps for item in step.objects}
+        """Whether a step changes what is the whole fleet's. To make what is not there is anybody's."""
+        gated = [step for step in self.plan.steps if step.kind != INSTALL]
+        places = {item["metadata"].get("namespace") for step in gated for item in step.objects}
         return names.FLEET_NAMESPACE in places
 
-    def _prepare(self) -> None:
-        """What the steps need, while the robot works."""
+    def _ground(self, parts: Collection[str]) -> list[Object]:
+        """What the pods stand on: of the parts that are asked for, these."""
+        wanted = [part for part in self.settings.parts if part in parts]
+        return list(ground_objects(self.robot, wanted, self.settings.pull_secrets, self.settings.code))
+
+    def _prepare(self, gated: bool) -> None:
+        """What all of it stands on, and what the steps need, while the robot works."""
         self.trace("prepare")
-        self.host.bring(images(self.robot, "local"))
-        self._apply_all(
-            [
-                *(namespace_objects(self.robot) if self.settings.check else []),  # they are there by now
-                *storage_objects(self.robot),
-                *code_maps(self.robot, self.settings.code),
-            ]
-        )
+        if gated:  # what is installed has its images pulled by the node, all at the same time
+            self.host.bring(images(self.robot, "local"))
+        there = self.plan.steps and not self.settings.check  # the namespace, by now
+        self._apply_all(self._ground([part for part in PARTS if part != NAMESPACE or not there]))
 
     def _record(self) -> None:
         """Once for all steps. The update of a master that does not answer is how to mend it."""
@@ -206,6 +262,77 @@ class Engine:
     @property
     def keeper(self) -> str:
         return self.live.service_uri(names.KEEPER_NAME)
+
+    # --- where no app is at work ------------------------------------------------------------------------------------
+
+    def _install(self, now: _Now) -> StepResult:
+        """All at once. There is nothing to go back to: what does not come up stays, and is told."""
+        step = now.step
+        if not (self.master or names.MASTER_NAME in step.apps):
+            return self._result(now, FAILED, f"nothing was touched: {self.robot.name} has no ROS master; {NO_MASTER}")
+        try:
+            with self._phase(now, "apply"):
+                now.applied = not self.settings.check
+                self._apply_all(decide.marked(step.objects, str(int(now.started))) if now.applied else step.objects)
+            if self.settings.check:
+                return self._result(now, UPDATED)
+            with self._phase(now, "rollout"):
+                claims = storage_objects(self.robot) if set(step.apps) - {names.MASTER_NAME} else []
+                self.cluster.wait([*claims, *step.workloads], self.settings.rollout_timeout)
+            with self._phase(now, "verify"):
+                self._promised(step.conditions, self.settings.verify_seconds)
+                self.cluster.wait(step.workloads, 5.0, fail_on_restart=True)
+            result = self._result(now, UPDATED)
+            self._apply_all([*step.workloads, self._events(None, [result])])
+            return result
+        except (AwayError, CancelledError, LostError) as error:
+            return self._broken_off(now, error)
+        except FleetError as error:
+            return self._result(now, FAILED, f"{error}; {UNFINISHED}{self._half(now)}")
+
+    def _half(self, now: _Now) -> str:
+        """Prove each app that came up all the same, so that it is at work from now on; what to say of that."""
+        proven, timeout = list[str](), self.settings.verify_seconds + 2.0
+        try:
+            for app, workloads in members(now.step).items():
+                with contextlib.suppress(NotReadyError):
+                    self.cluster.wait(workloads, 0.0)
+                    self._promised(promised(self.robot, [app]), self.settings.verify_seconds, timeout)
+                    self._apply_all(workloads)
+                    proven.append(app)
+        except FleetError as error:
+            self.say(f"{now.step.name}: {error}")
+        return f"; up: {', '.join(proven)}" if proven else ""
+
+    def _promised(self, conditions: Object, stable: float, timeout: float | None = None) -> None:
+        """The graph is what the apps promised."""
+        if not self.master:  # it was made just now
+            self.live = replace(self.live, services=self._read().services)
+        if not self.master:
+            raise NotReadyError(f"{self.robot.name} has no ROS master; {NO_MASTER}")
+        began, self.graph_told = self.clock.now(), {"verdict": FAIL}
+        limit = float(conditions["timeout"]) if timeout is None else timeout
+        try:
+            self._ready(conditions, limit, "the graph is what the apps promised", stable)
+            self.graph_told["verdict"] = PASS
+        finally:
+            self.graph_told["elapsed"] = round(self.clock.now() - began, 3)
+
+    def _all_ready(self) -> None:
+        """All of the robot is rolled out, and its graph is what its apps promise, whether or not they were changed."""
+        wanted = [*storage_objects(self.robot), *deployments_of(workload_objects(self.robot, PARTS))]
+        self.cluster.wait(wanted, self.settings.rollout_timeout)
+        self._promised(promised(self.robot, [app.name for app in self.robot.apps]), 0.0)
+
+    def _remove(self, claims: Sequence[Object]) -> None:
+        """The claims, with their data; none of them while something runs that mounts it."""
+        if not claims:
+            return
+        leaving = [app for step in self.plan.steps for app in step.apps] if self.settings.check else []
+        users = claim_users(self._read(), claims, leaving)
+        if users:
+            raise NotReadyError(f"no claim is deleted while an app runs that mounts it: {', '.join(users)}")
+        self.changes += [done for done in self.cluster.delete(claims, self.settings.check) if done.changed]
 
     # --- a step -----------------------------------------------------------------------------------------------------
 
@@ -473,7 +600,8 @@ class Engine:
 
     @staticmethod
     def _left(now: _Now, why: str) -> str:
-        return f"{why}; {UNPROVEN}" if now.applied else f"{why}; nothing was touched"
+        left = UNFINISHED if now.step.kind == INSTALL else UNPROVEN
+        return f"{why}; {left if now.applied else 'nothing was touched'}"
 
 
 def _worth_telling(change: Applied) -> bool:

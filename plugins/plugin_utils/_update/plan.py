@@ -10,7 +10,7 @@ to apply, what was there before, the ROS nodes' old and new names, and what has 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -23,7 +23,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, PARTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import MASTER as MASTER_PART
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import intended
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
@@ -88,13 +91,14 @@ class Plan:
 class Request:
     """What is asked for. `to` is empty for what the inventory says, else `previous` or a revision to go back to.
 
-    `only` limits it to these apps (`ros-master` is the master); `shared` says whether what belongs to the whole fleet
-    is this robot's to change.
+    `only` limits it to these apps (`ros-master` is the master), `parts` to the master or the apps; `shared` says
+    whether what belongs to the whole fleet is this robot's to change. What is not there at all is anybody's to make.
     """
 
     only: Sequence[str] = ()
     to: str = ""
     shared: bool = True
+    parts: Collection[str] = PARTS
 
 
 @dataclass(frozen=True)
@@ -191,7 +195,9 @@ def update_plan(robot: Robot, live: Live, request: Request = Request()) -> Plan:
     there = _Robot(robot, desired, running, read_histories(live.maps), read_contracts(live.maps))
     asked = [
         app for app, objects in desired.items()
-        if (not request.only or app in request.only) and (request.shared or not _is_shared(objects))
+        if (not request.only or app in request.only)
+        and (MASTER_PART if app == MASTER else APPS) in request.parts
+        and (request.shared or not _is_shared(objects) or _is_new(objects, there.live))
     ]  # fmt: skip
     return _back(there, asked, request) if request.to else _forward(there, asked)
 
@@ -202,7 +208,7 @@ def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
     return Plan(
         [there.step(members) for members in ordered(there.robot.apps, changed)],
         [app for app in asked if app not in changed],
-        sorted(key[1] for key in there.live if key not in known),
+        sorted(key[1] for key in there.live if key not in known and key[1] != EXPORTER_NAME),
     )
 
 
@@ -337,6 +343,10 @@ def _key(item: Object) -> Key:
 
 def _is_shared(objects: Sequence[Object]) -> bool:
     return any(item["metadata"]["namespace"] == names.FLEET_NAMESPACE for item in objects)
+
+
+def _is_new(objects: Sequence[Object], live: Mapping[Key, Object]) -> bool:
+    return not any(_key(item) in live for item in deployments_of(objects))
 
 
 def _annotations(item: Object | None) -> Mapping[str, str]:

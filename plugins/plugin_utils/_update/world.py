@@ -67,7 +67,7 @@ class Cluster(Protocol):
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         """In this order. After an error some of them may be applied; none after a LostError."""
 
-    def delete(self, objects: Sequence[Object]) -> None:
+    def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         """What is not there is no error."""
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:

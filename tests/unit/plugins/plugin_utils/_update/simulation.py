@@ -86,6 +86,7 @@ class Simulation(SimulatedRobot):
         self.said: list[str] = []
         self.brought: list[str] = []
         self.engine_changes: list[Applied] = []
+        self.left = False  # the last run left the robot for its wave
         self.silent = 0.0
         self.last: tuple[str, object] = ("", None)
         self.checking = False
@@ -125,7 +126,7 @@ class Simulation(SimulatedRobot):
             outcome = engine.run()
         except Killed:
             return None
-        self.fault, self.engine_changes = "", engine.changes
+        self.fault, self.engine_changes, self.left = "", engine.changes, engine.left
         self.truth(engine, outcome, before)
         return outcome
 
@@ -435,16 +436,18 @@ class SimulatedCluster:
                 raise {"half": KubeError, "half-killed": Killed}[fault]("half way")
             return changes
 
-    def delete(self, objects: Sequence[Object]) -> None:
-        sim = self.sim
+    def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        sim, done = self.sim, list[Applied]()
         with sim.call("delete", 0.1):
-            assert not sim.checking
+            assert dry_run == sim.checking
             self.confirm()
             for item in objects:
                 key = (item["kind"], *deployment_key(item))
-                if sim.objects.pop(key, None) is not None:
+                done.append(Applied(ref_of(item), sim.objects.get(key), None, key in sim.objects))
+                if not dry_run and sim.objects.pop(key, None) is not None:
                     sim.touched.add(key)
                     sim.reconcile(deployment_key(item))
+        return done
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         sim = self.sim
@@ -465,6 +468,8 @@ class SimulatedCluster:
 
     def verdict(self, item: Object, earlier: Mapping[int, int], fail_on_restart: bool) -> tuple[str, str]:
         sim, key = self.sim, deployment_key(item)
+        if item["kind"] != "Deployment":
+            return (PASS, "") if (item["kind"], *key) in sim.objects else (WAIT, f"{key} is not there")
         there, pods = sim.deployment(key), sim.of(key)
         if there is None:
             return WAIT, f"{key} is not there"

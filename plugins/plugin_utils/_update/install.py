@@ -1,0 +1,102 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot on which no app is at work: all that is new comes at once, for nothing can be disturbed. Pure.
+
+Its Deployments carry the mark of what is not proven, and have no way back. So an installation that was cut off is known
+by its marks: whatever is marked and has nothing to go back to was never at work, and the next run installs it again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
+    Plan,
+    Step,
+    app_of,
+    deployments_of,
+    read_contracts,
+    read_histories,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+
+INSTALL = "install"
+# What only serves the apps: as long as there are none it is at nobody's work.
+SERVING = (names.MASTER_NAME, names.KEEPER_NAME, EXPORTER_NAME)
+
+
+def at_work(robot: Robot, live: Live) -> list[str]:
+    """The apps of the robot's namespace that were proven once, or that have something to go back to."""
+    histories, contracts = read_histories(live.maps), read_contracts(live.maps)
+    return [
+        app
+        for item in live.deployments
+        if item["metadata"]["namespace"] == robot.namespace and (app := app_of(item)) not in SERVING
+        if histories.get(app)
+        or contracts.get(app, {}).get("proven")
+        or names.ANNOTATION_UPDATING not in (item["metadata"].get("annotations") or {})
+    ]
+
+
+def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
+    """The plan with all steps that only create as one, the last one, where no app is at work."""
+    new = [step for step in plan.steps if not step.previous]
+    if not new or at_work(robot, live):
+        return plan
+    return replace(plan, steps=[*(step for step in plan.steps if step.previous), _united(new, robot)])
+
+
+def _united(steps: Sequence[Step], robot: Robot) -> Step:
+    apps = [app for step in steps for app in step.apps]
+    return replace(
+        steps[0],
+        name=apps[0] if len(apps) == 1 else INSTALL,
+        kind=INSTALL,
+        apps=apps,
+        handoff="replace",
+        objects=[item for step in steps for item in step.objects],
+        created=[item for step in steps for item in step.created],
+        resume=False,
+        proven=False,
+        unproven=[app for step in steps for app in step.unproven],
+        new_nodes={app: node for step in steps for app, node in step.new_nodes.items()},
+        old_nodes={},
+        actions=[],
+        idle=[],
+        on_busy=None,
+        conditions=promised(robot, apps),
+        before={},
+        after={app: found for step in steps for app, found in step.after.items()},
+    )
+
+
+def promised(robot: Robot, apps: Collection[str]) -> Object:
+    """Options of ros_ready: what these apps promise of the graph."""
+    return graph_conditions(replace(robot, apps=tuple(app for app in robot.apps if app.name in apps)))
+
+
+def members(step: Step) -> dict[str, list[Object]]:
+    """App -> its Deployments in the step; the master's keeper is the master's."""
+    found: dict[str, list[Object]] = {app: [] for app in step.apps}
+    for item in deployments_of(step.objects):
+        found[app_of(item) if app_of(item) in found else names.MASTER_NAME].append(item)
+    return found
+
+
+def claim_users(live: Live, claims: Collection[Object], leaving: Collection[str] = ()) -> list[str]:
+    """`claim app`, for each of the claims that a Deployment mounts; the apps that are `leaving` do not count."""
+    wanted = {(claim["metadata"]["namespace"], claim["metadata"]["name"]) for claim in claims}
+    return [
+        f"{name} {app_of(item)}"
+        for item in live.deployments
+        if app_of(item) not in leaving
+        for volume in item["spec"]["template"]["spec"].get("volumes") or []
+        if (name := (volume.get("persistentVolumeClaim") or {}).get("claimName"))
+        and (item["metadata"]["namespace"], name) in wanted
+    ]

@@ -1,0 +1,256 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What site.yml does with a robot: one that runs nothing gets all at once, one at work changes through the gate."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+GOOD, BETTER, BAD = image("good", 0), image("good", 1), image("never-connects")
+SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 5
+NAMESPACE = "robot-robot1"
+VOLUME = {"name": "logs"}
+
+
+def wanted(version: str = GOOD, **more: Any) -> Robot:
+    """A robot with an app of each kind; the version is that of the sensor."""
+    apps = (
+        app("stats", GOOD, depends_on=["sensor"]),
+        app("sensor", version),
+        app("planner", GOOD, pattern="action", readiness={"actions": ["plan"]}),
+    )
+    return robot(*apps, **more)
+
+
+SHARED = robot(app("chart", GOOD, pattern="service", scope="fleet"), app("sensor", GOOD), master={"mode": "shared"})
+
+
+def site(sim: Simulation, of: Robot, fault: str = "", at: int = 0, **more: Any) -> RobotOutcome | None:
+    limits = {"ready_timeout": 30.0, "rollout_timeout": 60.0, "verify_seconds": 5.0, "busy_timeout": 60.0}
+    return sim.run(of, Settings(**{"parts": PARTS, **limits, **more}), fault, at)
+
+
+def outcome(sim: Simulation, of: Robot, **more: Any) -> RobotOutcome:
+    found = site(sim, of, **more)
+    assert found is not None
+    return found
+
+
+def word(sim: Simulation, of: Robot, **more: Any) -> str:
+    return outcome(sim, of, **more).outcome
+
+
+def marked(sim: Simulation) -> set[str]:
+    return {
+        key[2]
+        for key, item in sim.objects.items()
+        if key[0] == "Deployment" and names.ANNOTATION_UPDATING in item["metadata"]["annotations"]
+    }
+
+
+@pytest.mark.parametrize("of", [wanted(), SHARED, robot()], ids=["robot", "shared", "no apps"])
+def test_all_at_once_and_then_nothing(of: Robot) -> None:
+    sim = Simulation()
+    found = outcome(sim, of)
+    assert (found.outcome, len(found.steps)) == ("updated", 1)
+    assert sorted(found.steps[0].apps) == sorted(["ros-master", *(one.name for one in of.apps)])
+    # one apply, one wait, one look at the graph; the second wait only sees that nothing was started again
+    assert sim.calls == [
+        "there", "read", "apply", "claim", "read", "apply", "apply", "rollout", "read", "ready", "rollout", "apply",
+    ]  # fmt: skip
+    assert not marked(sim)
+    assert word(sim, of) == "unchanged"
+    assert not sim.engine_changes
+    assert sim.calls == ["there", "read", "apply", "rollout", "ready"]
+
+
+@pytest.mark.parametrize("of", [wanted(), SHARED], ids=["robot", "shared"])
+def test_whatever_ends_it_one_more_run_is_enough(of: Robot) -> None:
+    sim = Simulation()
+    outcome(sim, of)
+    points = [(fault, at) for at in range(1, len(sim.calls) + 1) for fault in FAULTS]
+    for number, (fault, at) in enumerate(points):
+        if number % SHARE and fault not in ("killed", "half-killed"):
+            continue
+        sim = Simulation()
+        site(sim, of, fault, at)
+        sim.restore()
+        assert word(sim, of) in ("updated", "unchanged"), (fault, at)
+        assert not marked(sim), (fault, at)
+        assert word(sim, of) == "unchanged", (fault, at)
+
+
+@pytest.mark.parametrize("at", range(1, 13))
+def test_what_was_cut_off_is_no_version_to_go_back_to(at: int) -> None:
+    """Another version in the inventory after it: nothing was at work, so nothing is asked."""
+    sim = Simulation()
+    site(sim, wanted(BAD), "killed", at)
+    assert word(sim, wanted(BETTER)) == "updated"
+    assert not marked(sim)
+    assert word(sim, wanted(BETTER)) == "unchanged"
+
+
+def test_what_does_not_come_up_stays_and_is_told_and_the_rest_is_at_work() -> None:
+    sim = Simulation()
+    found = outcome(sim, wanted(BAD))
+    assert found.outcome == "failed"
+    assert "what came up stays as it is; the next run goes on from there; up: ros-master, stats, planner" in found.reason
+    assert "sensor" in found.reason
+    assert marked(sim) == {"sensor"}
+    # from here on something is at work: the next version comes through the gate, or goes again
+    assert word(sim, wanted(BAD)) == "rolled-back"
+    assert word(sim, wanted(GOOD)) == "updated"
+    assert word(sim, wanted(GOOD)) == "unchanged"
+    assert not marked(sim)
+
+
+def test_a_master_that_does_not_come_up() -> None:
+    sim = Simulation()
+    bad, good = wanted(master={"image": image("never-starts")}), wanted(master={"image": GOOD})
+    assert word(sim, bad) == "failed"
+    assert marked(sim) >= {"ros-master", "sensor", "stats", "planner"}
+    assert word(sim, good) == "updated"
+    assert word(sim, good) == "unchanged"
+
+
+def test_part_by_part() -> None:
+    """As the roles do it, and tags."""
+    sim, of = Simulation(), wanted(volumes=[VOLUME])
+    refused = outcome(sim, of, parts=["apps"])
+    assert "robot1 has no ROS master" in refused.reason
+    sim = Simulation()
+    for part in ("namespace", "storage", "master", "apps"):
+        assert word(sim, of, parts=[part]) == "updated", part
+        assert "graph" not in sim.calls, part  # nobody is at work yet
+    for part in PARTS:
+        assert word(sim, of, parts=[part]) == "unchanged", part
+
+
+def test_check_mode_names_all_of_it_and_makes_nothing() -> None:
+    sim = Simulation()
+    assert word(sim, wanted(volumes=[VOLUME]), check=True) == "updated"
+    assert {"Namespace", "PersistentVolumeClaim", "Deployment", "Service", "ConfigMap"} <= {
+        change.ref.kind for change in sim.engine_changes
+    }
+    assert not sim.objects
+
+
+# --- a robot at work ------------------------------------------------------------------------------------------------
+
+
+def working(of: Robot | None = None) -> Simulation:
+    sim = Simulation()
+    sim.install(of or wanted())
+    outcome(sim, of or wanted())  # claims and secrets, too
+    return sim
+
+
+def test_a_changed_version_comes_through_the_gate() -> None:
+    for version, said in ((BETTER, "updated"), (BAD, "rolled-back")):
+        sim = working()
+        found = outcome(sim, wanted(version))
+        assert (found.outcome, [step.name for step in found.steps]) == (said, ["sensor"])
+        assert "graph" in sim.calls
+        assert sim.of((NAMESPACE, "sensor"))[0].version.good
+
+
+def test_a_new_app_is_a_step() -> None:
+    sim = working(robot(app("sensor", GOOD)))
+    found = outcome(sim, wanted())
+    assert [step.name for step in found.steps] == ["stats", "planner"]
+    assert "graph" in sim.calls
+
+
+def test_a_busy_robot_is_left_to_finish() -> None:
+    sim = working()
+    sim.goal("/plan", 200.0)
+    sim.advance(1.0)
+    changed = robot(
+        app("stats", GOOD, depends_on=["sensor"]), app("sensor", GOOD),
+        app("planner", BETTER, pattern="action", readiness={"actions": ["plan"]}),
+    )  # fmt: skip
+    assert word(sim, changed) == "deferred-busy"
+
+
+@pytest.mark.parametrize("at", range(5, 16))
+def test_a_version_that_nobody_has_proven_is_not_taken_for_installed(at: int) -> None:
+    """An update that was killed, then site.yml."""
+    sim = working()
+    update = Settings(ready_timeout=30.0, verify_seconds=5.0)
+    assert sim.run(wanted(BAD), update, "killed", at) is None
+    assert word(sim, wanted(BAD)) == "rolled-back"
+    assert not marked(sim)
+    assert sim.of((NAMESPACE, "sensor"))[0].version.good
+
+
+def test_before_its_wave_a_robot_at_work_is_only_looked_at() -> None:
+    sim = working()
+    assert word(sim, wanted(BETTER), at_work=False) == "unchanged"
+    assert sim.left
+    assert not sim.touched
+    assert word(sim, wanted(), at_work=False) == "unchanged"
+    assert (sim.left, sim.calls[-1]) == (False, "ready")
+    fresh = Simulation()
+    assert word(fresh, wanted(), at_work=False) == "updated"
+
+
+def test_what_disturbs_no_pod_takes_no_step() -> None:
+    sim = working()
+    more = wanted(quota={"pods": 20}, volumes=[VOLUME])
+    found = outcome(sim, more, check=True)
+    assert (found.outcome, found.steps) == ("updated", ())
+    assert not sim.touched
+    found = outcome(sim, more)
+    assert (found.outcome, found.steps) == ("updated", ())
+    assert found.reason == f"ResourceQuota {NAMESPACE}/robot, PersistentVolumeClaim {NAMESPACE}/logs-pvc"
+    assert {key[0] for key in sim.touched} == {"ResourceQuota", "PersistentVolumeClaim"}
+    assert word(sim, more) == "unchanged"
+
+
+def test_the_whole_graph_is_looked_at_though_nothing_was_changed() -> None:
+    sim = working()
+    sim.watched = set()
+    sim.hang(sim.of((NAMESPACE, "sensor"))[0], 0)
+    found = outcome(sim, wanted())
+    assert (found.outcome, found.steps) == ("failed", ())
+    assert "sensor" in found.reason
+
+
+def test_a_claim_goes_when_that_is_confirmed_and_nobody_mounts_it() -> None:
+    mounting = robot(app("sensor", GOOD, volumes=[VOLUME]), volumes=[VOLUME])
+    sim, claim = working(mounting), ("PersistentVolumeClaim", NAMESPACE, "logs-pvc")
+    assert storage_objects(mounting)[0]["metadata"]["name"] == "logs-pvc"
+    gone = robot(app("sensor", GOOD))
+    refused = outcome(sim, gone, remove_claims=["logs"])
+    assert "would delete the data of logs" in refused.reason
+    # the version that mounts it is kept, for the other one does not come up
+    kept = outcome(sim, robot(app("sensor", BAD)), remove_claims=["logs"], remove_confirm=True)
+    assert kept.outcome == "rolled-back"
+    only = outcome(sim, gone, parts=["storage"], remove_claims=["logs"], remove_confirm=True)
+    assert (only.outcome, claim in sim.objects) == ("failed", True)
+    assert "no claim is deleted while an app runs that mounts it: logs-pvc sensor" in only.reason
+    assert word(sim, gone, remove_claims=["logs"], remove_confirm=True, check=True) == "updated"
+    assert claim in sim.objects
+    assert word(sim, gone, remove_claims=["logs"], remove_confirm=True) == "updated"
+    assert claim not in sim.objects
+    assert word(sim, gone, remove_claims=["logs"], remove_confirm=True) == "unchanged"
+
+
+def test_an_app_that_was_named_alone() -> None:
+    sim = Simulation()
+    found = outcome(sim, wanted(), request=Request(only=("ros-master", "sensor")))
+    assert found.steps[0].apps == ["ros-master", "sensor"]
