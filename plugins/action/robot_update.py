@@ -25,15 +25,21 @@ from ansible.errors import AnsibleConnectionFailure
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
+    CODE,
+    PARTS,
+    ground_objects,
+    tagged_parts,
+    workload_objects,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
@@ -55,6 +61,12 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "rate_tolerance": {"type": "float", "default": 0.1},
     "rate_seconds": {"type": "float", "default": 1},
     "failure_budget": {"type": "str", "default": "0"},
+    "parts": {"type": "list", "elements": "str", "choices": list(PARTS), "default": [*PARTS[:-1]]},
+    "at_work": {"type": "bool", "default": True},
+    "rollout_timeout": {"type": "float", "default": 300},
+    "remove_claims": {"type": "list", "elements": "str", "default": []},
+    "remove_confirm": {"type": "bool", "default": False},
+    "strict": {"type": "bool", "default": False},
     "image_archives": {"type": "list", "elements": "dict", "default": []},
     "image_names": {"type": "list", "elements": "str", "default": []},
     "image_rate_limit": {"type": "str", "default": ""},
@@ -95,40 +107,61 @@ class RobotHost(ActionHost):
 
 
 class ActionModule(ClusterAction):
-    TRANSFERS_FILES = True
     _requires_connection = True
     ARGUMENTS: ClassVar = UPDATE_ARGS
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         self._vars, self._host, self._say = known, str(known["inventory_hostname"]), self.say(known)
+        run_tags, skip_tags = known.get("ansible_run_tags") or (), known.get("ansible_skip_tags") or ()
+        self._parts = tagged_parts(params["parts"], run_tags, skip_tags)
         result: dict[str, Any] = {}
-        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(self._vars["ansible_play_batch"][0]))
+        # robots that need no wave are one of their own
+        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(known["ansible_play_batch"][0]) if params["at_work"] else "")
         try:
-            refusal = ledger.refusal(params["failure_budget"], len(self._vars["ansible_play_hosts_all"]))
+            refusal = ledger.refusal(params["failure_budget"], len(known["ansible_play_hosts_all"]))
             outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
         except ServersAwayError as error:
             outcome = RobotOutcome(OFFLINE, f"nothing was touched: {error}")
         except NoClusterError as error:
-            outcome = RobotOutcome(UNCHANGED if self._task.check_mode else FAILED, f"nothing was touched: {error}")
+            outcome = self._without_cluster(error, result)
         except FleetError as error:
             outcome = RobotOutcome(FAILED, f"nothing was touched: {error}")
         except Exception:  # a defect of ours counts as a failure of the robot, and is seen as what it is
             ledger.note(self._host, FAILED)
             raise
+        if outcome is None:
+            return {**result, "ansible_facts": {"fleet_at_work": True}}
         ledger.note(self._host, outcome.outcome)
+        if params["strict"] and not self._task.check_mode and outcome.outcome not in (UPDATED, UNCHANGED):
+            result.update(failed=True, msg=f"{outcome.outcome}: {outcome.reason}")
         # the fact that the report and the last play read: a robot's outcome is no error of the task
-        result["ansible_facts"] = {"fleet_outcome": outcome.as_dict()}
-        return result
+        return {**result, "ansible_facts": {"fleet_outcome": outcome.as_dict()}}
 
-    def _update(self, params: Mapping[str, Any], result: dict[str, Any]) -> RobotOutcome:
+    def _without_cluster(self, error: NoClusterError, result: dict[str, Any]) -> RobotOutcome:
+        """In check mode the run may be what would make it: then all of it would be new."""
+        if not self._task.check_mode:
+            return RobotOutcome(FAILED, f"nothing was touched: {error}")
+        robot = robot_from_vars(self._vars)
+        made = ground_objects(robot, self._parts, self._pull_secrets(), CODE)
+        result.update(foreseen([*made, *workload_objects(robot, self._parts)]))
+        return RobotOutcome(UPDATED if result["changed"] else UNCHANGED, result["msg"])
+
+    def _pull_secrets(self) -> list[dict[str, Any]]:
+        return list(self._templar.template(self._vars.get("robot_namespace_pull_secrets")) or ())
+
+    def _update(self, params: Mapping[str, Any], result: dict[str, Any]) -> RobotOutcome | None:
+        """The robot's outcome; nothing where it is left for its wave."""
         check = bool(self._task.check_mode)
         settings = Settings(
             Request(tuple(params["apps"]), params["to"], params["shared"]),
             check=check,
             code=CODE,
+            parts=self._parts,
+            pull_secrets=self._pull_secrets(),
             edge_images={} if check else self._edge_images(),  # in check mode they have not been brought
             **{name: params[name] for name in (
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
+                "at_work", "rollout_timeout", "remove_claims", "remove_confirm",
             )},
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
@@ -141,10 +174,10 @@ class ActionModule(ClusterAction):
         with self.cluster(params, self._vars) as kube, _cancellable():
             engine = Engine(robot, settings, self._world(kube, host))
             outcome = engine.run()
-        result["changed"] = any(change.changed for change in engine.changes)
+        result.update(engine.graph_told, changed=any(change.changed for change in engine.changes))
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
-        return outcome
+        return None if engine.left else outcome
 
     def _world(self, kube: Kube, host: ModuleHost) -> World:
         # the run, as another one's operator can find it

@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
     namespace_objects,
@@ -46,6 +47,8 @@ def ground_objects(
     found: list[Object] = []
     if NAMESPACE in parts:
         found += [*namespace_objects(robot), *pull_secret_objects(robot, pull_secrets)]
+    elif MASTER in parts:
+        found += keeper_access(robot)
     if STORAGE in parts:
         found += storage_objects(robot)
     if MASTER in parts or APPS in parts:

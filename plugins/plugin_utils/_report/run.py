@@ -238,11 +238,10 @@ class RunReport:
         if declared:
             self.host(host).declared = declared
         action = task.action if task else ""
-        if action in ("ros_ready", "_robot_ready") and "verdict" in result:
+        if action in ("ros_ready", "robot_update") and "verdict" in result:
             self.host(host).ready = _ready_of(result)
-        rollout = result.get("rollout") or result
-        if action in ("rollout_ready", "_robot_ready") and "objects" in rollout:
-            self.host(host).rollout = _rollout_of(rollout)
+        if action == "rollout_ready" and "objects" in result:
+            self.host(host).rollout = _rollout_of(result)
 
     def _close(self, now: float) -> None:
         for task in self._tasks.values():

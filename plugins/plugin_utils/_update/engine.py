@@ -60,6 +60,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME, events_map, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import (
     INSTALL,
+    SERVING,
     claim_users,
     members,
     promised,
@@ -277,7 +278,7 @@ class Engine:
             if self.settings.check:
                 return self._result(now, UPDATED)
             with self._phase(now, "rollout"):
-                claims = storage_objects(self.robot) if set(step.apps) - {names.MASTER_NAME} else []
+                claims = storage_objects(self.robot) if set(step.apps) - set(SERVING) else []
                 self.cluster.wait([*claims, *step.workloads], self.settings.rollout_timeout)
             with self._phase(now, "verify"):
                 self._promised(step.conditions, self.settings.verify_seconds)

@@ -196,7 +196,7 @@ def update_plan(robot: Robot, live: Live, request: Request = Request()) -> Plan:
     asked = [
         app for app, objects in desired.items()
         if (not request.only or app in request.only)
-        and (MASTER_PART if app == MASTER else APPS) in request.parts
+        and (MASTER_PART if app in (MASTER, names.KEEPER_NAME) else APPS) in request.parts
         and (request.shared or not _is_shared(objects) or _is_new(objects, there.live))
     ]  # fmt: skip
     return _back(there, asked, request) if request.to else _forward(there, asked)

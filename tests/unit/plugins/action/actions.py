@@ -9,7 +9,7 @@ from typing import Any
 
 
 def run(module: Any, args: dict[str, Any], task_vars: dict[str, Any], check_mode: bool = False) -> dict[str, Any]:
-    task = SimpleNamespace(args=args, check_mode=check_mode, async_val=0, diff=False, environment=None, no_log=False)
+    task = SimpleNamespace(args=args, check_mode=check_mode, async_val=0, diff=True, environment=None, no_log=False)
     connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused", env_prefix=lambda **_: ""))
     templar = SimpleNamespace(template=lambda value: value)
     made = module.ActionModule(

@@ -1,17 +1,120 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The robot's host as the engine sees it: that it went away is an error of ours, wherever it is noticed."""
+"""The action: a robot's variables in, the engine on its cluster and its host, and the outcome as a fact."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleConnectionFailure
+from ansible_collections.rosops.fleet.plugins.action import robot_update
 from ansible_collections.rosops.fleet.plugins.action.robot_update import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
+
+SECRET = {"name": "pull", "registry": "r.example", "username": "u", "password": "hunter2"}
+APP = {"name": "talker", "image": "apps:1.0", "pattern": "pubsub"}
+ROBOT = robot(APP, volumes=[{"name": "data"}], pull_secrets=[SECRET], quota={"pods": 9})
+VARIABLES: dict[str, Any] = {
+    **fleet_of(ROBOT),
+    "robot_namespace_pull_secrets": [SECRET],
+    "groups": {"edge": []},
+    "hostvars": {},
+    "ansible_play_batch": ["robot1"],
+    "ansible_play_hosts_all": ["robot1"],
+}
+NAMESPACE = "/api/v1/namespaces/robot-robot1"
+CLAIMS = f"{NAMESPACE}/persistentvolumeclaims"
+NOWHERE = {"kubeconfig": "/nowhere/edge.yaml"}
+
+
+@pytest.fixture(autouse=True)
+def _control_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
+    monkeypatch.setattr(robot_update.ActionModule, "_reach", lambda _self: 1.0)
+
+
+def update(args: dict[str, Any], *parts: str, check_mode: bool = False, **options: Any) -> dict[str, Any]:
+    return run(robot_update, {**args, "parts": list(parts), **options}, VARIABLES, check_mode)
+
+
+def outcome(result: dict[str, Any]) -> dict[str, Any]:
+    return dict(result["ansible_facts"]["fleet_outcome"])
+
+
+# --- a robot's parts ------------------------------------------------------------------------------------------------
+
+
+def test_what_stands_under_the_pods(server: Server, api: dict[str, Any]) -> None:
+    for part in ("namespace", "storage"):
+        result = update(api, part, strict=True)
+        assert (result["changed"], outcome(result)["outcome"]) == (True, "updated"), result
+        assert not update(api, part)["changed"]
+    assert server.find(f"{NAMESPACE}/secrets/pull")
+    assert server.find(f"{CLAIMS}/data-pvc")
+    assert not server.find("/apis/apps/v1/namespaces/robot-robot1/deployments/talker")
+
+
+def test_what_is_in_a_secret_is_seen_nowhere(server: Server, api: dict[str, Any]) -> None:
+    result = update(api, "namespace")
+    stored = server.find(f"{NAMESPACE}/secrets/pull")["data"][".dockerconfigjson"]
+    assert stored not in str(result)
+    assert "hunter2" not in str(result)
+
+
+def test_the_diff_of_a_robot_s_objects(server: Server, api: dict[str, Any]) -> None:
+    """In check mode, and before anything of it is there, its Deployments too."""
+    result = update(api, "namespace", "storage", "master", "apps", "ready", check_mode=True)
+    assert outcome(result)["outcome"] == "updated", result
+    shown = {entry["after_header"]: entry["after"] for entry in result["diff"]}
+    assert shown["ResourceQuota robot-robot1/robot"]["spec"] == {"hard": {"pods": "9"}}
+    assert "apps:1.0" in str(shown["Deployment robot-robot1/talker"])
+    assert not server.find(NAMESPACE)
+
+
+def test_claims_go_when_that_is_confirmed(server: Server, api: dict[str, Any]) -> None:
+    update(api, "namespace")
+    server.put(f"{CLAIMS}/old-pvc", {"metadata": {}})
+    refused = update(api, "storage", remove_claims=["old"], strict=True)
+    assert refused["failed"]
+    assert "would delete the data of old on robot1" in refused["msg"]
+    assert not server.find(f"{CLAIMS}/data-pvc")  # refused before anything is written
+    assert update(api, "storage", remove_claims=["old"], remove_confirm=True)["changed"]
+    assert not server.find(f"{CLAIMS}/old-pvc")
+    assert server.find(f"{CLAIMS}/data-pvc")
+
+
+# --- what cannot go well --------------------------------------------------------------------------------------------
+
+
+def test_check_mode_on_bare_hosts() -> None:
+    result = update(NOWHERE, "namespace", "apps", check_mode=True)
+    assert result["changed"]
+    assert "there is no cluster yet; would create Namespace robot-robot1" in result["msg"]
+    assert outcome(result) == {"outcome": "updated", "reason": result["msg"], "steps": []}
+    assert "hunter2" not in str(result)
+
+
+def test_without_a_cluster_a_run_says_who_makes_the_kubeconfig() -> None:
+    result = update(NOWHERE, "apps")
+    assert not result.get("failed")
+    assert outcome(result)["outcome"] == "failed"
+    assert "The stage k3s of rosops.fleet.site" in outcome(result)["reason"]
+    assert update(NOWHERE, "apps", strict=True)["msg"] == f"failed: {outcome(result)['reason']}"
+
+
+def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
+    known = {key: value for key, value in VARIABLES.items() if key != "fleet"}
+    result = run(robot_update, {**api, "strict": True}, known)
+    assert result["failed"]
+    assert "import the playbook rosops.fleet.validate" in result["msg"]
 
 
 def away(*_args: Any) -> dict[str, Any]:

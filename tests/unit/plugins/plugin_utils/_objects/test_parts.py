@@ -1,34 +1,58 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parts of a robot."""
+"""The parts of a robot, and which of them a run's tags mean."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, awaited_objects, part_objects
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
+    PARTS,
+    ground_objects,
+    tagged_parts,
+    workload_objects,
+)
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
+SECRET = {"name": "pull", "registry": "r.example", "username": "u", "password": "hunter2"}
 TALKER: dict[str, Any] = {"name": "talker", "image": "a:1", "volumes": [{"name": "data"}]}
+MADE = robot(TALKER, volumes=[{"name": "data"}], pull_secrets=[SECRET])
 
 
 def kinds(objects: list[dict[str, Any]]) -> list[str]:
     return [f"{one['kind']} {one['metadata']['name']}" for one in objects]
 
 
-def test_every_part_says_where_all_of_it_lives() -> None:
-    made = robot(TALKER, volumes=[{"name": "data"}])
-    for part in PARTS:
-        for one in part_objects(part, made):
-            assert one["metadata"].get("namespace", one["metadata"]["name"]) == "robot-robot1"
+@pytest.mark.parametrize(
+    ("asked", "run", "skip", "meant"),
+    [
+        (PARTS, ["all"], [], PARTS),
+        (PARTS, ["all"], ["ready"], PARTS[:-1]),
+        (PARTS, ["apps", "ready", "k3s"], [], ("apps", "ready")),
+        (PARTS, ["apps", "ready"], ["ready"], ("apps",)),
+        (PARTS, ["mine"], [], PARTS),  # a tag of the user's on the whole playbook
+        (PARTS, ["all"], [*PARTS], ()),
+        (("apps",), ["storage"], [], ("apps",)),  # a role alone, under whatever tag
+        (("namespace", "storage"), ["storage", "apps"], [], ("storage",)),
+    ],
+)
+def test_the_parts_that_tags_mean(asked: Sequence[str], run: list[str], skip: list[str], meant: Sequence[str]) -> None:
+    assert tagged_parts(asked, run, skip) == meant
 
 
-def test_a_master_of_ones_own_comes_with_its_keeper_s_code() -> None:
-    assert kinds(part_objects("master", robot()))[0] == "ConfigMap rosops-code"
-    assert part_objects("master", robot(TALKER, master={"mode": "external", "uri": "http://a:1"})) == []
-
-
-def test_what_is_awaited() -> None:
-    awaited = kinds(awaited_objects(robot(TALKER, volumes=[{"name": "data"}])))
-    assert {"PersistentVolumeClaim data-pvc", "Deployment ros-master", "Deployment talker"} <= set(awaited)
-    assert not [name for name in awaited if name.startswith(("Service", "ConfigMap rosops-code"))]
+def test_every_part_has_its_own_and_says_where_it_lives() -> None:
+    ground = {part: kinds(ground_objects(MADE, [part], [SECRET], {})) for part in PARTS}
+    keeper = [f"{kind} ros-keeper" for kind in ("ServiceAccount", "Role", "RoleBinding")]
+    assert ground == {
+        "namespace": ["Namespace robot-robot1", *keeper, "Secret pull"],
+        "storage": ["PersistentVolumeClaim data-pvc"],
+        "master": [*keeper, "ConfigMap rosops-code"],
+        "apps": ["ConfigMap rosops-code"],
+        "ready": [],
+    }
+    assert kinds(workload_objects(MADE, ["apps", "storage"])) == ["Deployment talker"]
+    assert "Deployment ros-master" in kinds(workload_objects(MADE, ["master"]))
+    for one in [*ground_objects(MADE, PARTS, [SECRET], {}), *workload_objects(MADE, PARTS)]:
+        assert one["metadata"].get("namespace", one["metadata"]["name"]) == "robot-robot1"

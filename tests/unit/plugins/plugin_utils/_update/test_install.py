@@ -108,7 +108,9 @@ def test_what_does_not_come_up_stays_and_is_told_and_the_rest_is_at_work() -> No
     sim = Simulation()
     found = outcome(sim, wanted(BAD))
     assert found.outcome == "failed"
-    assert "what came up stays as it is; the next run goes on from there; up: ros-master, stats, planner" in found.reason
+    assert (
+        "what came up stays as it is; the next run goes on from there; up: ros-master, stats, planner" in found.reason
+    )
     assert "sensor" in found.reason
     assert marked(sim) == {"sensor"}
     # from here on something is at work: the next version comes through the gate, or goes again

@@ -1,0 +1,36 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the role observability: the ROS exporter beside a robot's master."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+
+
+class ActionModule(ClusterAction):
+    """It is nobody's work: a changed one is restarted at once."""
+
+    ARGUMENTS: ClassVar = {
+        "statistics": {"type": "bool", "default": False},
+        "claims_path": {"type": "str", "default": ""},
+    }
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        with self.cluster(params, known) as kube:
+            return written(kube.apply(_objects(params, known), self._task.check_mode))
+
+    def foresee(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        return foreseen(_objects(params, known))
+
+
+def _objects(params: Mapping[str, Any], known: Mapping[str, Any]) -> list[Object]:
+    settings = Settings(statistics=params["statistics"], claims_path=params["claims_path"])
+    return exporter_objects(robot_from_vars(known), exporter_files(), settings)

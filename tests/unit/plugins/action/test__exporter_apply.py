@@ -1,0 +1,38 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The action: the exporter beside a robot's master."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.action import _exporter_apply
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
+
+VARIABLES: dict[str, Any] = fleet_of(robot())
+DEPLOYMENT = "/apis/apps/v1/namespaces/robot-robot1/deployments/ros-exporter"
+
+
+def test_it_is_applied_once(server: Server, api: dict[str, Any]) -> None:
+    server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
+    result = run(_exporter_apply, {**api, "statistics": True}, VARIABLES)
+    assert [f"{one['kind']} {one['name']}" for one in result["results"]] == [
+        "ConfigMap ros-exporter",
+        "Deployment ros-exporter",
+    ]
+    assert "statistics" in str(server.find(DEPLOYMENT))
+    assert not run(_exporter_apply, {**api, "statistics": True}, VARIABLES)["changed"]
+
+
+def test_check_mode_on_bare_hosts() -> None:
+    result = run(_exporter_apply, {"kubeconfig": "/nowhere/edge.yaml"}, VARIABLES, check_mode=True)
+    assert result["changed"]
+    assert "there is no cluster yet; would create" in result["msg"]
+
+
+def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
+    failed = run(_exporter_apply, api, {})
+    assert failed["failed"]
+    assert "import the playbook rosops.fleet.validate" in failed["msg"]
