@@ -153,6 +153,8 @@ class Simulation(SimulatedRobot):
     def consider(self, item: Object) -> None:
         key = deployment_key(item)
         contract, pods = self.promised(key[0], app_of(item)), self.of(key)
+        if not contract:
+            return  # it is installed: there is nothing to go back to
         done = [pod.template for pod in pods] == [template_of(item)] and pods[0].ready
         busy = any(goal.process is pod.process and not goal.ended for pod in pods for goal in self.goals)
         if self.time - self.alone < contract["ready_timeout"] or done or busy or contract.get("proven"):
@@ -396,7 +398,7 @@ class SimulatedCluster:
     """The engine's Cluster."""
 
     def __init__(self, sim: Simulation) -> None:
-        self.sim = sim
+        self.sim, self.claimed = sim, False
 
     def read(self, namespaces: Iterable[str]) -> Live:
         with self.sim.call("read", 0.2):
@@ -412,16 +414,16 @@ class SimulatedCluster:
         sim = self.sim
         with sim.call("claim", 0.1):
             assert not sim.checking
-        sim.holder, sim.renewed = RUN, FOREVER
+        sim.holder, sim.renewed, self.claimed = RUN, FOREVER, True
         try:
             yield
         except Killed:
             sim.renewed = sim.time
             raise
-        sim.holder = ""
+        sim.holder, self.claimed = "", False
 
     def confirm(self) -> None:
-        if self.sim.holder != RUN and "claim" in self.sim.calls:
+        if self.claimed and self.sim.holder != RUN:
             raise LostError("ros-keeper had this robot")
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
