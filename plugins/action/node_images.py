@@ -16,6 +16,12 @@ ARCHIVE = {
     "path": {"type": "path", "required": True},
     "images": {"type": "list", "elements": "str", "default": []},
 }
+LOGIN = {
+    "name": {"type": "str"},
+    "registry": {"type": "str"},
+    "username": {"type": "str"},
+    "password": {"type": "str", "no_log": True},
+}
 
 
 class ActionModule(FleetAction):
@@ -23,12 +29,14 @@ class ActionModule(FleetAction):
     ARGUMENTS: ClassVar = {
         "archives": {"type": "list", "elements": "dict", "default": [], "options": ARCHIVE},
         "names": {"type": "list", "elements": "str", "default": []},
+        "logins": {"type": "list", "elements": "dict", "default": [], "options": LOGIN, "no_log": True},
         "rate_limit": {"type": "str", "default": ""},
         "directory": {"type": "path", "default": DIRECTORY},
     }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        images = NodeImages(ActionHost(self, known), params["directory"], params["rate_limit"], self.say(known))
+        place, limit, logins = params["directory"], params["rate_limit"], params["logins"]
+        images = NodeImages(ActionHost(self, known), place, limit, self.say(known), logins)
         return _outcome(images.bring(params["archives"], params["names"], self._task.check_mode))
 
 

@@ -88,9 +88,9 @@ class MonotonicClock:
 class RobotHost(ActionHost):
     """The robot's host. That it cannot be reached is an outcome, whatever was under way; what takes long says so."""
 
-    def module(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
+    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
         with self._reached(name):
-            return super().module(name, args)
+            return super().module(name, args, secret)
 
     def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
         with self._reached(f"copying {src}"):
@@ -166,7 +166,8 @@ class ActionModule(ClusterAction):
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
         there = RobotHost(self, self._vars)
-        node = NodeImages(there, params["image_directory"], params["image_rate_limit"], self._say)
+        directory, limit = params["image_directory"], params["image_rate_limit"]
+        node = NodeImages(there, directory, limit, self._say, self._pull_secrets())
         images = ImageSource(node, params["image_archives"], params["image_names"])
         host = ModuleHost(
             self._reach, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), images, check

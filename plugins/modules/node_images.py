@@ -38,6 +38,26 @@ options:
     type: list
     elements: str
     default: []
+  logins:
+    description:
+      - Credentials for registries from which the node pulls, as C(robot_namespace_pull_secrets) has them. They are on
+        no command line and in no log.
+    type: list
+    elements: dict
+    default: []
+    suboptions:
+      name:
+        description: The name of a Secret. Without a registry it is one that somebody else keeps, and is not used here.
+        type: str
+      registry:
+        description: The registry's host name, with a path where the credentials are for a part of it.
+        type: str
+      username:
+        description: The user.
+        type: str
+      password:
+        description: The password or token.
+        type: str
   rate_limit:
     description:
       - Upper limit of the transfer as rsync's C(--bwlimit), KiB/s or with a unit as C(2m). Empty means none.

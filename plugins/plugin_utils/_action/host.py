@@ -27,10 +27,11 @@ class ActionHost:
         self.task_vars = task_vars or {}
         self.check_mode = check_mode
 
-    def module(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
-        """Run a module by its full name."""
+    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
+        """Run a module by its full name. The host's log does not get the arguments of a `secret` one."""
         task = self.plugin._task
         self.plugin._task = self._task(name, args)
+        self.plugin._task.no_log = secret or task.no_log
         try:
             found: dict[str, Any] = self.plugin._execute_module(name, dict(args), task_vars=self.task_vars)
         finally:

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.logins import auths
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import (
     Plan,
     Present,
@@ -28,6 +29,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import (
 DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
 NOT_FOUND = 127  # the shell's exit status for a command that is not there
 
+# crictl takes them from its environment, too
+PULL_AS = 'IFS= read -r CRICTL_AUTH && export CRICTL_AUTH && exec "$0" crictl pull "$1"'
+
 Result = Mapping[str, Any]
 
 
@@ -38,8 +42,8 @@ class ImagesError(FleetError):
 class Host(Protocol):
     """Where the node is. Both calls return what Ansible's modules do: `failed`, `msg`, `rc`, `stdout`, ..."""
 
-    def module(self, name: str, args: Mapping[str, Any]) -> Result:
-        """Run a module on the host, whatever the check mode."""
+    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> Result:
+        """Run a module on the host, whatever the check mode; nobody logs the arguments of a `secret` one."""
 
     def copy(self, src: str, dest: str, rate_limit: str) -> Result:
         """Copy a file from the control node; `rate_limit` is rsync's --bwlimit, empty for none."""
@@ -74,8 +78,11 @@ class NodeImages:
         directory: str = DIRECTORY,
         rate_limit: str = "",
         say: Callable[[str], None] = lambda _text: None,
+        logins: Sequence[Mapping[str, Any]] = (),
     ) -> None:
+        """`logins` are credentials for registries, `{registry, username, password}`."""
         self.host = host
+        self.logins = logins
         self.directory = directory
         self.rate_limit = rate_limit
         self.say = say
@@ -130,7 +137,20 @@ class NodeImages:
     def _pull(self, names: Sequence[str]) -> None:
         for name in names:
             self.say(f"pulling {name}")
-            self._command("crictl", "pull", name)
+            if not (found := auths(name, self.logins)):
+                self._command("crictl", "pull", name)
+            elif (result := self._pull_as(name, found)).get("failed"):
+                raise ImagesError(f"{BINARY} crictl pull {name}: {_reason(result)}")
+
+    def _pull_as(self, name: str, found: Sequence[str]) -> Result:
+        """With each of the credentials, until one will do. They go by standard input: command lines are seen by all."""
+        result: Result = {}
+        for auth in found:
+            args = {"argv": ["/bin/sh", "-c", PULL_AS, BINARY, name], "stdin": auth}
+            result = self.host.module("ansible.builtin.command", args, secret=True)
+            if not result.get("failed"):
+                break
+        return result
 
     def _place(self, path: str) -> str:
         """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""

@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
+from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import archive_images, normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, ImagesError, NodeImages
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import ID, docker
@@ -28,8 +31,10 @@ class Node:
         self.broken = broken
         self.k3s = k3s
         self.imports = True
+        self.program = Path("/nowhere")
 
-    def module(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
+    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
+        assert secret == ("stdin" in args)
         words = args.get("argv") or ["file", args["state"], args["path"]]
         return self._step(" ".join(words[1:])) or getattr(self, name.rpartition(".")[2])(**args)
 
@@ -46,7 +51,9 @@ class Node:
             self.files = {name: src for name, src in self.files.items() if not name.startswith(path)}
         return {"mode": mode}
 
-    def command(self, argv: list[str]) -> dict[str, Any]:
+    def command(self, argv: list[str], stdin: str = "") -> dict[str, Any]:
+        if stdin:
+            return self._pull_as(argv, stdin)
         if argv[-2] == "pull":
             self.images[argv[-1]] = "sha256:pulled"
         elif argv[-2] == "import" and self.imports:
@@ -55,6 +62,18 @@ class Node:
             found = [{"id": digest, "repoTags": [ref]} for ref, digest in self.images.items()]
             there = {"rc": 0, "stdout": "x86_64\n" + json.dumps({"images": found})}
             return there if self.k3s else {"failed": True, "rc": 127, "stdout": "x86_64", "stderr": "k3s: not found"}
+        return {"rc": 0}
+
+    def _pull_as(self, argv: list[str], stdin: str) -> dict[str, Any]:
+        """The real shell, and in the place of k3s a program that says what it was given."""
+        k3s = Path(argv[3])
+        found = subprocess.run(  # noqa: S603
+            [*argv[:3], str(self.program), *argv[4:]], input=f"{stdin}\n", capture_output=True, text=True, check=False
+        )
+        assert str(k3s) == BINARY
+        if found.returncode:
+            return {"failed": True, "rc": found.returncode, "stderr": found.stderr}
+        self.images[argv[-1]] = "sha256:pulled"
         return {"rc": 0}
 
 
@@ -171,3 +190,40 @@ def test_an_import_that_did_nothing_is_a_problem(archive: dict[str, str]) -> Non
 def test_a_path_of_the_home_directory(archive: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(Path(archive["path"]).parent))
     assert NodeImages(Node()).bring([{"path": "~/apps.tar"}], []).imported == (archive["path"],)
+
+
+# --- a registry that asks who one is ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(name="private")
+def _private(tmp_path: Path) -> Node:
+    """A node whose crictl takes credentials from its environment, and a registry that knows one user."""
+    node, right = Node(), b64encode(b"me:hunter2").decode()
+    node.program = tmp_path / "k3s"
+    node.program.write_text(
+        '#!/bin/sh\n[ "$1 $2" = "crictl pull" ] || exit 3\n'
+        f'[ "$CRICTL_AUTH" = "{right}" ] || {{ echo "$3: not authorized" >&2; exit 1; }}\n'
+        'tr "\\0" " " < /proc/$$/cmdline > "$0.seen"\n'
+    )
+    node.program.chmod(0o700)
+    return node
+
+
+def credentials(word: str = "hunter2") -> dict[str, str]:
+    return {"name": "pull", "registry": "r.example", "username": "me", "password": word}
+
+
+def test_credentials_reach_crictl_and_no_command_line(private: Node) -> None:
+    logins = [credentials("stale"), credentials()]
+    brought = NodeImages(private, ROOM, logins=logins).bring([], ["r.example/app:1", "redis:7"])
+    assert set(brought.pulled) == {"r.example/app:1", REDIS}
+    said = " ".join(private.calls) + Path(f"{private.program}.seen").read_text()
+    assert "crictl pull r.example/app:1" in said
+    assert not [secret for secret in ("hunter2", b64encode(b"me:hunter2").decode()) if secret in said]
+
+
+def test_wrong_credentials_are_told_and_not_shown(private: Node) -> None:
+    with pytest.raises(ImagesError) as caught:
+        NodeImages(private, ROOM, logins=[credentials("wrong")]).bring([], ["r.example/app:1"])
+    assert "crictl pull r.example/app:1: r.example/app:1: not authorized" in str(caught.value)
+    assert "wrong" not in str(caught.value)
