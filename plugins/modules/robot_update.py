@@ -8,11 +8,15 @@ from __future__ import annotations
 
 DOCUMENTATION = r"""
 module: robot_update
-short_description: Change what runs on a robot, one gated step at a time
+short_description: Make a robot, or change what runs on it, one gated step at a time
 version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Compares the robot's apps and its ROS master with the inventory. What is as it should be is not touched.
+  - On a robot on which no app is at work all that is new comes at once, is awaited together, and the graph has to be
+    what its apps promise. What does not come up stays as it is; the rest is at work from then on. Else it goes step by
+    step.
+  - Namespace, quota, limits, pull secrets, claims and the code in the pods change without a step; no pod is touched.
   - Each changed app, each group of apps (C(update.group)) and the master is a step, in the order of C(depends_on). A
     step records what the app is to the ROS graph, waits until a busy robot is idle, applies the new version, waits
     until the pods have handed over, and holds the graph against the record. What does not hold is taken back.
@@ -28,6 +32,40 @@ notes:
   - SIGINT and SIGTERM end the step where it stands and let held goals go. What was applied by then stays marked as
     unproven, with the way back beside it, and the next run takes the step up.
 options:
+  parts:
+    description:
+      - What of the robot. V(ready) waits in the end until all of it is rolled out and its ROS graph is what its apps
+        promise, whether or not anything was changed.
+      - Where the run has tags of these names (C(--tags), C(--skip-tags)), only the parts that they mean.
+    type: list
+    elements: str
+    choices: [namespace, storage, master, apps, ready]
+    default: [namespace, storage, master, apps]
+  at_work:
+    description:
+      - Whether a robot at work may be changed. If not, and it has to be, nothing is done, and the fact
+        C(fleet_at_work) is true; a robot that runs nothing yet, or is as it should be, is done with.
+    type: bool
+    default: true
+  strict:
+    description: Fail where the robot is not as the inventory says; not in check mode.
+    type: bool
+    default: false
+  rollout_timeout:
+    description: Seconds until what was made, and with V(ready) all of the robot, has to be rolled out.
+    type: float
+    default: 300
+  remove_claims:
+    description:
+      - Names of volumes whose claims are deleted in the end, with their data. The inventory must not have them any
+        more, and nothing that runs may mount them.
+    type: list
+    elements: str
+    default: []
+  remove_confirm:
+    description: Has to be true before a claim is deleted.
+    type: bool
+    default: false
   apps:
     description: Change only these apps; V(ros-master) is the master. Empty means all that differ from the inventory.
     type: list
@@ -119,15 +157,27 @@ EXAMPLES = r"""
 """
 
 RETURN = r"""
+verdict:
+  description: Of the look at the whole robot's graph, V(pass) or V(fail).
+  returned: where the graph was looked at as a whole
+  type: str
+elapsed:
+  description: Seconds that this look took.
+  returned: where the graph was looked at as a whole
+  type: float
 ansible_facts:
   description: The outcome, as a fact.
   returned: always
   type: dict
   contains:
+    fleet_at_work:
+      description: The robot is at work and has to be changed. It has no outcome yet.
+      type: bool
+      returned: with O(at_work=false)
     fleet_outcome:
       description:
         - C(outcome) is V(updated), V(unchanged), V(deferred-offline), V(deferred-busy), V(rolled-back) or V(failed),
           C(reason) says why, and C(steps) are the steps that were begun, each with its C(phases) in seconds.
       type: dict
-      returned: always
+      returned: always, but for what is left for a later play
 """

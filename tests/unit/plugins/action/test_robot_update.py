@@ -38,7 +38,7 @@ NOWHERE = {"kubeconfig": "/nowhere/edge.yaml"}
 @pytest.fixture(autouse=True)
 def _control_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
-    monkeypatch.setattr(robot_update.ActionModule, "_reach", lambda _self: 1.0)
+    monkeypatch.setattr(robot_update.ActionModule, "_reach", lambda _self: None)
 
 
 def update(args: dict[str, Any], *parts: str, check_mode: bool = False, **options: Any) -> dict[str, Any]:
