@@ -304,6 +304,8 @@ class RunReport:
             outcome = (declared, why or message) if on_purpose else (FAILED, message)
         elif counts.get("unreachable") or host.unreachable:  # the second where a play reads on without the host
             outcome = (OFFLINE, host.unreachable)
+        elif declared == UNCHANGED and counts.get("changed"):  # its apps are; other tasks of the run were not
+            outcome = (UPDATED, why)
         elif declared:
             outcome = (declared, why)
         elif left:

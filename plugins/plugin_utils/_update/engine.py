@@ -94,6 +94,7 @@ SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the step never comes to its end
 MASTER_SECONDS = 30.0
 VERIFY_EXTRA = 20.0
+LOOK_SECONDS = 2.0  # of a look at what has had its time
 UNPROVEN = "it runs unproven beside the way back; the next run takes this step up again"
 NO_MASTER = "run the stage master of rosops.fleet.site first"
 UNFINISHED = "what came up stays as it is; the next run goes on from there"
@@ -293,11 +294,11 @@ class Engine:
 
     def _half(self, now: _Now) -> str:
         """Prove each app that came up all the same, so that it is at work from now on; what to say of that."""
-        proven, timeout = list[str](), self.settings.verify_seconds + 2.0
+        proven, timeout = list[str](), self.settings.verify_seconds + LOOK_SECONDS
         try:
             for app, workloads in members(now.step).items():
                 with contextlib.suppress(NotReadyError):
-                    self.cluster.wait(workloads, 0.0)
+                    self.cluster.wait(workloads, LOOK_SECONDS)
                     self._promised(promised(self.robot, [app]), self.settings.verify_seconds, timeout)
                     self._apply_all(workloads)
                     proven.append(app)

@@ -105,6 +105,8 @@ def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
         ({"ansible_facts": {"fleet_outcome": "rolled-back"}}, FAILED, ("rolled-back", "")),
         ({"ansible_facts": {"fleet_outcome": "updated"}}, FAILED, ("failed", "")),
         ({"ansible_facts": {"fleet_outcome": "updated"}}, OK, ("updated", "")),
+        ({"ansible_facts": {"fleet_outcome": "unchanged"}}, OK, ("unchanged", "")),
+        ({"ansible_facts": {"fleet_outcome": "unchanged"}}, {**OK, "changed": 2}, ("updated", "")),
         ({"ansible_facts": {"fleet_outcome": "splendid"}}, OK, ("unchanged", "")),
         ({"ansible_facts": {"fleet_outcome": {"outcome": "updated"}}}, DARK, ("deferred-offline", "")),
         ({"ansible_facts": "nonsense"}, OK, ("unchanged", "")),
