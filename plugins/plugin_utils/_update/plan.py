@@ -92,7 +92,7 @@ class Request:
     """What is asked for. `to` is empty for what the inventory says, else `previous` or a revision to go back to.
 
     `only` limits it to these apps (`ros-master` is the master), `parts` to the master or the apps; `shared` says
-    whether what belongs to the whole fleet is this robot's to change. What is not there at all is anybody's to make.
+    whether what belongs to the whole fleet is this robot's to change.
     """
 
     only: Sequence[str] = ()
@@ -197,7 +197,7 @@ def update_plan(robot: Robot, live: Live, request: Request = Request()) -> Plan:
         app for app, objects in desired.items()
         if (not request.only or app in request.only)
         and (MASTER_PART if app in (MASTER, names.KEEPER_NAME) else APPS) in request.parts
-        and (request.shared or not _is_shared(objects) or _is_new(objects, there.live))
+        and (request.shared or not _is_shared(objects))
     ]  # fmt: skip
     return _back(there, asked, request) if request.to else _forward(there, asked)
 
@@ -343,10 +343,6 @@ def _key(item: Object) -> Key:
 
 def _is_shared(objects: Sequence[Object]) -> bool:
     return any(item["metadata"]["namespace"] == names.FLEET_NAMESPACE for item in objects)
-
-
-def _is_new(objects: Sequence[Object], live: Mapping[Key, Object]) -> bool:
-    return not any(_key(item) in live for item in deployments_of(objects))
 
 
 def _annotations(item: Object | None) -> Mapping[str, str]:

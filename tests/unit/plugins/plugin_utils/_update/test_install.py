@@ -15,8 +15,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+    FAULTS,
+    SimulatedCluster,
+    Simulation,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -197,6 +202,24 @@ def test_a_version_that_nobody_has_proven_is_not_taken_for_installed(at: int) ->
     assert word(sim, wanted(BAD)) == "rolled-back"
     assert not marked(sim)
     assert sim.of((NAMESPACE, "sensor"))[0].version.good
+
+
+def test_another_run_that_changes_the_robot_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the robot is looked at all the same, where nothing is to be changed."""
+
+    def held(*_unused: object) -> None:
+        raise HeldError("control-2, process 7 changes this robot")
+
+    for sim in (working(), Simulation()):
+        monkeypatch.setattr(SimulatedCluster, "claim", held)
+        found = outcome(sim, wanted(BETTER))
+        assert found.outcome == "deferred-busy"
+        assert "nothing was touched: control-2, process 7 changes this robot" in found.reason
+        assert {key[0] for key in sim.touched} <= {"Namespace", "ServiceAccount", "Role", "RoleBinding"}
+        monkeypatch.undo()
+    sim = working()
+    monkeypatch.setattr(SimulatedCluster, "claim", held)
+    assert word(sim, wanted()) == "unchanged"
 
 
 def test_before_its_wave_a_robot_at_work_is_only_looked_at() -> None:
