@@ -32,7 +32,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import N
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
+    FAILED,
+    OFFLINE,
+    OUTCOMES,
+    UNCHANGED,
+    UPDATED,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
     CODE,
     PARTS,
@@ -132,7 +138,8 @@ class ActionModule(ClusterAction):
         if outcome is None:
             return {**result, "ansible_facts": {"fleet_at_work": True}}
         ledger.note(self._host, outcome.outcome)
-        if params["strict"] and not self._task.check_mode and outcome.outcome not in (UPDATED, UNCHANGED):
+        good = set(OUTCOMES) - {FAILED} if self._task.check_mode else {UPDATED, UNCHANGED}
+        if params["strict"] and outcome.outcome not in good:
             result.update(failed=True, msg=f"{outcome.outcome}: {outcome.reason}")
         # the fact that the report and the last play read: a robot's outcome is no error of the task
         return {**result, "ansible_facts": {"fleet_outcome": outcome.as_dict()}}

@@ -48,7 +48,7 @@ options:
     type: bool
     default: true
   strict:
-    description: Fail where the robot is not as the inventory says; not in check mode.
+    description: Fail where the robot is not as the inventory says; in check mode where a run would have V(failed).
     type: bool
     default: false
   rollout_timeout:

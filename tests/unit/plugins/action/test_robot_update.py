@@ -102,11 +102,11 @@ def test_check_mode_on_bare_hosts() -> None:
     assert "hunter2" not in str(result)
 
 
-def test_without_a_cluster_a_run_says_who_makes_the_kubeconfig() -> None:
+def test_without_a_cluster_a_run_says_so() -> None:
     result = update(NOWHERE, "apps")
     assert not result.get("failed")
     assert outcome(result)["outcome"] == "failed"
-    assert "The stage k3s of rosops.fleet.site" in outcome(result)["reason"]
+    assert "nothing was touched: There is no kubeconfig /nowhere/edge.yaml" in outcome(result)["reason"]
     assert update(NOWHERE, "apps", strict=True)["msg"] == f"failed: {outcome(result)['reason']}"
 
 

@@ -15,8 +15,6 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import (
     _node_apply,
     _observability_stack,
-    _robot_apply,
-    _robot_ready,
     fleet_info,
     robot_update,
     rollout_ready,
@@ -49,6 +47,7 @@ def server() -> Iterator[Server]:
 def local_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(os, "environ", {key: value for key, value in os.environ.items() if "K8S_AUTH" not in key})
     monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
+    monkeypatch.setattr(robot_update.ActionModule, "_reach", lambda _self: None)
     return tmp_path
 
 
@@ -66,6 +65,11 @@ def inventory(name: str = "production", own: str = "robot1", **variables: Any) -
         "groups": GROUPS,
         **variables,
     }
+
+
+def part(name: str) -> dict[str, Any]:
+    """What a role of one part of a robot asks for."""
+    return {"parts": [name], "strict": True}
 
 
 def made_by(server: Server, fleet: str, name: str = "edge") -> None:
@@ -102,9 +106,9 @@ def admin(server: Server, key: str = "t") -> dict[str, Any]:
 
 ACTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
     "node": (_node_apply, PLACE),
-    "namespace": (_robot_apply, {"part": "namespace"}),
-    "storage": (_robot_apply, {"part": "storage", "remove_claims": ["old-logs"], "remove_confirm": True}),
-    "ready": (_robot_ready, {}),
+    "namespace": (robot_update, part("namespace")),
+    "storage": (robot_update, {**part("storage"), "remove_claims": ["old-logs"], "remove_confirm": True}),
+    "ready": (robot_update, part("ready")),
     "rollout": (rollout_ready, {"objects": [{"kind": "Deployment", "name": "a", "namespace": "b"}]}),
     "observability": (_observability_stack, {}),
 }
@@ -160,7 +164,7 @@ def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server:
 
 def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
     made_by(server, "fleet")
-    result = run(_robot_apply, {"host": server.url, "api_key": "t", "part": "namespace"}, inventory(name=""))
+    result = run(robot_update, {"host": server.url, "api_key": "t", **part("namespace")}, inventory(name=""))
     assert result["failed"]
     assert "Set fleet_name for all hosts" in result["msg"]
 
@@ -171,7 +175,7 @@ def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
 def test_the_right_one_by_a_given_access(server: Server) -> None:
     made_by(server, "production")
     os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
-    result = run(_robot_apply, {"part": "namespace"}, inventory())
+    result = run(robot_update, part("namespace"), inventory())
     assert result["changed"]
     assert result["apis"] == {"edge": {"host": server.url, "source": "K8S_AUTH_HOST of the environment"}}
     assert asked(server)[0] == IDENTITY
@@ -183,8 +187,8 @@ def test_access_is_fetched_from_the_clusters_own_server_and_the_environment_adds
     made_by(server, "production")
     os.environ.update(K8S_AUTH_API_KEY="left in a shell", K8S_AUTH_VERIFY_SSL="False")
     servers = serve(monkeypatch, lambda _host: admin(server))
-    for part in ("namespace", "storage"):
-        result = run(_robot_apply, {"part": part}, inventory())
+    for name in ("namespace", "storage"):
+        result = run(robot_update, part(name), inventory())
         assert result["apis"] == {"edge": {"host": server.url, "source": "the cluster's own server"}}
     assert servers == ["edge1"]
     assert {headers["authorization"] for _path, _query, headers in list(server.requests.queue)} == {"Bearer t"}
@@ -198,7 +202,7 @@ def test_a_standalone_robot_is_reached_by_its_own_access_whatever_the_environmen
     try:
         os.environ.update(K8S_AUTH_HOST=hub.url, K8S_AUTH_API_KEY="t")
         servers = serve(monkeypatch, lambda _host: admin(server))
-        assert run(_robot_apply, {"part": "namespace"}, inventory(own="robot2"))["changed"]
+        assert run(robot_update, part("namespace"), inventory(own="robot2"))["changed"]
         assert servers == ["robot2"]
         assert (asked(hub), hub.writes) == ([], [])
     finally:
@@ -212,7 +216,7 @@ def test_the_stage_node_adopts_a_cluster_that_has_no_identity(
     if before:
         made_by(server, before)
     serve(monkeypatch, lambda _host: admin(server))
-    assert not run(_robot_apply, {"part": "storage"}, inventory()).get("failed")  # and others go on without
+    assert not run(robot_update, part("storage"), inventory()).get("failed")  # and others go on without
     said: list[str] = []
     monkeypatch.setattr(_node_apply.ActionModule, "say", lambda *_: said.append)
     assert run(_node_apply, PLACE, inventory(), check_mode=True)["changed"]
@@ -241,10 +245,10 @@ def test_a_cluster_that_was_made_anew_since_is_asked_again(server: Server, monke
     tokens = iter(["old", "new", "newer"])
     servers = serve(monkeypatch, lambda _host: admin(server, next(tokens)))
     server.refusals += [(401, "Unauthorized")]
-    assert run(_robot_apply, {"part": "namespace"}, inventory())["changed"]
+    assert run(robot_update, part("namespace"), inventory())["changed"]
     assert servers == ["edge1", "edge1"]
     server.refusals += [(401, "Unauthorized")] * 2
-    assert "refuses the credentials" in run(_robot_apply, {"part": "namespace"}, inventory())["msg"]
+    assert "refuses the credentials" in run(robot_update, part("namespace"), inventory())["msg"]
     assert len(servers) == 3
 
 
@@ -267,15 +271,15 @@ def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.Monk
 
 def test_check_mode_foresees_a_cluster_to_come(monkeypatch: pytest.MonkeyPatch) -> None:
     serve(monkeypatch, lambda _host: NOT_YET)
-    result = run(_robot_apply, {"part": "namespace"}, inventory(), check_mode=True)
+    result = run(robot_update, part("namespace"), inventory(), check_mode=True)
     assert "there is no cluster yet; would create Namespace robot-robot1" in result["msg"]
-    failed = run(_robot_apply, {"part": "namespace"}, inventory())
+    failed = run(robot_update, part("namespace"), inventory())
     assert "There is no cluster edge yet" in failed["msg"]
 
 
 def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     serve(monkeypatch, lambda _host: SECRET)
-    failed = run(_robot_apply, {"part": "namespace"}, inventory(), check_mode=True)
+    failed = run(robot_update, part("namespace"), inventory(), check_mode=True)
     assert failed["failed"]
     assert "edge1: /etc/rancher/k3s/k3s.yaml cannot be read there: Missing sudo password" in failed["msg"]
 
