@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError
@@ -173,6 +174,16 @@ def test_a_changed_version_comes_through_the_gate() -> None:
         assert (found.outcome, [step.name for step in found.steps]) == (said, ["sensor"])
         assert "graph" in sim.calls
         assert sim.of((NAMESPACE, "sensor"))[0].version.good
+
+
+def test_a_changed_master_comes_through_the_gate_and_gets_back_what_was_registered() -> None:
+    sim = working()
+    found = outcome(sim, wanted(master={"image": BETTER}))
+    assert found.outcome == "updated"
+    assert {app for step in found.steps for app in step.apps} <= set(SERVING)
+    assert "graph" in sim.calls
+    assert sim.calls.index("graph") < sim.calls.index("rollout")
+    assert sim.calls[-1] == "ready"  # and then the whole graph is what it was
 
 
 def test_a_new_app_is_a_step() -> None:
