@@ -79,6 +79,26 @@ def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
     fleet.accept(good)
 
 
+@pytest.mark.promise("site.yml changes a robot at work through the same gate")
+def test_bad_and_good_version_by_site(fleet: Fleet) -> None:
+    before = fleet.running()
+    watch = fleet.watch()
+    stages = ("--tags", "apps,ready", *LIMIT)
+    bad = fleet.new_version("robot1", "temperature", NEVER_CONNECT="true")
+    run = fleet.playbooks.run("site", {**bad, **PATIENCE}, *stages)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back"}, run
+    assert_taken_back(fleet, before, "temperature")
+    good = fleet.new_version("robot1", "temperature")
+    run = fleet.playbooks.run("site", good, *stages)
+    assert run.status == 0, run
+    assert run.outcomes == {"robot1": "updated"}, run
+    assert [step["name"] for step in run.steps("robot1")] == ["temperature"], run
+    assert fleet.running()["robot1"]["temperature"] != before["robot1"]["temperature"]
+    watch.assert_nothing_lost("robot1", goals=False)
+    fleet.accept(good)
+
+
 @pytest.mark.promise("a version that does less in the ROS graph is taken back")
 def test_version_at_half_the_rate(fleet: Fleet) -> None:
     before = fleet.running()
