@@ -39,10 +39,9 @@ options:
         type: int
       connected:
         description:
-          - Every registered subscriber must be connected to every registered publisher, by the publishers' word.
-          - There must be at least one of each.
-          - One that died without unregistering keeps this from being true and is named in the reason, until its
-            registration is removed. With O(topics[].publisher) it does not count.
+          - Every subscriber must be connected to every publisher, by the publishers' word.
+          - There must be at least one of each. One that is registered and does not answer (it died, or sleeps) does not
+            count, and is named in the reason.
         type: bool
         default: false
       min_rate:
@@ -108,7 +107,7 @@ options:
         type: str
         choices: [publisher, subscriber]
   absent:
-    description: Nodes that must be gone, their registrations, too.
+    description: Nodes that must be gone. A registration that outlived its process is none.
     type: list
     elements: str
     default: []

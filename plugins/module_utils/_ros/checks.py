@@ -177,25 +177,35 @@ def _check_publisher(graph: Graph, topic: Topic, name: str) -> tuple[str, str]:
 
 
 def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
-    """Every registered subscriber must be a destination of every publisher."""
+    """Every subscriber that lives must be a destination of every publisher that lives, and there must be one of each.
+
+    Somebody's laptop that fell asleep with a subscription is no fault of anybody's.
+    """
     if not topic.publishers or not topic.subscribers:
         lacking = "publisher" if not topic.publishers else "subscriber"
         return WAIT, f"not connected: no {lacking} is registered", []
+    ends = {"publisher": topic.publishers, "subscriber": topic.subscribers}
+    alive = {role: [name for name in names if not is_down(graph, name)] for role, names in ends.items()}
+    down = [name for names in ends.values() for name in names if is_down(graph, name)]
+    for role, names in ends.items():
+        if not alive[role]:
+            told = listed(f"{name} ({graph.nodes[name].error})" for name in names)
+            return WAIT, f"not connected: every {role} is registered, but down: {told}", list(topic.subscribers)
     reasons: list[str] = []
     missing_all: set[str] = set()
-    number = count(len(topic.subscribers), "subscriber")
-    for publisher in topic.publishers:
-        missing = graph.unreached(topic.name, publisher)
-        missing_all.update(topic.subscribers if missing is None else missing)
+    number = count(len(alive["subscriber"]), "subscriber")
+    for publisher in alive["publisher"]:
+        missing = graph.unreached(topic.name, publisher, alive["subscriber"])
+        missing_all.update(alive["subscriber"] if missing is None else missing)
         if missing is None:
             reasons.append(_unknown(graph, publisher))
         elif missing:
-            told = [f"{name} (down: {graph.nodes[name].error})" if is_down(graph, name) else name for name in missing]
-            have = len(topic.subscribers) - len(missing)
-            reasons.append(f"{have} of {number} connected to {publisher}: missing {listed(told)}")
+            have = len(alive["subscriber"]) - len(missing)
+            reasons.append(f"{have} of {number} connected to {publisher}: missing {listed(missing)}")
+    note = f"; down, so not counted: {listed(down)}" if down else ""
     if reasons:
-        return WAIT, "; ".join(reasons), sorted(missing_all)
-    return PASS, f"{number} connected to {count(len(topic.publishers), 'publisher')}", []
+        return WAIT, "; ".join(reasons) + note, sorted(missing_all)
+    return PASS, f"{number} connected to {count(len(alive['publisher']), 'publisher')}{note}", []
 
 
 def _check_connected_to(graph: Graph, topic: Topic, publisher: str) -> tuple[str, str, list[str]]:

@@ -152,9 +152,8 @@ def test_a_look_at_the_recorded_graph(ros: Replay, multicall: bool) -> None:
     assert unmet == {
         ("node", DEAD): f"registered, but down: {down}",
         ("node", "/nobody"): "not registered with the master",
-        ("topic", "/chatter"): f"3 of 4 subscribers connected to /talker_a: missing {DEAD} (down: {down}); "
-        f"3 of 4 subscribers connected to /talker_b: missing {DEAD} (down: {down})",
     }
+    assert f"3 subscribers connected to 2 publishers; down, so not counted: {DEAD}" in seen["topic", "/chatter"][1]
     assert seen["service", "/trigger"] == (PASS, "served by /helper")
     assert seen["action", "/work"] == (PASS, "idle on /worker, seen twice")
 
@@ -186,7 +185,8 @@ def test_hung_nodes_cost_one_time_out_together(ros: Replay) -> None:
     )
     assert time.monotonic() - start < 3 * SHORT  # one after the other they would take 7
     assert seen["node", "/talker_a"][0] == PASS
-    for key in (("node", "/talker_b"), ("topic", "/chatter"), ("service", "/trigger"), ("action", "/work")):
+    assert seen["topic", "/chatter"][0] == PASS  # those that live are connected
+    for key in (("node", "/talker_b"), ("service", "/trigger"), ("action", "/work")):
         assert seen[key][0] == WAIT
         assert "within 1 s" in seen[key][1]
 
