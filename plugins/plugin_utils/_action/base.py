@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 from ansible.plugins.action import ActionBase
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain
 from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
 
 display = Display()
@@ -23,7 +24,7 @@ class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no t
 
     def run(self, tmp: str | None = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:
         result: dict[str, Any] = super().run(tmp, task_vars)
-        params = self.validate_argument_spec(argument_spec=self.options())[1]
+        params = plain(self.validate_argument_spec(argument_spec=self.options())[1])
         try:
             return {**result, **self.perform(params, task_vars or {})}
         except FleetError as error:

@@ -39,6 +39,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables
 
 display = Display()
 
+BEGIN, END = "rosops-fleet-begin", "rosops-fleet-end"
+
 
 class ClusterAction(FleetAction):
     """An action on the cluster's API, from the control node, in the process of the task.
@@ -124,17 +126,18 @@ class ClusterAction(FleetAction):
 
     def _read(self, known: Mapping[str, Any], server: str) -> str:
         """A server's own kubeconfig."""
-        found = run_on(self, known, server, f"cat {KUBECONFIG}")
+        found = run_on(self, known, server, f"echo {BEGIN}; cat {KUBECONFIG}; echo {END}")
         said = f"{found.get('stdout') or ''}{found.get('stderr') or ''}"
         if found.get("unreachable"):
             raise ServersAwayError(" ".join(str(found.get("msg") or "unreachable").split()))
         if "No such file" in said:
             raise NoClusterError(f"it has no {KUBECONFIG}")
-        _before, begin, rest = said.partition("apiVersion:")  # a shell may say something before
-        if not begin:
-            why = " ".join(f"{found.get('msg') or ''} {said}".split())
+        # a shell may say something before, and ssh something after it
+        text, end, _after = said.partition(BEGIN)[2].partition(END)
+        if not end or "apiVersion:" not in text:
+            why = " ".join(f"{found.get('msg') or ''} {said}".replace(BEGIN, "").replace(END, "").split())
             raise KubeError(f"{KUBECONFIG} cannot be read there: {why[:300]}")
-        return begin + rest
+        return text
 
     def _environment(self) -> dict[str, str]:
         found: dict[str, Any] = {}

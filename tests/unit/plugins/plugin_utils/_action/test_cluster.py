@@ -85,7 +85,7 @@ def serve(monkeypatch: pytest.MonkeyPatch, answer: Callable[[str], dict[str, Any
     servers: list[str] = []
 
     def run_on(_plugin: Any, _known: Any, host: str, command: str) -> dict[str, Any]:
-        assert command == "cat /etc/rancher/k3s/k3s.yaml"
+        assert command == "echo rosops-fleet-begin; cat /etc/rancher/k3s/k3s.yaml; echo rosops-fleet-end"
         servers.append(host)
         return answer(host)
 
@@ -99,7 +99,8 @@ def admin(server: Server, key: str = "t") -> dict[str, Any]:
         "clusters": [{"name": "default", "cluster": {"server": server.url}}],
         "users": [{"name": "default", "user": {"token": key}}],
     }
-    return {"stdout": "Welcome to edge1\r\n" + yaml.safe_dump(config).replace("\n", "\r\n"), "rc": 0}
+    said = f"Welcome to edge1\nrosops-fleet-begin\n{yaml.safe_dump(config)}rosops-fleet-end\n".replace("\n", "\r\n")
+    return {"stdout": said, "stderr": "Shared connection to edge1 closed.\r\n", "rc": 0}
 
 
 # --- another fleet's cluster ----------------------------------------------------------------------------------------
