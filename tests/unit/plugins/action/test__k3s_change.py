@@ -35,7 +35,7 @@ class Host:
         self.asked: list[str] = []
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
-        monkeypatch.setattr(ActionHost, "module", lambda _host, name, args: self.module(name, args))
+        monkeypatch.setattr(ActionHost, "module", lambda _host, name, args, *_more: self.module(name, args))
         monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
         monkeypatch.setattr(_k3s_change, "KubeNodes", lambda *_args: Cluster(self))
         monkeypatch.setattr(_k3s_change.C, "DEFAULT_LOCAL_TMP", str(directory))

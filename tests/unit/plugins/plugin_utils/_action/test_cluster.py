@@ -93,13 +93,17 @@ def serve(monkeypatch: pytest.MonkeyPatch, answer: Callable[[str], dict[str, Any
     return servers
 
 
-def admin(server: Server, key: str = "t") -> dict[str, Any]:
-    config = {
+def kubeconfig(server: Server, key: str = "t") -> dict[str, Any]:
+    return {
         "apiVersion": "v1",
         "clusters": [{"name": "default", "cluster": {"server": server.url}}],
         "users": [{"name": "default", "user": {"token": key}}],
     }
-    said = f"Welcome to edge1\nrosops-fleet-begin\n{yaml.safe_dump(config)}rosops-fleet-end\n".replace("\n", "\r\n")
+
+
+def admin(server: Server, key: str = "t") -> dict[str, Any]:
+    text = yaml.safe_dump(kubeconfig(server, key))
+    said = f"Welcome to edge1\nrosops-fleet-begin\n{text}rosops-fleet-end\n".replace("\n", "\r\n")
     return {"stdout": said, "stderr": "Shared connection to edge1 closed.\r\n", "rc": 0}
 
 
@@ -129,9 +133,7 @@ def test_no_action_touches_or_reads_a_cluster_that_is_not_the_inventorys(
     if way == "environment":
         os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
     if way == "variable":
-        (local_tmp / "mine.yaml").write_text(
-            yaml.safe_dump(yaml.safe_load(admin(server)["stdout"].partition("\r\n")[2]) | MINE)
-        )
+        (local_tmp / "mine.yaml").write_text(yaml.safe_dump(kubeconfig(server) | MINE))
         known["k3s_kubeconfig_path"] = str(local_tmp / "mine.yaml")
     module, args = ACTIONS[action]
     result = run(module, {**args, **(access if way == "options" else {})}, known)

@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import SAID_FROM
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
@@ -149,16 +148,22 @@ def test_an_api_server_that_restarts_fails_no_robot(server: Server, control: Con
     server.shutdown()
     server.server_close()
 
+    log, over = control.folder / "log", threading.Event()
+
     def come_back() -> None:
+        """Once it was said that the server is missed."""
+        while not over.wait(0.1) and not (log.exists() and "cannot be reached" in log.read_text()):
+            pass
         back.append(Server(port))
         back[0].lists = lists
 
-    timer = threading.Timer(SAID_FROM + 4, come_back)
-    timer.start()
+    thread = threading.Thread(target=come_back)
+    thread.start()
     try:
-        done = control.run("--limit", "robots")
+        done = control.run("--limit", "robots", ANSIBLE_LOG_PATH=str(log))
     finally:
-        timer.join()
+        over.set()
+        thread.join()
         back[0].stop()
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"] The Kubernetes API at {server.url} cannot be reached: connection refused." in done.stdout
