@@ -185,7 +185,7 @@ bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hou
 	python benchmarks/bench_update.py $(BENCH)
 
 .PHONY: bench-probe
-bench-probe: ## What the probes cost
+bench-probe: ## What ours costs a robot: at rest per part, with ten apps, and per call of a start and a stop
 	python benchmarks/bench_probe.py
 
 .PHONY: bench-exporter

@@ -83,7 +83,15 @@ class Scene:
             (code / name).write_text(text)
         process = self._start(
             "keeper",
-            *(os.environ.get("KEEPER_PYTHON", PYTHON), "-I", "-S", str(code / "run.py"), "keeper"),
+            *(
+                "/usr/bin/env",
+                "MALLOC_ARENA_MAX=1",
+                os.environ.get("KEEPER_PYTHON", PYTHON),
+                "-I",
+                "-S",
+                str(code / "run.py"),
+                "keeper",
+            ),
             *("--record", str(self.directory / "record"), "--port", str(self.keeper_port), *options),
         )
         until("the keeper", self.keeper_api.state)

@@ -82,16 +82,10 @@ def test_a_talker_starts_is_ready_and_leaves(scene: Scene, pods: Any) -> None:
     pod = pods("talker", min_rates={"/numbers": 450})
     talking(scene, pod)
     assert pod.call("started") == (0, "")
-    # the listener had been connected by then: it has all that came since
-    assert pod.call("ready") == (0, "")
-    scene.kill("master")
-    assert pod.call("ready") == (0, "")  # a master that is away makes no app unready
-    scene.start_master()
     began = time.monotonic()
     assert pod.call("stop") == (0, "")
     assert time.monotonic() - began < 3
     scene.processes[pod.node].wait(5)
-    assert pod.call("ready")[0] == 1
     assert pod.node not in scene.registered()
 
 
@@ -258,6 +252,5 @@ def test_a_node_that_is_not_there_is_left_alone(scene: Scene, pods: Any) -> None
     pod = pods("nobody")
     scene.start_master()
     line = f"node {pod.node}: not registered with the master"
-    assert pod.call("ready") == (1, f"not ready: {line}")
     assert pod.call("started") == (1, f"not ready: {line}")
     assert pod.call("stop") == (0, f"rosops.fleet: left to SIGTERM: {line}")

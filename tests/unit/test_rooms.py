@@ -68,8 +68,8 @@ WRONG = {
         "by that name it is not found in a pod: import it relatively",
     ),
     "Ansible in a pod": (
-        {"module_utils/_pod/ready.py": "from ansible.module_utils.basic import AnsibleModule\n"},
-        "plugins/module_utils/_pod/ready.py: imports ansible.module_utils.basic; there is no Ansible in a pod",
+        {"module_utils/_pod/stop.py": "from ansible.module_utils.basic import AnsibleModule\n"},
+        "plugins/module_utils/_pod/stop.py: imports ansible.module_utils.basic; there is no Ansible in a pod",
     ),
     "Ansible's control node on a host": (
         {"modules/k3s_info.py": "from ansible.errors import AnsibleError\n"},

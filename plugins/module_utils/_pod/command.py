@@ -16,7 +16,7 @@ PAUSES = (0.001, 0.002, 0.005, 0.01, 0.02)
 def run_command(command: list[str], seconds: float) -> str:
     """Why it did not end with status 0, or nothing if it did.
 
-    Not by subprocess: importing that would double what a readiness probe costs.
+    Not by subprocess: importing that would cost more than most of these commands.
     """
     reader, writer = os.pipe()
     try:

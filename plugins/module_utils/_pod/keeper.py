@@ -24,8 +24,10 @@ from . import keeper_memory
 from .keeper_record import Record
 
 LOOK = 1.0  # seconds between looks at the master,
-AWAY = 0.2  # while it does not answer
-ADDRESSES = 5.0  # seconds after which addresses are looked up although no name has changed
+AWAY = 0.2  # while it does not answer,
+REST = 5.0  # once nothing has changed for QUIET seconds, and its end would be noticed without a look
+QUIET = 30.0
+ADDRESSES = 15.0  # seconds after which addresses are looked up although no name has changed
 PARAMETERS, CHANGED = 60.0, 2.0  # seconds between two reads of all parameters; after the master told of a change
 ASK = 1.0  # seconds for nodes to answer before a replay: one that is late is asked again, the others do not wait for it
 PROBE = 5.0  # an address that is no more: its host finds that out by three ARP requests, one second each
@@ -45,6 +47,8 @@ class Keeper:
     ) -> None:
         """`uri` is where the master can tell us of parameters that change."""
         self.ros, self.record, self.log, self.now, self.uri = ros, record, log, now, uri
+        self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
+        self.restless = now()
         self.memory = keeper_memory.from_dict(record.load("registrations"))
         self.saved: Any = None
         self.params: str = str(record.load("parameters") or "")
@@ -71,7 +75,11 @@ class Keeper:
             return AWAY
         self._save()
         self.complete = bool(self.params)
-        return LOOK
+        held = self.held()
+        return REST if held and self._rests() else LOOK
+
+    def _rests(self) -> bool:
+        return self.now() - self.restless >= QUIET and not (self.memory.missed or self.memory.suspects)
 
     def parameter_changed(self, _caller: str, _key: str, _value: Any) -> list[Any]:
         """The master's call, of the slave API."""
@@ -116,6 +124,7 @@ class Keeper:
         state = master_state(system)
         known = self.state
         changed = known is None or anew or state != replace(known, types={})  # which were not asked for
+        self.restless = now if changed else self.restless
         if changed or now - self.looked_up >= ADDRESSES:
             self.state = self.ros.state(types=True)
             self.present = self._without_us(self.ros.snapshot(self.state))

@@ -15,16 +15,19 @@ from .._common.errors import KubeError
 from .._ros.client import Ros1Client
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
+from .._ros.rpc import address_of
 from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
 from .keeper_record import Record
+from .lifeline import Lifeline
 from .step_watch import Robot, Staying, StepWatch
 
 NAME = "/ros_keeper"
 PORT = 11411
 TIMEOUT = 2.0
 ENDING = (signal.SIGTERM, signal.SIGINT)
+WAKING = signal.SIGUSR1  # to itself: the master has ended
 
 
 def tell(line: str) -> None:
@@ -56,16 +59,23 @@ def found_cluster(account: str) -> Cluster | None:
         return None
 
 
+def told_to_end(seconds: float) -> bool:
+    """Wait, unless woken; whether the end has come."""
+    came = signal.sigtimedwait((*ENDING, WAKING), seconds)
+    return came is not None and came.si_signo != WAKING
+
+
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
     chosen = options(words)
     record = Record(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
     keeper = Keeper(ros, record, tell, uri=slave.uri)
+    keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.ready_when(lambda: keeper.complete)
     slave.register({"paramUpdate": keeper.parameter_changed})
     cluster = found_cluster(chosen["--account"])
@@ -82,7 +92,7 @@ def main(words: list[str]) -> int:
         threading.Thread(target=watch.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
-    while signal.sigtimedwait(ENDING, pause) is None:
+    while not told_to_end(pause):
         try:
             pause = keeper.step()
         except Exception as error:  # whatever one look brings, the next one may be better

@@ -4,7 +4,6 @@
 """What the code in a pod knows: the app's settings, its contract, and what an earlier call left.
 
 Settings come with the pod's revision, in its environment; the contract is a file, as a step writes it beside the pod.
-The imports are few on purpose: a probe is started often.
 """
 
 # importing pathlib would cost as much as all the rest of a call:

@@ -138,6 +138,7 @@ class Master:
     placement: str = "local"
     overrides: Mapping[str, Any] = field(default_factory=dict)
     goal_forwarding: bool = True
+    keeper_overrides: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -152,6 +153,7 @@ class Robot:
     master: Master = Master()
     quota: Mapping[str, Any] = field(default_factory=dict)
     limits: Mapping[str, Any] = field(default_factory=dict)
+    pod_security: str = ""
     pull_secrets: tuple[str, ...] = ()
 
     @classmethod
@@ -166,7 +168,7 @@ class Robot:
             return variables[key] if key in variables else None  # noqa: SIM401
 
         volumes = [_volume(item) for item in (variable("persistent_storage") or {}).get("volumes") or ()]
-        keys = ("mode", "image", "uri", "placement", "overrides", "goal_forwarding")
+        keys = ("mode", "image", "uri", "placement", "overrides", "goal_forwarding", "keeper_overrides")
         secrets = variable("robot_namespace_pull_secrets") or ()
         return cls(
             **_given(
@@ -179,6 +181,7 @@ class Robot:
                     "master": _master({key: variable(f"ros_master_{key}") for key in keys}),
                     "quota": variable("robot_namespace_quota"),
                     "limits": variable("robot_namespace_limits"),
+                    "pod_security": variable("robot_namespace_pod_security"),
                     "pull_secrets": [secret["name"] for secret in secrets],
                 }
             )

@@ -19,7 +19,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
     Object,
     annotate,
     canonical_hash,
-    exec_probe,
     field_variable,
     mount,
     node_selector,
@@ -32,9 +31,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code imp
     code_command,
     code_mount,
     code_volume,
-    probe_command,
+    command_probes,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import APPS, harden
 
 REVISION_LENGTH = 8
 # Under `overlap` the new pod comes beside the old one, under a ROS node name of its own; else the old one goes first.
@@ -55,9 +55,10 @@ def app_deployment(app: App, robot: Robot) -> Object:
     """
     deployment = deep_merge(plain_deployment(app, robot), app.overrides)
     template = _template(deployment, app)
+    container = _app_container(template, app)
+    harden(container, APPS)
     template_hash = canonical_hash(template)
     revision = template_hash[:REVISION_LENGTH]
-    container = _app_container(template, app)
     container["args"] = [*(container.get("args") or []), *naming_args(app, robot, revision)]
     container["env"] = [
         *(container.get("env") or []),
@@ -118,11 +119,11 @@ def _container(app: App, robot: Robot) -> Object:
         # Kubernetes gives a device node to a container only through a device plugin or to a privileged one.
         container["securityContext"] = {"privileged": True}
     if app.hooks:
-        container.update(app_probes())
+        container.update(app_probes(app.readiness.command))
         if app.command:  # without one only the image knows what it starts
             container["command"] = [*code_command("exec"), *app.command]
     elif app.readiness.command:
-        container["readinessProbe"] = exec_probe(probe_command(app.readiness.command))
+        container.update(command_probes(app.readiness.command))
     return container
 
 

@@ -17,7 +17,11 @@ Object = dict[str, Any]
 REVISION_HISTORY = 3
 PROGRESS_DEADLINE = 300  # seconds
 RECREATE_STRATEGY = {"type": "Recreate"}
+FOR_EVER = 1_000_000  # failures of a startup probe: what is not ready yet is no reason to kill its container
 SELECTOR = ("app.kubernetes.io/name", names.LABEL_APP)
+
+# glibc gives each thread a heap of its own otherwise, which never shrinks
+ONE_HEAP = {"name": "MALLOC_ARENA_MAX", "value": "1"}
 
 
 def owner_labels(robot: str | None) -> dict[str, str]:
@@ -137,9 +141,14 @@ def field_variable(name: str, path: str) -> Object:
     return {"name": name, "valueFrom": {"fieldRef": {"fieldPath": path}}}
 
 
-def exec_probe(command: Sequence[str]) -> Object:
-    """A readiness probe; Kubernetes' default time-out of 1 s is too short for a python3 start on a loaded robot."""
-    return {"exec": {"command": list(command)}, "periodSeconds": 2, "timeoutSeconds": 5, "failureThreshold": 3}
+def exec_probe(command: Sequence[str], *, period: int, timeout: int, failures: int) -> Object:
+    """A probe that starts a process in the container: dear, so nothing that goes on for ever should be one. Seconds."""
+    return {
+        "exec": {"command": list(command)},
+        "periodSeconds": period,
+        "timeoutSeconds": timeout,
+        "failureThreshold": failures,
+    }
 
 
 def canonical_hash(value: Any) -> str:

@@ -8,10 +8,11 @@ from __future__ import annotations
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    FOR_EVER,
+    ONE_HEAP,
     Object,
     cluster_service,
     field_variable,
-    hashed,
     mount,
     node_selector,
     pod_spec,
@@ -19,11 +20,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
     workload,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
-    FOR_EVER,
     code_command,
     code_mount,
     code_volume,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import hardened
 
 RECORD_VOLUME = "record"
 RECORD_DIR = "/var/lib/rosops-fleet"
@@ -37,6 +38,12 @@ def keeper_objects(robot: Robot) -> list[Object]:
     if robot.master.mode == "external":
         return []
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    deployment = hardened(plain_keeper(robot), robot.master.keeper_overrides)
+    return [deployment, cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT)]
+
+
+def plain_keeper(robot: Robot) -> Object:
+    """The Deployment before the overrides."""
     pod = pod_spec(
         [_container(robot)],
         # outlives the container and the host's reboots, and goes with the pod, as do the addresses that it knows
@@ -48,8 +55,7 @@ def keeper_objects(robot: Robot) -> list[Object]:
         nodeSelector=node_selector(robot.master.placement, robot.name),
     )
     # two keepers would each forward the goals that they hold: one goes before the next comes
-    deployment = hashed(workload(names.KEEPER_NAME, namespace, owner, pod))
-    return [deployment, cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT)]
+    return workload(names.KEEPER_NAME, context.master_namespace(robot), context.master_owner(robot), pod)
 
 
 def _container(robot: Robot) -> Object:
@@ -64,7 +70,7 @@ def _container(robot: Robot) -> Object:
         "env": [
             variable("ROS_MASTER_URI", context.master_uri(robot)),
             field_variable("ROS_IP", "status.podIP"),
-            variable("MALLOC_ARENA_MAX", "1"),  # else each of its short-lived threads leaves memory behind, 2 MB in all
+            ONE_HEAP,
         ],
         "ports": [{"name": "xmlrpc", "containerPort": names.KEEPER_PORT, "protocol": "TCP"}],
         "resources": RESOURCES,

@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+    FOR_EVER,
     Object,
     cluster_service,
     exec_probe,
     field_variable,
-    hashed,
     node_selector,
     pod_spec,
     workload,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import hardened
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -30,7 +30,7 @@ ROSCORE = ["roscore", "-p", str(names.MASTER_PORT), "-t", "2", "-w", "16"]
 
 ENDPOINT_SECONDS = 2  # kube-proxy gathers changes for a second
 
-# Ready means that the master answers its own API, not that its port is open. Standard library only, so that any ROS
+# Started means that the master answers its own API, not that its port is open. Standard library only, so that any ROS
 # image will do. getSystemState takes the lock that registrations take: a master that is stuck does not pass.
 PROBE = (
     """
@@ -55,7 +55,7 @@ def ros_core_objects(robot: Robot) -> list[Object]:
     """
     if robot.master.mode == "external":
         return []
-    deployment = hashed(deep_merge(plain_master(robot), robot.master.overrides))
+    deployment = hardened(plain_master(robot), robot.master.overrides)
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
     return [deployment, cluster_service(names.MASTER_NAME, namespace, owner, names.MASTER_PORT)]
 
@@ -73,8 +73,16 @@ def plain_master(robot: Robot) -> Object:
         # Stay until kube-proxy on every host has taken the pod out of the Service. A connection opened to an address
         # that has just gone hangs for two minutes: its retries go to the same dead pod.
         "lifecycle": {"preStop": {"sleep": {"seconds": ENDPOINT_SECONDS}}},
-        # No liveness probe: a restart loses every registration, which is worse than a slow answer.
-        "readinessProbe": exec_probe(["python3", "-c", PROBE]),
+        "startupProbe": exec_probe(["python3", "-I", "-S", "-c", PROBE], period=1, timeout=5, failures=FOR_EVER),
+        # By the kubelet itself: a process every few seconds, for ever, would cost more than all the nodes of a small
+        # robot. The keeper asks the API all the time. No liveness probe: a restart loses every registration, which is
+        # worse than a slow answer.
+        "readinessProbe": {
+            "tcpSocket": {"port": names.MASTER_PORT},
+            "periodSeconds": 10,
+            "timeoutSeconds": 5,
+            "failureThreshold": 3,
+        },
     }
     pod = pod_spec(
         [container],

@@ -19,11 +19,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, owner_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import pod_security_labels
 
 
 def namespace_objects(robot: Robot) -> list[Object]:
     """The robot's namespace with quota, limits and its keeper's rights; the namespace `fleet` where it needs that."""
-    objects = [_namespace(robot.namespace, robot.name)]
+    objects = [_namespace(robot.namespace, robot.name, pod_security_labels(robot))]
     if robot.quota:
         quota = {"hard": _texts(robot.quota)}
         objects.append(_object("v1", "ResourceQuota", robot.namespace, robot.name, spec=quota))
@@ -85,8 +86,9 @@ def needs_fleet_namespace(robot: Robot) -> bool:
     return robot.master.mode == "shared" or any(app.scope == "fleet" for app in robot.apps)
 
 
-def _namespace(name: str, robot: str | None) -> Object:
-    return {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": name, "labels": owner_labels(robot)}}
+def _namespace(name: str, robot: str | None, labels: Mapping[str, str] | None = None) -> Object:
+    metadata = {"name": name, "labels": {**owner_labels(robot), **(labels or {})}}
+    return {"apiVersion": "v1", "kind": "Namespace", "metadata": metadata}
 
 
 def _object(api: str, kind: str, namespace: str, robot: str | None, name: str = "robot", **body: Any) -> Object:

@@ -10,9 +10,9 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, mount
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, Object, exec_probe, mount
 
-FOR_EVER = 1_000_000  # failures: a node that is not connected yet is no reason to kill its container
+COMMAND_TIMEOUT = 5  # s; Kubernetes' own 1 s is too short for a process that starts on a loaded robot
 # Characters that only a shell gives a meaning: a readiness command with one of them is a script, else a path.
 SHELL_CHARACTERS = frozenset(" \t\n;&|<>()$`\"'*?[]{}~#!\\")
 
@@ -20,8 +20,8 @@ SHELL_CHARACTERS = frozenset(" \t\n;&|<>()$`\"'*?[]{}~#!\\")
 def code_command(word: str) -> list[str]:
     """A command of the in-pod code. Isolated: neither the image's Python variables nor its site packages matter to it.
 
-    >>> code_command("ready")
-    ['python3', '-I', '-S', '/opt/rosops-fleet/hooks/run.py', 'ready']
+    >>> code_command("stop")
+    ['python3', '-I', '-S', '/opt/rosops-fleet/hooks/run.py', 'stop']
     """
     return ["python3", "-I", "-S", f"{names.CODE_DIR}/run.py", word]
 
@@ -40,17 +40,28 @@ def code_volume(app: App | None = None) -> Object:
     return {"name": names.CODE_NAME, "projected": {"sources": [{"configMap": item} for item in maps]}}
 
 
-def app_probes() -> Object:
-    """The container's fields that call the code.
+def app_probes(command: str | Sequence[str] | None) -> Object:
+    """The container's fields that call the code; `command` is readiness.command.
 
     `started` looks every tenth of a second by itself and answers before its time-out, so that Kubernetes' one second
-    does not count; until it has passed there is no other probe. `ready` costs a start of Python and one call.
+    does not count. Once it has passed the pod is ready and nothing of ours is started in it again: a robot at rest does
+    not pay for being asked. What becomes of the node later is seen on the graph.
     """
     return {
-        "startupProbe": _probe("started", period=1, timeout=45, failures=FOR_EVER),
-        "readinessProbe": _probe("ready", period=10, timeout=10, failures=3),
+        "startupProbe": exec_probe(code_command("started"), period=1, timeout=45, failures=FOR_EVER),
+        **({"readinessProbe": _steady(command)} if command else {}),
         "lifecycle": {"preStop": {"exec": {"command": code_command("stop")}}},
     }
+
+
+def command_probes(command: str | Sequence[str]) -> Object:
+    """The probes of an app that has readiness.command but not our code: often until it has passed, then seldom."""
+    start = exec_probe(probe_command(command), period=1, timeout=COMMAND_TIMEOUT, failures=FOR_EVER)
+    return {"startupProbe": start, "readinessProbe": _steady(command)}
+
+
+def _steady(command: str | Sequence[str]) -> Object:
+    return exec_probe(probe_command(command), period=10, timeout=COMMAND_TIMEOUT, failures=3)
 
 
 def probe_command(command: str | Sequence[str]) -> list[str]:
@@ -64,12 +75,3 @@ def probe_command(command: str | Sequence[str]) -> list[str]:
     if isinstance(command, str):
         return ["/bin/sh", "-c", command] if SHELL_CHARACTERS & set(command) else [command]
     return [str(word) for word in command]
-
-
-def _probe(word: str, period: int, timeout: int, failures: int) -> Object:
-    return {
-        "exec": {"command": code_command(word)},
-        "periodSeconds": period,
-        "timeoutSeconds": timeout,
-        "failureThreshold": failures,
-    }

@@ -30,7 +30,7 @@ OWN_PREFIXES = (
 MISSPELT = 0.8
 # What robots are made of is handed on as it is. A robot itself holds no secret of ours; what is in an app's own
 # environment is as open as the Deployment that shows it.
-HANDED_ON = ("ros_apps", "ros_master_overrides", "persistent_storage")
+HANDED_ON = ("ros_apps", "ros_master_overrides", "ros_master_keeper_overrides", "persistent_storage")
 
 
 def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, dict[str, Any]]:

@@ -13,7 +13,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Master, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import plain_keeper
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import plain_master
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import more_than_baseline
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
@@ -27,9 +29,21 @@ def robot_problems(draft: Draft, edge_count: int) -> list[Problem]:
     return [
         *_same_names(draft),
         *_volume_names(draft),
+        *_pod_security(draft),
         *_volume_users(draft, edge_count),
         *dependency_problems(draft),
     ]
+
+
+def _pod_security(draft: Draft) -> Iterator[Problem]:
+    """A namespace's level refuses whole pods, which nobody would see before the rollout."""
+    level = draft.robot.pod_security
+    if level not in ("baseline", "restricted"):
+        return
+    for path, app, _raw in draft.apps():
+        if app.scope != "fleet" and (more := more_than_baseline(app)):
+            found = f"is {level}, but {path} has {more}"
+            yield Problem(f"{draft.path}.robot_namespace_pod_security", found, "privileged, or leave it out")
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
@@ -156,6 +170,8 @@ def master_problems(draft: Draft, variables: Mapping[str, Any]) -> list[Problem]
     if master.mode != "external":
         path = f"{base}.ros_master_overrides"
         problems += override_problems(plain_master(robot), master.overrides, names.MASTER_CONTAINER, path)
+        path = f"{base}.ros_master_keeper_overrides"
+        problems += override_problems(plain_keeper(robot), master.keeper_overrides, names.KEEPER_NAME, path)
     return problems
 
 

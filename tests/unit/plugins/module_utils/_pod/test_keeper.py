@@ -12,7 +12,15 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_memory
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import AWAY, LOOK, PARAMETERS, Keeper
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import (
+    ADDRESSES,
+    AWAY,
+    LOOK,
+    PARAMETERS,
+    QUIET,
+    REST,
+    Keeper,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import AGAIN
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
@@ -210,12 +218,31 @@ def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> N
     assert len(bench.said) == said
 
 
+def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(bench: Bench) -> None:
+    held = [True]
+    bench.keeper.held = lambda: held[0]
+    while bench.at - 1000 < QUIET:
+        assert bench.step() == LOOK
+    assert bench.step(REST) == REST
+    held[0] = False
+    assert bench.step() == LOOK
+    held[0] = True
+    bench.ros.entries["/third"] = bench.ros.nodes["/third"] = Entry("http://x:1/", 9, {"/more": "std_msgs/String"})
+    assert [bench.step() for _look in range(2)] == [LOOK, LOOK]
+    bench.steps(QUIET)
+    assert bench.step(REST) == REST
+    del bench.ros.entries["/third"]  # its registrations are lost: that is looked into at once
+    assert bench.step() == LOOK
+    bench.ros.up = False
+    assert bench.step() == AWAY
+
+
 def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Bench) -> None:
-    for _look in range(5):
+    for _look in range(int(ADDRESSES)):
         bench.step()
     assert bench.ros.snapshots == 1
     bench.step()
-    assert bench.ros.snapshots == 2  # five seconds are over
+    assert bench.ros.snapshots == 2  # so many seconds are over
     bench.ros.nodes["/new"] = bench.ros.entries["/new"] = Entry("http://n:1/", 9, {"/n": "x/N"})
     bench.step()
     assert bench.ros.snapshots == 3

@@ -58,10 +58,11 @@ def test_every_field_survives() -> None:
         volumes=[{"name": "v", "size": "2Gi", "storage_class": "c", "mountPath": "/p", "access_mode": "ReadOnlyMany"}],
         master={
             "mode": "external", "image": "i", "uri": "http://x:1", "placement": "remote", "overrides": {"a": 1},
-            "goal_forwarding": False,
+            "goal_forwarding": False, "keeper_overrides": {"b": 2},
         },
         quota={"pods": 2},
         limits={"max": {"cpu": 2}},
+        pod_security="baseline",
         pull_secrets=[{"name": "login", "registry": "r", "username": "u", "password": "hush"}],
     )  # fmt: skip
     fact = json.loads(json.dumps(made.as_dict()))

@@ -153,25 +153,35 @@ def test_settings_belong_to_the_revision_that_they_came_with() -> None:
 
 
 def test_probes_and_the_stop_hook() -> None:
-    container = objects(readiness={"command": "/ready"})[-1]["spec"]["template"]["spec"]["containers"][0]
-    words = {
-        "started": container["startupProbe"]["exec"],
-        "ready": container["readinessProbe"]["exec"],
-        "stop": container["lifecycle"]["preStop"]["exec"],
-    }
+    container = objects()[-1]["spec"]["template"]["spec"]["containers"][0]
+    words = {"started": container["startupProbe"]["exec"], "stop": container["lifecycle"]["preStop"]["exec"]}
     for word, call in words.items():
         assert call["command"] == ["python3", "-I", "-S", "/opt/rosops-fleet/hooks/run.py", word]
     # a node that is not connected yet is no reason to kill it, and a probe that is cut off says nothing
     assert container["startupProbe"]["failureThreshold"] >= 100000
     assert container["startupProbe"]["timeoutSeconds"] > 40
-    assert container["readinessProbe"]["periodSeconds"] == 10
-    assert container["readinessProbe"]["timeoutSeconds"] > 7  # 2 s for the node and 5 s for the command
+    # at rest nothing is started in a pod, but for what the user asked for
+    assert not {"readinessProbe", "livenessProbe"} & set(container)
+
+
+@pytest.mark.parametrize("hooks", [True, False])
+def test_a_readiness_command_goes_on_by_itself_and_seldom(hooks: bool) -> None:
+    made = objects(readiness={"command": "test -f /tmp/ready"}, hooks=hooks)
+    container = made[-1]["spec"]["template"]["spec"]["containers"][0]
+    probe = container["readinessProbe"]
+    assert probe["exec"]["command"] == ["/bin/sh", "-c", "test -f /tmp/ready"]
+    assert (probe["periodSeconds"], probe["timeoutSeconds"], probe["failureThreshold"]) == (10, 5, 3)
+    # until it has passed it is asked every second, by `started` or by itself
+    assert container["startupProbe"]["periodSeconds"] == 1
+    assert ("run.py" in str(container["startupProbe"]["exec"]["command"])) is hooks
 
 
 def test_overrides_come_last() -> None:
     containers = [{"name": "ros-app", "startupProbe": None, "readinessProbe": {"periodSeconds": 3}}]
     override = {"spec": {"template": {"spec": {"containers": containers}}}}
-    container = objects(overrides=override)[-1]["spec"]["template"]["spec"]["containers"][0]
+    container = objects(readiness={"command": "/ready"}, overrides=override)[-1]["spec"]["template"]["spec"][
+        "containers"
+    ][0]
     assert "startupProbe" not in container
     assert container["readinessProbe"]["periodSeconds"] == 3
     assert "lifecycle" in container

@@ -73,7 +73,12 @@ def test_newer_code_restarts_it() -> None:
 def test_it_may_do_nothing() -> None:
     pod = objects()[1]["spec"]["template"]["spec"]
     assert pod["automountServiceAccountToken"] is False
-    context = {"allowPrivilegeEscalation": False, "readOnlyRootFilesystem": True, "capabilities": {"drop": ["ALL"]}}
+    context = {
+        "allowPrivilegeEscalation": False,
+        "seccompProfile": {"type": "RuntimeDefault"},
+        "readOnlyRootFilesystem": True,
+        "capabilities": {"drop": ["ALL"]},
+    }
     assert pod["containers"][0]["securityContext"] == context
     pod = objects(Settings(claims_path="/s"), volumes=[{"name": "a"}])[1]["spec"]["template"]["spec"]
     context["capabilities"] = {"drop": ["ALL"], "add": ["DAC_OVERRIDE"]}

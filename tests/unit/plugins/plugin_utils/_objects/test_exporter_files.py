@@ -30,7 +30,7 @@ def test_complete_and_of_its_own() -> None:
         module = "_pod.run" if name == "run.py" else name[: -len(".py")]
         assert {f"{found}.py" for found in relative_imports(module, text)} <= set(FILES)
     assert not [name for name in app_files() if "exporter" in name]
-    assert "_pod.ready.py" not in FILES
+    assert "_pod.started.py" not in FILES
     assert sum(map(len, FILES.values())) < CONFIG_MAP_LIMIT / 2
 
 

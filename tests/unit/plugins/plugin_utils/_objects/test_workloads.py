@@ -250,9 +250,10 @@ def test_overrides_may_not_lose_the_app() -> None:
     ],
 )
 def test_readiness_command(command: Any, expected: list[str]) -> None:
-    probe = container(deployment(hooks=False, readiness={"command": command}))["readinessProbe"]
-    assert probe["exec"]["command"] == expected
-    assert probe["timeoutSeconds"] >= 2
+    found = container(deployment(hooks=False, readiness={"command": command}))
+    for kind in ("startupProbe", "readinessProbe"):
+        assert found[kind]["exec"]["command"] == expected
+        assert found[kind]["timeoutSeconds"] >= 2
 
 
 def test_no_probe_without_hooks_and_a_command() -> None:
@@ -317,7 +318,6 @@ def test_devices_need_a_privileged_container() -> None:
     item = deployment(devices=["/dev/ttyUSB0"])
     assert container(item)["securityContext"] == {"privileged": True}
     assert pod(item)["volumes"][0]["hostPath"] == {"path": "/dev/ttyUSB0", "type": "CharDevice"}
-    assert "securityContext" not in container(deployment(host_paths=[{"path": "/data"}]))
 
 
 def test_pull_secrets_become_docker_config() -> None:
@@ -398,6 +398,25 @@ def test_master_starts_roscore_as_measured() -> None:
     labels = deployed["spec"]["template"]["metadata"]["labels"]
     assert service["spec"]["selector"].items() <= labels.items()
     assert service["spec"]["ports"][0]["port"] == 11311
+
+
+def test_a_master_at_rest_starts_no_process_to_be_asked() -> None:
+    found = container(master.master_objects(robot())[0])
+    assert "exec" in found["startupProbe"]  # ready only once its API answers, and for that there is no hurry to kill it
+    assert found["startupProbe"]["failureThreshold"] >= 100000
+    assert found["readinessProbe"]["tcpSocket"] == {"port": 11311}
+    assert "livenessProbe" not in found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_only_what_a_user_asked_for_is_started_again_and_again(name: str) -> None:
+    asked = [one.get("readiness", {}).get("command") for one in CASES[name]["variables"].get("ros_apps", [])]
+    own = [spec["overrides"] for spec in CASES[name]["variables"].get("ros_apps", []) if "overrides" in spec]
+    for item in case_objects(name):
+        probe = container(item).get("readinessProbe", {}) if item["kind"] == "Deployment" else {}
+        if "exec" in probe:
+            command = probe["exec"]["command"]
+            assert command[-1] in asked or command in asked or "readinessProbe" in str(own)
 
 
 @pytest.fixture

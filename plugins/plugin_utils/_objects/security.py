@@ -1,0 +1,60 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a container may do on its host, and what its namespace lets in. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, hashed
+
+ALL = ("ALL",)
+# Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod
+# speak in another one's name on the pods' network. What entrypoints and drivers do use (files of other users, changing
+# the user) stays.
+APPS = ("AUDIT_WRITE", "MKNOD", "NET_RAW", "SETFCAP", "SETPCAP", "SYS_CHROOT")
+POD_SECURITY = "pod-security.kubernetes.io/enforce"
+# For a privileged container the API refuses to have escalation forbidden.
+_MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
+
+
+def harden(container: Object, drop: Sequence[str]) -> None:
+    """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is."""
+    given: dict[str, Any] = dict(container.get("securityContext") or {})
+    capabilities = {"drop": list(drop), **(given.get("capabilities") or {})}
+    if given.get("privileged") or _MIGHTY & set(capabilities.get("add") or ()):
+        return
+    container["securityContext"] = {
+        "allowPrivilegeEscalation": False,
+        "seccompProfile": {"type": "RuntimeDefault"},
+        **given,
+        "capabilities": capabilities,
+    }
+
+
+def hardened(plain: Object, overrides: Mapping[str, Any]) -> Object:
+    """A Deployment of ours with its overrides: its own code needs nothing of its host, and gets no more."""
+    deployment = deep_merge(plain, overrides)
+    for container in deployment["spec"]["template"]["spec"]["containers"]:
+        if container["name"] in {one["name"] for one in plain["spec"]["template"]["spec"]["containers"]}:
+            harden(container, ALL)
+    return hashed(deployment)
+
+
+def more_than_baseline(app: App) -> str:
+    """What of an app the level `baseline` of Kubernetes' Pod Security Standards forbids, or nothing."""
+    asked = {
+        "devices": app.devices,
+        "host_paths": app.host_paths,
+        "host_network": app.host_network,
+    }
+    return ", ".join(key for key, value in asked.items() if value)
+
+
+def pod_security_labels(robot: Robot) -> dict[str, str]:
+    """Of the robot's namespace; none unless the inventory asks for a level."""
+    return {POD_SECURITY: robot.pod_security} if robot.pod_security else {}

@@ -1,0 +1,82 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What calls in a pod know of the app and of each other: settings, contract, state."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
+
+
+@pytest.fixture(autouse=True)
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(kept, "SCRATCH", str(tmp_path / "scratch"))
+    return tmp_path
+
+
+ENVIRON = {"ROSOPS_NODE_NAME": "a_0a1b2c3d", "ROSOPS_REVISION": "0a1b2c3d", "ROS_NAMESPACE": "/r1"}
+
+
+def test_settings_take_the_nodes_name_from_the_pod() -> None:
+    content = {
+        "node": "/r1/a", "expect_node": True, "handoff": "overlap", "actions": ["~move", "/arm"],
+        "min_rates": {"~status": 1, "/out": 5}, "command": None, "keeper": None, "stop_deadline": 5,
+    }  # fmt: skip
+    found = kept.load_settings({**ENVIRON, "ROSOPS_SETTINGS": json.dumps(content)})
+    assert found["node"] == "/r1/a_0a1b2c3d"
+    assert found["actions"] == ["/r1/a_0a1b2c3d/move", "/arm"]
+    assert found["min_rates"] == {"/r1/a_0a1b2c3d/status": 1, "/out": 5}
+
+
+@pytest.mark.parametrize("text", [None, "", "{", "[]"])
+def test_without_settings_a_pod_is_still_asked_for_its_node(text: str | None) -> None:
+    environ = ENVIRON if text is None else {**ENVIRON, "ROSOPS_SETTINGS": text}
+    found = kept.load_settings(environ)
+    assert (found["node"], found["expect_node"]) == ("/r1/a_0a1b2c3d", False)
+    kept.save_state("/r1/a_0a1b2c3d", {"uri": "http://u", "pid": 7})
+    assert kept.load_settings(environ)["expect_node"] is True
+
+
+@pytest.mark.parametrize(
+    ("changes", "counts"),
+    [
+        ({}, True),
+        ({"until": 99}, True),  # seconds since 1970: no clock lets a version in, whoever's it is
+        ({"proven": False}, True),
+        ({"proven": True}, False),
+        ({"revision": "ffffffff"}, False),
+        ({"revision": ""}, False),
+        ({"nodes": []}, False),  # nothing was there before that answered
+    ],
+)
+def test_a_contract_means_one_revision_until_it_is_proven(
+    tmp_path: Path, changes: dict[str, Any], counts: bool
+) -> None:
+    contract = {"revision": "0a1b2c3d", "nodes": ["/r1/a_0a1b2c3d"], "ready_timeout": 120, "apps": ["a"], **changes}
+    (tmp_path / "contract.json").write_text(json.dumps(contract))
+    found = kept.load_contract(ENVIRON, str(tmp_path))
+    assert found == (contract if counts else None)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", "{"])
+def test_a_contract_that_is_none(tmp_path: Path, text: str) -> None:
+    (tmp_path / "contract.json").write_text(text)
+    assert kept.load_contract(ENVIRON, str(tmp_path)) is None
+    assert kept.load_contract(ENVIRON, str(tmp_path / "none")) is None
+
+
+def test_state_is_kept_per_node_for_this_user_alone(scratch: Path) -> None:
+    kept.save_state("/r1/a", {"pid": 1})
+    kept.save_state("/r1/b", {"pid": 2})
+    assert [kept.load_state(name) for name in ("/r1/a", "/r1/b", "/r1/c")] == [{"pid": 1}, {"pid": 2}, {}]
+    assert (scratch / "scratch").stat().st_mode & 0o777 == 0o700
+
+
+def test_where_nothing_can_be_written_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "SCRATCH", "/proc/none")
+    kept.save_state("/a", {"pid": 1})
+    assert kept.load_state("/a") == {}

@@ -1,0 +1,81 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What containers may do on their host."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+APP = {"name": "a", "image": "example.org/a:1", "args": ["x"]}
+
+
+def contexts(*apps: dict[str, Any], **variables: Any) -> dict[str, Any]:
+    """Deployment -> its container's securityContext."""
+    made = robot(*apps, **variables)
+    objects = [*master_objects(made), *app_objects(made), *exporter_objects(made, {}, Settings())]
+    return {
+        one["metadata"]["name"]: one["spec"]["template"]["spec"]["containers"][0].get("securityContext")
+        for one in objects
+        if one["kind"] == "Deployment"
+    }
+
+
+def overrides(context: dict[str, Any], name: str = "ros-app") -> dict[str, Any]:
+    return {"spec": {"template": {"spec": {"containers": [{"name": name, "securityContext": context}]}}}}
+
+
+def test_nobody_gets_more_rights_than_it_started_with() -> None:
+    found = contexts(APP)
+    assert set(found) == {"ros-master", "ros-keeper", "ros-exporter", "a"}
+    for context in found.values():
+        assert context["allowPrivilegeEscalation"] is False
+        assert context["seccompProfile"] == {"type": "RuntimeDefault"}
+        assert "runAsNonRoot" not in context  # most ROS images run as root
+    for ours in ("ros-master", "ros-keeper", "ros-exporter"):
+        assert found[ours]["capabilities"] == {"drop": ["ALL"]}
+
+
+def test_an_app_keeps_what_entrypoints_and_drivers_use() -> None:
+    dropped = set(contexts(APP)["a"]["capabilities"]["drop"])
+    assert {"NET_RAW", "MKNOD"} <= dropped
+    assert not dropped & {"ALL", "CHOWN", "DAC_OVERRIDE", "FOWNER", "SETUID", "SETGID", "KILL", "NET_BIND_SERVICE"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ({"privileged": True}, {"privileged": True}),  # the API refuses it with escalation forbidden
+        ({"capabilities": {"add": ["SYS_ADMIN"]}}, {"capabilities": {"add": ["SYS_ADMIN"]}}),
+    ],
+)
+def test_a_mighty_container_is_left_as_it_is(asked: dict[str, Any], expected: dict[str, Any]) -> None:
+    assert contexts({**APP, "overrides": overrides(asked)})["a"] == expected
+    assert contexts({**APP, "devices": ["/dev/ttyUSB0"]})["a"] == {"privileged": True}
+
+
+def test_overrides_come_last() -> None:
+    asked = {"allowPrivilegeEscalation": True, "capabilities": {"drop": [], "add": ["SYS_NICE"]}, "runAsUser": 1000}
+    expected = {**asked, "seccompProfile": {"type": "RuntimeDefault"}}
+    assert contexts({**APP, "overrides": overrides(asked)})["a"] == expected
+    master = {"overrides": overrides(asked, "ros-master-container"), "keeper_overrides": overrides(asked, "ros-keeper")}
+    found = contexts(master=master)
+    assert found["ros-master"] == found["ros-keeper"] == expected
+
+
+def test_only_what_is_set_right_changes_the_revision() -> None:
+    same = {"allowPrivilegeEscalation": False}
+    one, other = app_objects(robot(APP))[0], app_objects(robot({**APP, "overrides": overrides(same)}))[0]
+    assert one["spec"]["template"] == other["spec"]["template"]
+
+
+@pytest.mark.parametrize("level", ["", "baseline"])
+def test_a_namespace_has_the_level_that_was_asked_for(level: str) -> None:
+    labels = namespace_objects(robot(pod_security=level))[0]["metadata"]["labels"]
+    assert labels.get("pod-security.kubernetes.io/enforce", "") == level
