@@ -181,8 +181,13 @@ dashboards: ## Write the shipped Grafana dashboards anew from tools/dashboards
 	@PYTHONPATH=tools python -m dashboards
 
 .PHONY: bench
-bench: ## The dissertation's experiment, plain Kubernetes beside update.yml (hours; BENCH="--trials 1 --messages 10000" for minutes)
-	python benchmarks/bench_update.py $(BENCH)
+bench: ## The dissertation's experiment, plain Kubernetes beside update.yml; goes on where it was cut off (hours; MINUTES=30: a part of it)
+	python benchmarks/bench_update.py $(if $(MINUTES),--minutes $(MINUTES)) $(BENCH)
+	@$(MAKE) bench-docs
+
+.PHONY: bench-docs
+bench-docs: ## docs/benchmarks.md and its pictures, out of the finished trials
+	python benchmarks/bench_docs.py
 
 .PHONY: bench-probe
 bench-probe: ## What ours costs a robot: at rest per part, with ten apps, and per call of a start and a stop

@@ -18,7 +18,8 @@ from .measure import ACTION_SECONDS
 from .order import STRESS
 from .plain_manifests import NAMES
 from .results import Results, load
-from .scenario import CASES, RATE, Case, chosen
+from .scenario import CASES, PUBLISHED, RATE, Case, chosen
+from .trials import TRIALS, Trials
 
 ARMS = ("plain", "fleet")
 
@@ -30,13 +31,15 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--trials", type=_positive, default=10, help="rounds of each arm (default: 10)")
     made.add_argument(
-        "--messages", type=_positive, default=100_000, help="messages looked at per update (default: 100000)"
+        "--messages", type=_positive, default=10_000, help="messages looked at per update of a trial (default: 10000)"
     )
+    made.add_argument("--minutes", type=float, help="begin no trial that would not be over by then")
+    made.add_argument("--data", type=Path, default=TRIALS, help=f"finished trials, gone on with (default: {TRIALS})")
     made.add_argument(
         "--stress", choices=sorted(STRESS), default="both", help="with stress-ng on the robot (default: both)"
     )
     made.add_argument("--arms", type=_arms, default=list(ARMS), help="plain,fleet (default) or one of them")
-    made.add_argument("--cases", default="", help=f"some of: {', '.join(case.name for case in CASES)} (default: all)")
+    made.add_argument("--cases", default=",".join(PUBLISHED), help=f"some of: {', '.join(case.name for case in CASES)}")
     made.add_argument(
         "--plain-names", choices=NAMES, default="same", help="node names of the plain arm (default: same)"
     )
@@ -89,10 +92,15 @@ def main() -> int:
     options = Options(
         arguments.trials, arguments.messages, arguments.stress, arguments.arms, cases, arguments.lab, arguments.keep,
         arguments.plain_names, arguments.playbook, arguments.quiet or quiet_seconds(arguments.messages, cases),
+        arguments.minutes,
     )  # fmt: skip
+    trials = Trials(arguments.data)
+    if not trials.missing(options.trials, options.arms, options.stress, [case.name for case in cases]):
+        print(f"nothing to do: {arguments.data} has every trial")
+        return 0
     signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(143))  # so that the lab goes then, too
     results = Results()
-    experiment = Experiment(options, results, _say)
+    experiment = Experiment(options, results, trials, _say)
     settings = {"trials": options.trials, "messages": options.messages, "plain_names": options.plain_names,
                 "playbook": options.changer, "quiet_s": options.quiet}  # fmt: skip
     try:

@@ -13,19 +13,22 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
 from kubernetes import client, config
 from lab_environment import environment
 
+from .cores import CONTROL_CORES, on_cores
 from .errors import BenchError
 from .paths import CHECKOUT, LAB
 
 EDGE, ROBOT = "edge1", "robot1"
 HOSTS = f"{EDGE}:edge,{ROBOT}:robots"
+KUBECONFIG = "/etc/rancher/k3s/k3s.yaml"
 STORAGE = "/var/lib/rancher/k3s/storage"
 # The control node of a fleet is no robot. Here it shares the robot's cores, so what it does itself comes after the
 # robot's work; what it starts on the hosts does not.
 NICE = 10
-CONTROL = ("nice", "-n", str(NICE))
+NICELY = ("nice", "-n", str(NICE))
 
 
 class Cluster:
@@ -52,7 +55,13 @@ class Cluster:
     ) -> tuple[int, float, float, float]:
         """ansible-playbook; returns exit status, start and end on the wall clock, CPU seconds that it took here."""
         report.unlink(missing_ok=True)
-        command = [*CONTROL, "ansible-playbook", *(word for path in inventories for word in ("-i", path)), *words]
+        command = [
+            *on_cores(CONTROL_CORES),
+            *NICELY,
+            "ansible-playbook",
+            *(word for path in inventories for word in ("-i", path)),
+            *words,
+        ]
         env = {**self.environment, "ROSOPS_FLEET_REPORT": str(report)}
         before = os.times()
         started = time.time()
@@ -64,7 +73,7 @@ class Cluster:
         return done.returncode, started, ended, cpu
 
     def connect(self) -> None:
-        """Learn the hosts from the inventory, and the cluster's API from the kubeconfig that site.yml left."""
+        """Learn the hosts from the inventory, and the way to the cluster's API from its server, once there is one."""
         command = ["ansible-inventory", "-i", "inventories/lab", "--list"]
         done = subprocess.run(  # noqa: S603 - our own
             command, cwd=CHECKOUT, env=self.environment, stdout=subprocess.PIPE, text=True, check=False
@@ -72,9 +81,10 @@ class Cluster:
         if done.returncode != 0:
             raise BenchError(f"ansible-inventory ended with {done.returncode}")
         self._hosts = json.loads(done.stdout)["_meta"]["hostvars"]
-        kubeconfigs = sorted((Path(self._hosts[EDGE]["lab_dir"]) / "kube").glob("*"))
-        if kubeconfigs:
-            api = config.new_client_from_config(str(kubeconfigs[0]))
+        access = yaml.safe_load(self.ssh(EDGE, f"cat {KUBECONFIG}", check=False))
+        if access:
+            access["clusters"][0]["cluster"]["server"] = f"https://{self._hosts[EDGE]['ansible_host']}:6443"
+            api = config.new_client_from_config_dict(access)
             self._apps, self._core = client.AppsV1Api(api), client.CoreV1Api(api)
 
     @property
@@ -104,7 +114,7 @@ class Cluster:
 
     def kubectl(self, words: str, stdin: bytes = b"", check: bool = True) -> str:
         """The cluster's own kubectl."""
-        return self.ssh(EDGE, f"{' '.join(CONTROL)} k3s kubectl {words}", stdin, check).decode(errors="replace")
+        return self.ssh(EDGE, f"{' '.join(NICELY)} k3s kubectl {words}", stdin, check).decode(errors="replace")
 
     # --- the API -----------------------------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import time
 import traceback
@@ -14,15 +15,22 @@ from pathlib import Path
 from typing import Any
 
 from .cluster import EDGE, HOSTS, ROBOT, Cluster
+from .cores import CONTROL_CORES, ROBOT_CORES, listed
 from .errors import BenchError
 from .fleet import FleetArm
-from .order import rounds
+from .paths import CHECKOUT
 from .plain import PlainArm
 from .results import Results
 from .rounds import Arm, Plan, clear, run_round
 from .scenario import Case, images
 from .stress import Stress
+from .trials import Trial, Trials
 from .versions import about
+
+sys.path.insert(0, str(CHECKOUT / "tests" / "lab"))
+
+from lablib.names import checkout_id, container_name
+from lablib.podman import podman
 
 
 @dataclass(frozen=True)
@@ -39,14 +47,17 @@ class Options:
     plain_names: str
     changer: str
     quiet: float
+    minutes: float | None = None
 
 
 class Experiment:
     """Brings the lab up, runs the rounds, takes the lab down."""
 
-    def __init__(self, options: Options, results: Results, say: Callable[[str], None]) -> None:
+    def __init__(self, options: Options, results: Results, trials: Trials, say: Callable[[str], None]) -> None:
         self._options = options
         self._results = results
+        self._trials = trials
+        self._started = time.monotonic()
         self._say = say
         self._sockets = tempfile.TemporaryDirectory(prefix="bench-")  # short: a socket's path may have 107 characters
         self._cluster = Cluster(options.lab, Path(self._sockets.name))
@@ -59,8 +70,14 @@ class Experiment:
         self._set_up()
         options = self._options
         arms = self._arms()
-        plan = Plan(options.cases, options.messages, options.quiet, self._say)
-        for stress, trial, name in rounds(options.trials, options.arms, options.stress):
+        names = [case.name for case in options.cases]
+        longest = 0.0
+        for (stress, trial, name), missing in self._trials.missing(options.trials, options.arms, options.stress, names):
+            if options.minutes and time.monotonic() - self._started + longest > options.minutes * 60:
+                self._say(f"{options.minutes:g} minutes are over; the next run goes on here")
+                break
+            cases = [case for case in options.cases if case.name in missing]
+            plan = Plan(cases, options.messages, options.quiet, self._say)
             self._say(f"trial {trial} of {options.trials}, {name}{', under stress' if stress else ''}")
             began = time.monotonic()
             try:
@@ -70,6 +87,7 @@ class Experiment:
                     file.write(traceback.format_exc())
                 self._note(f"trial {trial}, {name}, stress {stress}: {error!r}")
             after_round()
+            longest = max(longest, time.monotonic() - began)
             self._say(f"  {time.monotonic() - began:.0f} s")
         for arm in arms.values():
             clear(self._cluster, arm.namespace)
@@ -85,6 +103,7 @@ class Experiment:
         self._results.add(measured)
         if not self.about.get("ros"):
             self.about = {**self.about, **about(self._cluster)}
+        self._trials.add(Trial(arm.name, stress, trial, self.about, measured))
         for item in measured:
             if item.details["problem"]:
                 self._note(f"trial {trial}, {arm.name}, {item.record['app']}/{item.record['update']}: "
@@ -95,11 +114,18 @@ class Experiment:
         self._say(f"  PROBLEM: {problem}")
 
     def _set_up(self) -> None:
+        options = self._options
         self._cluster.lab_command("artifacts")
-        self._cluster.lab_command("up", "--lab", self._options.lab, "--hosts", HOSTS)
+        self._cluster.lab_command("up", "--lab", options.lab, "--hosts", HOSTS)
+        for host, cores in ((ROBOT, ROBOT_CORES), (EDGE, CONTROL_CORES)):
+            podman(
+                "update",
+                f"--cpuset-cpus={listed(cores)}",
+                container_name(checkout_id(str(CHECKOUT)), options.lab, host),
+            )
         self._cluster.connect()
         variables = self._cluster.variables
-        self._say(f"lab {self._options.lab} is up; site.yml runs")
+        self._say(f"lab {options.lab} is up; site.yml runs")
         self._fleet.prepare([*variables["lab_image_archives"], *variables.get("lab_update_archives", [])])
         self._fleet.site("--skip-tags", "ready")  # there is no app yet: each round waits for its own
         self._cluster.connect()
@@ -125,7 +151,7 @@ class Experiment:
         for item in self._cluster.deployments(FleetArm.namespace):
             if item["metadata"]["name"] == "ros-master":
                 container: dict[str, Any] = item["spec"]["template"]["spec"]["containers"][0]
-                return {key: container[key] for key in ("image", "args", "readinessProbe")}
+                return {key: container[key] for key in ("image", "args", "startupProbe", "readinessProbe")}
         raise BenchError(f"site.yml has left no Deployment ros-master in {FleetArm.namespace}")
 
     def tear_down(self) -> None:

@@ -12,6 +12,7 @@ from . import goals, messages, requests
 from .jsonlog import Lines
 from .records import Record, record
 from .scenario import RATE, Case
+from .series import series
 from .step import Step
 from .windows import Span, after_start, around, before
 
@@ -94,6 +95,10 @@ def _pubsub(case: Case, update: Span, control: Span, logs: Logs, this: Round) ->
         "lost_control": aside.lost if aside else None,
         "oldest_age_ms": messages.oldest_age_ms(received, update),
         "oldest_age_control_ms": messages.oldest_age_ms(received, control),
+        "series": series(
+            ((line["time"], line["longest_gap_ms"]) for line in received if line.get("longest_gap_ms") is not None),
+            update,
+        ),
         "subscriber_processes": messages.processes(received),
         "publisher_skipped": max((int(line.get("skipped") or 0) for line in published), default=None),
     }
@@ -112,9 +117,11 @@ def _service(case: Case, update: Span, control: Span, logs: Logs, this: Round) -
     return values, {
         "latency_before_ms": calm,
         "latency_during_ms": busy,
+        "series": series(((line["time"], line["latency_ms"]) for line in asked if "request" in line and line.get("ok")),
+                         update),
         "wrong": account.wrong if account else None,
         "operations": list(account.operations) if account else None,
-    }
+    }  # fmt: skip
 
 
 def _action(case: Case, update: Span, _control: Span, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -133,5 +140,13 @@ def _action(case: Case, update: Span, _control: Span, logs: Logs, this: Round) -
     return values, {
         "completion_window_s": round(span.seconds, 3),
         "completion_control_s": round(calm.seconds, 3),
+        "series": series(
+            (
+                (line["sent"], line["completion_ms"])
+                for line in client
+                if line.get("outcome") == goals.SUCCEEDED and line.get("completion_ms") is not None
+            ),
+            span,
+        ),
         "longest_completion_ms": goals.longest_ms(client, span),
     }

@@ -36,7 +36,7 @@ class PlainArm:
     def deploy(self, cases: Iterable[Case]) -> None:
         """Everything at its first version, up."""
         apps = all_apps(cases)
-        base = manifests.base(ROBOT, self._master["image"], self._master["args"], self._master["readinessProbe"])
+        base = manifests.base(ROBOT, self._master)
         self._apply(base)
         self._wait([manifests.MASTER], DEPLOY_SECONDS)
         self._apply([manifests.app_deployment(app, ROBOT, self._names) for app in apps])

@@ -33,16 +33,14 @@ def selector(placement: str, robot: str) -> Mapping[str, str]:
     return {"kubernetes.io/hostname": robot} if placement == "local" else {"deploymentType": "remote"}
 
 
-def base(robot: str, image: str, roscore: list[str], probe: Mapping[str, Any]) -> list[Object]:
-    """Namespace, claims and ROS master."""
+def base(robot: str, like: Mapping[str, Any]) -> list[Object]:
+    """Namespace, claims and ROS master; `like` are image, args and probes of a master's container."""
     claims = [_claim(name) for name in ("robot-logs", "edge-logs")]
     container = {
         "name": "master",
-        "image": image,
-        "args": roscore,
+        **like,
         "env": [_address()],
         "ports": [{"containerPort": 11311}],
-        "readinessProbe": dict(probe),
         "resources": {"requests": REQUESTED},
     }
     master = _deployment(MASTER, {"type": "Recreate"}, selector("local", robot), container, [])

@@ -15,6 +15,7 @@ PROGRAMS = "/opt/rosops-apps/bin"
 PROBE = f"{PROGRAMS}/readiness_probe.sh"
 FIRST, MINOR, MAJOR = "1.0", "1.1", "2.0"
 RATE = 500.0  # messages a second, as the dissertation's
+SLOW = 10.0
 REQUESTS = 20.0  # requests a second: enough of them in an update's few seconds for a 95th percentile
 TEMPERATURE = "rosops_apps/Temperature"
 
@@ -82,6 +83,7 @@ class Case:
     source: App  # publisher or server
     sink: App  # subscriber or client
     changes: Mapping[str, Change]
+    others: tuple[App, ...] = ()  # changed in the same step; only its time is their measure
 
     @property
     def name(self) -> str:
@@ -89,9 +91,9 @@ class Case:
         return f"{self.app}/{self.update}"
 
     @property
-    def apps(self) -> tuple[App, App]:
-        """Both of its apps; the one that the other needs comes first."""
-        return (self.source, self.sink)
+    def apps(self) -> tuple[App, ...]:
+        """Its apps; the one that the other needs comes first."""
+        return (self.source, self.sink, *self.others)
 
     def changed(self) -> list[App]:
         """The apps that the update changes, as they are after it."""
@@ -154,6 +156,14 @@ def action(key: str) -> Case:
     return Case("action", "server", server, client, {server.name: Change(tag=MINOR)})
 
 
+def twelve() -> Case:
+    """Six pairs in one step. One of them is measured; the others are slow, as their messages are not what counts."""
+    pairs = [pair(f"many{number}", "", "", BOTH, env={"RATE_HZ": f"{SLOW:g}"}) for number in range(5)]
+    first = pair("many", "pubsub-twelve", "simultaneous", BOTH)
+    others = tuple(replace(app, group="many") for one in pairs for app in one.apps)
+    return replace(first, others=others, changes={**first.changes, **{app.name: Change(tag=MINOR) for app in others}})
+
+
 BOTH = {"pub": MINOR, "sub": MINOR}
 # In the order in which they are updated. The action last: what follows an update of it is part of its measure.
 CASES = (
@@ -164,7 +174,16 @@ CASES = (
     service("kept", "service-persistent", {"PERSISTENT": "true"}),
     pair("cpp", "pubsub-roscpp", "simultaneous", BOTH, suffix="_cpp"),
     pair("cppten", "pubsub-roscpp-queue10", "simultaneous", BOTH, suffix="_cpp", env={"QUEUE_SIZE": "10"}),
+    twelve(),
     action("factor"),
+)
+# The dissertation's three, each with what makes it harder: the publisher's own queue of 10, twelve apps at once.
+PUBLISHED = (
+    "pubsub/simultaneous",
+    "service/server",
+    "pubsub-roscpp-queue10/simultaneous",
+    "pubsub-twelve/simultaneous",
+    "action/server",
 )
 
 

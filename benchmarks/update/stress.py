@@ -19,6 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
+from .cores import ROBOT_CORES
 from .errors import BenchError
 from .paths import CHECKOUT
 
@@ -97,7 +98,7 @@ class Stress:
             self._limit.write_text(str(MEMORY))
             for group in self._groups:
                 group.mkdir(exist_ok=True)
-            self._start(command(os.cpu_count() or 1, fill))
+            self._start(command(len(ROBOT_CORES), fill))
             self._say(f"stress: {fill // 1024**2} MiB beside {used // 1024**2} MiB in use")
             time.sleep(SETTLE)
             self._check()

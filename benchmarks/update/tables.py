@@ -13,6 +13,7 @@ from .records import Record
 from .verdicts import kind
 
 NONE = "-"
+NAMES = ("update", "arm", "stress", "trials")
 Row = list[str]
 
 
@@ -124,6 +125,13 @@ def seed_rows(name: str) -> list[Row]:
     ]
 
 
+def theirs() -> str:
+    """The dissertation's figures alone."""
+    return "\n\n".join(
+        f"### {title}\n\n{markdown([*NAMES, *heads], seed_rows(name))}" for name, (title, heads, _row) in HEADS.items()
+    )
+
+
 def tables(records: Iterable[Record]) -> str:
     """All tables. Figures are means over the trials, in brackets the worst one."""
     every = groups(records)
@@ -135,9 +143,7 @@ def tables(records: Iterable[Record]) -> str:
                 [group.case, group.arm, "yes" if group.stress else "no", str(len(group.records)), *row(group)]
                 for group in of_kind
             ]
-            parts.append(
-                f"## {title}\n\n{markdown(['update', 'arm', 'stress', 'trials', *heads], [*seed_rows(name), *rows])}"
-            )
+            parts.append(f"## {title}\n\n{markdown([*NAMES, *heads], [*seed_rows(name), *rows])}")
     return "\n\n".join(parts)
 
 

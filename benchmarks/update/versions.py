@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .cluster import EDGE, NICE, ROBOT, Cluster
+from .cores import CONTROL_CORES, ROBOT_CORES, listed
 from .paths import CHECKOUT
 
 
@@ -34,7 +35,8 @@ def about(cluster: Cluster) -> dict[str, Any]:
         "ansible": _first(["ansible", "--version"], cluster),
         "collection": _first(["git", "-C", str(CHECKOUT), "describe", "--always", "--dirty"], cluster),
         "hosts": f"{EDGE} and {ROBOT}: containers on this machine, which is the control node as well "
-        f"(its own processes at nice {NICE}, in both arms)",
+        f"(its own processes at nice {NICE}, in both arms); {ROBOT} on core {listed(ROBOT_CORES)}, all else on "
+        f"{listed(CONTROL_CORES)}",
         "load_before": round(os.getloadavg()[0], 2),
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
     }

@@ -21,7 +21,7 @@ MINOR = CASES[0]
 
 def test_every_pair_has_names_of_its_own() -> None:
     apps = all_apps(CASES)
-    assert len({app.name for app in apps}) == len(apps) == 2 * len(CASES)
+    assert len({app.name for app in apps}) == len(apps) == sum(len(case.apps) for case in CASES)
     assert len({app.log_dir for app in apps}) == len(apps)
     topics = [case.source.topic for case in CASES if case.source.topic]
     assert len(set(topics)) == len(topics)
@@ -80,7 +80,7 @@ def test_both_arms_run_the_same_programs_with_the_same_settings() -> None:
 
 
 def test_masters_ask_for_the_same() -> None:
-    objects = base("robot1", "lab/ros:noetic", ["roscore"], {"exec": {"command": ["true"]}})
+    objects = base("robot1", {"image": "lab/ros:noetic", "args": ["roscore"]})
     (plain,) = [found for found in objects if found["kind"] == "Deployment"]
     override = variables([])["ros_master_overrides"]["spec"]["template"]["spec"]["containers"][0]
     assert plain["spec"]["template"]["spec"]["containers"][0]["resources"] == override["resources"]

@@ -115,12 +115,22 @@ def test_what_was_not_measured_is_never_passed() -> None:
     assert verdicts(judge([])) == dict.fromkeys((1, 2, 3, 4), UNKNOWN)
 
 
-def test_persistent_clients_and_the_queue_of_ten_are_told_apart() -> None:
-    apart = [
-        made("service-persistent", "server", "fleet", sent=9, failed=9),
-        made("pubsub-roscpp-queue10", "simultaneous", "fleet", **{**NOTHING_LOST, "lost": 30}),
-    ]
+def test_persistent_clients_are_told_apart_and_a_queue_of_ten_counts() -> None:
+    apart = [made("service-persistent", "server", "fleet", sent=9, failed=9)]
     assert verdicts(judge([*everything(), *apart])) == {1: PASS, 2: PASS, 3: PASS, 4: PASS}
+    queue = made("pubsub-roscpp-queue10", "simultaneous", "fleet", **{**NOTHING_LOST, "lost": 1})
+    assert verdicts(judge([*everything(), queue]))[1] == MISS
+
+
+def test_a_service_is_not_slower_than_plain_and_stress_allows_an_action_more() -> None:
+    slower = [{**item, "p95_during_ms": 10.8} if item["arm"] == "plain" else item for item in everything()]
+    assert verdicts(judge(slower))[2] == MISS
+    stressed = [
+        {**item, "stress": True, "completion_during_ms": 259.0 if item["app"] == "action" else None}
+        for item in everything()
+    ]
+    assert verdicts(judge([item for item in stressed if item["app"] == "action"]))[3] == PASS
+    assert verdicts(judge([{**item, "stress": False} for item in stressed if item["app"] == "action"]))[3] == MISS
 
 
 def test_groups_keep_trials_together_and_arms_side_by_side() -> None:

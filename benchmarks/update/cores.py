@@ -1,0 +1,34 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who runs on which of this machine's cores: the robot on its own, so that no step's control node takes from it.
+
+The edge host shares the rest with the control node, as a server near it would.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+
+def split(cores: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The robot's cores and the others'. A single core is everybody's.
+
+    >>> split(2), split(5), split(1)
+    (((0,), (1,)), ((0, 1), (2, 3, 4)), ((0,), (0,)))
+    """
+    half = max(1, cores // 2)
+    return tuple(range(half)), tuple(range(half, cores)) or tuple(range(cores))
+
+
+ROBOT_CORES, CONTROL_CORES = split(os.cpu_count() or 1)
+
+
+def listed(cores: Sequence[int]) -> str:
+    """As taskset and podman write them."""
+    return ",".join(map(str, cores))
+
+
+def on_cores(cores: Sequence[int]) -> tuple[str, ...]:
+    """What a command begins with that is to run on these alone."""
+    return ("taskset", "--cpu-list", listed(cores))

@@ -1,0 +1,142 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""docs/benchmarks.md and its pictures, out of the committed trials and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .measure import ACTION_SECONDS
+from .numbers import percentile
+from .paths import CHECKOUT
+from .pictures import KINDS, pictures, step_seconds
+from .tables import loss_table, markdown, number, phase_table, tables, theirs, usage_table
+from .trials import TRIALS, Trials
+from .verdicts import PASS, TITLES, judge, verdicts
+
+PAGE = CHECKOUT / "docs" / "benchmarks.md"
+PICTURES = CHECKOUT / "docs" / "benchmarks"
+ABOUT = ("machine", "kernel", "system", "hosts", "k3s", "containerd", "ros", "ansible", "collection", "date")
+
+HEAD = """# Benchmarks
+
+<!-- Written by `make bench-docs` from benchmarks/update/results/trials.jsonl: change those, not this page. -->
+
+The dissertation's experiment on real ROS 1 nodes in the lab's cluster: the same applications are updated by plain
+Kubernetes (`kubectl apply` and its rolling update, readiness by a file, as the dissertation has it) and by
+`playbooks/update.yml`, in turn, trial after trial, quiet and with stress-ng at 80 % of the robot's CPU and memory.
+A sensor publishes at 500 Hz; a service is asked 20 times a second; goals of an action take about 220 ms of work.
+
+* `pubsub/simultaneous`: publisher and subscriber at once. `pubsub-roscpp-queue10`: the same in C++ with a
+  publisher's queue of 10.
+* `service/server`: an adder becomes a subtracter. `action/server`: a server of prime factors.
+* `pubsub-twelve`: twelve apps in one step; one pair of them is measured.
+"""
+
+AGAIN = """## Run it again
+
+    make bench                      # goes on where the last run was cut off; a lab of its own, removed at the end
+    make bench MINUTES=30           # begins no trial that would not be over by then
+    make bench BENCH="--cases pubsub/minor --data /tmp/mine.jsonl"
+    make bench-docs                 # this page and its pictures out of the trials
+    make bench-probe                # what ours costs a robot at rest, per part
+
+A finished trial is one line in `benchmarks/update/results/trials.jsonl`; a trial that is there is not made again.
+Take lines away to have them measured anew. Logs and counters of a run stay in `benchmarks/results/`, which is not
+in the repository. The robot's container has cores of its own; the control node and the edge host have the others.
+"""
+
+
+def text(trials: Trials) -> str:
+    """The page."""
+    if not trials.all:
+        parts = ["No trial has been made yet. The dissertation's own figures, which ours will stand beside:", theirs()]
+    else:
+        parts = [
+            *_measured(trials),
+            "## What it must show\n\nThe worst trial counts where something was lost; the rest are means.",
+            _bars(trials),
+            "## Figures\n\nMeans over the trials, in brackets the worst one. The rows `seed` are the dissertation's,\n"
+            f"on its own machine. Completion is of the goals sent within {ACTION_SECONDS:g} s from the update's start.",
+            tables(trials.records),
+            "## Response before and during the update\n\nMilliseconds; in brackets the worst trial's.",
+            _percentiles(trials.details),
+            "## Where messages went",
+            loss_table(trials.details),
+            "## Where the time goes\n\nSeconds by phase.",
+            phase_table(trials.details),
+            "## CPU and memory",
+            usage_table(trials.details),
+        ]
+    return "\n\n".join([HEAD.rstrip(), *parts, _pictures(), AGAIN])
+
+
+def _measured(trials: Trials) -> list[str]:
+    about = next((trial.about for trial in reversed(trials.all) if trial.about), {})
+    counts: dict[str, int] = {}
+    for trial in trials.all:
+        key = f"{trial.arm}, {'under stress' if trial.stress else 'quiet'}"
+        counts[key] = counts.get(key, 0) + 1
+    lines = [f"* {key}: {about[key]}" for key in ABOUT if about.get(key)]
+    made = "; ".join(f"{key}: {many}" for key, many in sorted(counts.items()))
+    return ["## What was measured, on what", "\n".join([*lines, f"* trials: {made}"])]
+
+
+def _bars(trials: Trials) -> str:
+    findings = judge(trials.records)
+    worst = verdicts(findings)
+    lines = []
+    for limit, title in TITLES.items():
+        lines.append(f"{limit}. **{worst[limit]}** {title}")
+        lines += [
+            f"   * {item.verdict}: {item.text}" for item in findings if item.limit == limit and item.verdict != PASS
+        ]
+    failed = [f"{item['app']}/{item['update']}, {item['arm']}, trial {item['trial']}: {item['problem']}"
+              for item in trials.details if item.get("problem")]  # fmt: skip
+    return "\n".join([*lines, "", "Updates that did not come to their end: " + ("; ".join(failed) or "none") + "."])
+
+
+def _percentiles(details: Iterable[Mapping[str, Any]]) -> str:
+    kept: dict[tuple[str, str, bool], list[Mapping[str, Any]]] = {}
+    for item in details:
+        if f"{item['app']}/{item['update']}" in ("service/server", "action/server") and item.get("series"):
+            kept.setdefault((f"{item['app']}/{item['update']}", item["arm"], item["stress"]), []).append(item)
+    rows = []
+    for (case, arm, stress), items in kept.items():
+        calm = [[value for at, value in item["series"] if at < 0] for item in items]
+        busy = [[value for at, value in item["series"] if 0 <= at <= step_seconds(item)] for item in items]
+        figures = [_of(part, share) for part in (calm, busy) for share in (50, 95, 99)]
+        rows.append([case, arm, "yes" if stress else "no", *figures])
+    heads = [f"{when} p{share}" for when in ("before", "during") for share in (50, 95, 99)]
+    return markdown(["update", "arm", "stress", *heads], rows)
+
+
+def _of(trials: Sequence[Sequence[float]], share: float) -> str:
+    """Over all trials' values, in brackets the greatest of a trial's own."""
+    own = [found for found in (percentile(values, share) for values in trials) if found is not None]
+    whole = percentile([value for values in trials for value in values], share)
+    return f"{number(whole, 1)} ({number(max(own, default=None), 1)})"
+
+
+def _pictures() -> str:
+    lines = ["## Pictures"]
+    for name, what in KINDS.values():
+        for suffix, words in (("", ""), ("-stress", ", under stress")):
+            for kind, said in (("time", "over the time of an update"), ("distribution", "distribution")):
+                lines.append(f"![{what} {said}{words}](benchmarks/{name}-{kind}{suffix}.svg)")
+    return "\n\n".join(lines)
+
+
+def files(path: Path = TRIALS) -> dict[Path, str]:
+    """Every file that the trials give."""
+    trials = Trials(path)
+    return {PAGE: text(trials), **{PICTURES / name: content for name, content in pictures(trials.details).items()}}
+
+
+def main() -> int:
+    for path, content in files().items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content, encoding="utf-8")
+    return 0

@@ -1,0 +1,132 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Trials that are kept, what a run still has to make, and the page and pictures that they give."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from update import page, pictures, series, svg
+from update.cores import split
+from update.measure import Measured
+from update.order import rounds
+from update.records import record
+from update.scenario import PUBLISHED, RATE, chosen, images
+from update.trials import Trial, Trials
+from update.windows import Span
+
+ARMS = ("plain", "fleet")
+USAGE = {"pods_cpu": 30.0, "pods_mib": 200.0, "hosts_cpu": 60.0, "hosts_mib": 1300.0}
+SERVICE = {"sent": 900, "failed": 0, "p95_before_ms": 10.0, "p95_during_ms": 11.0}
+
+
+def trial(arm: str, number: int, stress: bool = False, **values: Any) -> Trial:
+    """One with the service alone."""
+    named = {"app": "service", "update": "server", "arm": arm, "stress": stress, "trial": number}
+    found = record({**named, "step_s": 4.0, "busy_wait_s": 0.0, **SERVICE, **values})
+    details = {
+        **named, "problem": "", "phases": {"apply": 4.0}, "run_s": 4.0, "update_span": [100.0, 104.0],
+        "series": [[-1.0, 5.0 + number], [1.0, 20.0 + number], [9.0, 6.0]],
+        "load_before": 1.0, "usage_quiet": USAGE, "usage_updates": USAGE,
+        "lost_ranges": [[1, 2]],
+    }  # fmt: skip
+    return Trial(arm, stress, number, {"machine": "a machine"}, [Measured(found, details)])
+
+
+def test_a_run_goes_on_where_the_last_one_was_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "results" / "trials.jsonl"
+    first = Trials(path)
+    whole = list(rounds(2, ARMS, "both"))
+    cases = ["service/server"]
+    assert [which for which, _names in first.missing(2, ARMS, "both", cases)] == whole
+    for stress, number, arm in whole[:3]:
+        first.add(trial(arm, number, stress))
+    with path.open("a") as file:
+        file.write('{"arm": "plain", "tri')  # the machine ended in the middle of a line
+    again = Trials(path)
+    assert [which for which, _names in again.missing(2, ARMS, "both", cases)] == whole[3:]
+    again.add(trial(whole[3][2], whole[3][1], whole[3][0]))
+    assert [one.which for one in Trials(path).all] == whole[:4]
+    assert again.missing(1, ARMS, "no", cases) == []
+    assert "lost_ranges" not in Trials(path).details[0]
+    assert Trials(path).records == again.records
+
+
+def test_a_trial_without_a_case_is_made_for_that_case_alone(tmp_path: Path) -> None:
+    trials = Trials(tmp_path / "trials.jsonl")
+    trials.add(trial("plain", 1))
+    wanted = ["service/server", "action/server"]
+    assert trials.missing(1, ("plain",), "no", wanted) == [((False, 1, "plain"), ["action/server"])]
+
+
+def test_what_is_published_has_enough_messages_and_twelve_apps_in_one_step() -> None:
+    cases = chosen(PUBLISHED)
+    assert {case.app for case in cases} >= {"pubsub", "service", "action"}
+    (many,) = [case for case in cases if case.app == "pubsub-twelve"]
+    assert len(many.changed()) == len(many.apps) == 12
+    assert {app.group for app in many.changed()} == {"many"}
+    assert sum(float(app.env["RATE_HZ"]) for app in many.apps if app.publishes) < 2 * RATE
+    assert images([many]) == ["1.0", "1.1"]
+
+
+@pytest.mark.parametrize("cores", [1, 2, 3, 8])
+def test_the_robot_has_cores_of_its_own_where_there_are_two(cores: int) -> None:
+    robot, others = split(cores)
+    assert set(robot) | set(others) == set(range(cores))
+    assert not set(robot) & set(others) or cores == 1
+
+
+def test_a_series_is_around_the_update() -> None:
+    points = [(80.0, 1.0), (90.5, 3.0), (110.0, 2.26), (130.0, 4.0)]
+    assert series.series(points, Span(100.0, 104.0)) == [[-9.5, 3.0], [10.0, 2.3]]
+
+
+def made(*trials: Trial, path: Path) -> Trials:
+    found = Trials(path / "trials.jsonl")
+    for one in trials:
+        found.add(one)
+    return found
+
+
+def test_the_page_has_every_miss_and_the_dissertations_figures(tmp_path: Path) -> None:
+    trials = made(*(trial(arm, number) for number in (1, 2) for arm in ARMS), path=tmp_path)
+    trials.add(trial("fleet", 1, stress=True, failed=3, p95_during_ms=99.0))
+    text = page.text(trials)
+    assert "a machine" in text
+    assert "fleet, quiet: 2; fleet, under stress: 1; plain, quiet: 2" in text
+    assert "2. **MISS**" in text
+    assert "MISS: service/server, under stress: failed 3 (worst 3) of 900 in 1 trials" in text
+    assert "45 -> 83, 1.84 x" in text
+    part = text[text.index("## Response") : text.index("## Where messages went")]
+    row = next(line for line in part.splitlines() if line.startswith("| service/server | fleet | no"))
+    figures = [cell.strip() for cell in row.split("|")[4:10]]
+    assert figures == ["6.5 (7.0)", "7.0 (7.0)", "7.0 (7.0)", "21.5 (22.0)", "21.9 (22.0)", "22.0 (22.0)"]
+    assert "None" not in text
+
+
+def test_pictures_are_well_formed_and_say_what_they_show(tmp_path: Path) -> None:
+    trials = made(*(trial(arm, 1) for arm in ARMS), path=tmp_path)
+    found = pictures.pictures(trials.details)
+    for name, content in found.items():
+        ElementTree.fromstring(content)  # noqa: S314 - our own
+        assert ("no trial yet" in content) is (name not in ("service-time.svg", "service-distribution.svg"))
+        assert f"](benchmarks/{name})" in page.text(trials)
+    assert "plain p95" in found["service-time.svg"]
+    assert "dissertation" in found["service-distribution.svg"]
+    assert found == pictures.pictures(Trials(tmp_path / "trials.jsonl").details)
+
+
+def test_a_chart_with_one_value_is_drawn() -> None:
+    line = svg.Line([(0.0, 5.0)], "#000000", "a & b")
+    for log in (False, True):
+        assert "a &amp; b" in svg.draw(svg.Chart("t", "x", "y", [line], log))
+
+
+def test_the_documentation_is_what_the_trials_give() -> None:
+    """`make bench-docs` writes it."""
+    for path, content in page.files().items():
+        assert path.read_text("utf-8") == content, path
+    assert {path.name for path in page.PICTURES.glob("*")} == {path.name for path in page.files() if path != page.PAGE}
