@@ -18,12 +18,14 @@ from pathlib import Path
 from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError
+from .._common.poll import PASS, WAIT, Seen, poll
 from .k3s import BINARY, DATA_DIR, SERVICES, version_of
 
 RECORD = "/var/lib/rosops-fleet/k3s-change.json"
 NEXT, PREVIOUS = ".next", ".previous"
 SNAPSHOT = "rosops-before"
 SNAPSHOTS_KEPT = 3
+STOP_TIMEOUT = 120.0  # systemd kills after 90 s
 ETCD = f"{DATA_DIR}/server/db/etcd"
 SQLITE = f"{DATA_DIR}/server/db/state.db"
 DATABASE = f"{DATA_DIR}/server/db"
@@ -40,6 +42,7 @@ class K3sChange:
         self.service = SERVICES[role]
         self.server = role == "server"
         self.root = Path(root)
+        self.clock: dict[str, Any] = {}  # a test's own `now` and `sleep`
 
     def path(self, name: str) -> Path:
         return self.root / name.lstrip("/")
@@ -158,8 +161,17 @@ class K3sChange:
     # --- commands ---------------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
+        """Start it again. Returns when the process before is gone, which would still answer for the new one."""
         self._systemctl("daemon-reload")
+        before = self._invocation()
         self._systemctl("restart", "--no-block", self.service)
+        ended = poll(lambda: Seen(WAIT if self._invocation() == before else PASS), STOP_TIMEOUT, 0.2, **self.clock)
+        if ended.verdict != PASS:
+            raise FleetError(f"{self.service} did not stop within {STOP_TIMEOUT:g} s")
+
+    def _invocation(self) -> str:
+        """systemd's name for this one start of the unit."""
+        return str(self.run(["systemctl", "show", self.service, "-p", "InvocationID", "--value"])[1]).strip()
 
     def _systemctl(self, *arguments: str) -> None:
         code, out, err = self.run(["systemctl", *arguments])

@@ -181,7 +181,6 @@ class Guarded:
         """Who works here, and what each robot's graph is now."""
         if self.cluster is None:
             return
-        self.before = self.cluster.beat(self.node) if self.node else ""
         for robot in sorted(self.robots, key=lambda one: one.name):
             live = self.cluster.read(dict.fromkeys([robot.namespace, master_namespace(robot)]))
             if any(item["metadata"]["namespace"] == robot.namespace for item in live.deployments):
@@ -248,6 +247,7 @@ class Guarded:
             with self._phase("apply"):
                 if self.cluster is not None:
                     self.cluster.confirm()
+                    self.before = self.cluster.beat(self.node) if self.node else ""
                 self.made = True  # from the first moment on
                 self.change.make()
             with self._phase("verify"):
@@ -269,6 +269,8 @@ class Guarded:
         self.say(f"{self.change.name}: {error}; it is taken back")
         try:
             with self._phase("rollback"):
+                with contextlib.suppress(KubeError):  # the API may be what the change has broken
+                    self.before = self.cluster.beat(self.node) if self.cluster and self.node else ""
                 self.change.undo()
                 self._prove()
                 self.change.proven()

@@ -30,7 +30,12 @@ class Machine:
         self.root, self.asked = root, list[list[str]]()
         self.fails: str = ""
         self.put({**OLD, **files})
+        self.time, self.stops_at = 0.0, 0.0
         self.change = K3sChange(self.run, role, str(root))
+        self.change.clock = {"now": lambda: self.time, "sleep": self.sleep}
+
+    def sleep(self, seconds: float) -> None:
+        self.time += seconds
 
     def put(self, files: dict[str, str]) -> None:
         for name, text in files.items():
@@ -45,6 +50,9 @@ class Machine:
     def run(self, command: list[str], **_options: Any) -> tuple[int, str, str]:
         if command[-1] == "--version":
             return 0, f"k3s version {Path(command[0]).read_text()} (1a2b3c)\n", ""
+        if command[:2] == ["systemctl", "show"]:
+            again = any(words[1] == "restart" for words in self.asked) and self.time >= self.stops_at
+            return 0, f"{len(self.asked) if again else 'first'}\n", ""
         self.asked.append([Path(command[0]).name, *command[1:]])
         failed = bool(self.fails) and self.fails in " ".join(command)
         return int(failed), "", "boom" if failed else ""
@@ -75,6 +83,15 @@ def test_what_is_staged_comes_and_what_was_there_is_kept(machine: Machine) -> No
     assert found["unproven"]
     assert machine.asked[-2:] == [["systemctl", "daemon-reload"], ["systemctl", "restart", "--no-block", "k3s"]]
     assert not list(machine.root.rglob("*.next"))
+
+
+def test_it_waits_for_the_end_of_the_process_before(machine: Machine) -> None:
+    machine.stops_at = 30.0
+    switch(machine)
+    assert machine.time == pytest.approx(30.0, abs=0.3)
+    machine.asked, machine.stops_at = [], 1000.0
+    with pytest.raises(FleetError, match="k3s did not stop within 120 s"):
+        machine.change.back()
 
 
 def test_the_way_back_is_what_was_there(machine: Machine) -> None:

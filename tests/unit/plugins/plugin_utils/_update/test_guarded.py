@@ -338,6 +338,12 @@ def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> 
         assert any("/plan has a goal" in text for text in site.said)
 
 
+def test_what_the_kubelet_said_while_the_robot_was_waited_for_proves_nothing() -> None:
+    """It said a lot meanwhile, and nothing after the change."""
+    site = Site(bad={"new": "beat"}, busy_until=45.0)
+    assert outcome(site)[0] == "rolled-back"
+
+
 def test_another_run_is_left_alone() -> None:
     assert outcome(Site(other_run=True)) == ("deferred-busy", "nothing was touched: somebody changes this robot")
 
