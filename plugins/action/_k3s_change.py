@@ -45,6 +45,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 
 display = Display()
 
+AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
 LEDGER = "rosops-fleet-k3s.jsonl"
 
 
@@ -58,13 +59,13 @@ class K3sExchange:
         self._timeout = variables["k3s_start_timeout"]
         release = variables["k3s_install_source"] == "release"
         self.before = self.after = str(plan["version"])
-        self._coming = str(variables["k3s_version"]) if plan["binary"] and release else ""
+        self._coming = str(variables["k3s_version"] if release else AIRGAP) if plan["binary"] else ""
         self.unproven, self.earlier = False, ""
 
     def look(self) -> None:
         """What is staged, and whether anybody has proven what is there."""
         found = self._ask("staged")
-        # check mode brings no binary, and what is in an airgap directory is known when it is on the host
+        # check mode brings no binary
         coming = str(found["staged"]) if self._plan["binary"] else ""
         self.after = coming or self._coming or self.before
         self.unproven, self.earlier = bool(found["unproven"]), str(found["version"])

@@ -40,6 +40,7 @@ OURS = (
     "/run/rosops-fleet-k3s-agent.started",
     "/var/lib/rosops-fleet/log-shipper",
     "/var/lib/rosops-fleet/k3s-change.json",
+    *(f"{UNIT_DIR}/{unit}.service{kept}" for unit in UNITS for kept in (".next", ".previous")),
 )
 # Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from
 # a host on which k3s is, and before what shows that it is: a removal that was cut off is gone on with.

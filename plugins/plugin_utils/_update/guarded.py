@@ -38,6 +38,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     CancelledError,
@@ -55,7 +56,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself
 PAUSE = 1.0
-RATE_SECONDS = 0.5  # nobody compares rates: a change of the host is no reason for another one
 UNPROVEN = "it runs unproven beside the way back; the next run proves it or takes it back"
 
 
@@ -189,7 +189,7 @@ class Guarded:
     def _record(self) -> None:
         for ward in self.wards:
             try:
-                ward.graph = self.host.graph(ward.master, RATE_SECONDS)
+                ward.graph = self.host.graph(ward.master)
             except (AwayError, CancelledError):
                 raise
             except FleetError as error:
@@ -197,7 +197,7 @@ class Guarded:
                     raise
                 self.say(f"the graph of {ward.robot.name} cannot be read, and is not waited for: {error}")
                 continue
-            ward.rest = _to_rest(ward.graph, _nodes(ward.graph, ward.robot))
+            ward.rest = actions_to_rest(ward.graph, _nodes(ward.graph, ward.robot))
 
     def _foresee(self) -> StepResult:
         """What the change would meet now."""
@@ -363,24 +363,8 @@ def _nodes(graph: Graph, robot: Robot) -> list[str]:
     return [name for name in sorted(graph["nodes"]) if name.startswith(below) and not ros_contract.is_tool(name)]
 
 
-def _to_rest(graph: Graph, nodes: Sequence[str]) -> list[dict[str, str]]:
-    """Every action that one of these nodes serves, for all of them may be stopped.
-
-    A server that lives and tells nothing may be at work; where nothing listens any more nobody is.
-    """
-    found = []
-    for name, action in sorted(graph["actions"].items()):
-        servers = [one for one in action.get("servers") or () if one in nodes and not _is_dead(graph, one)]
-        found += [{"name": name, "server": servers[0]}] if servers else []
-    return found
-
-
-def _is_dead(graph: Graph, node: str) -> bool:
-    return bool((graph["nodes"].get(node) or {}).get("refused"))
-
-
 def _conditions(graph: Graph, nodes: Sequence[str]) -> Object:
-    """What these nodes are to the graph, without rates."""
+    """What these nodes are to the graph. A change of the host is no reason for another rate."""
     found = ros_contract.conditions(ros_contract.record(graph, nodes))
     return {**found, "topics": [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]}
 

@@ -157,11 +157,12 @@ def test_a_host_that_is_away_is_deferred(host: Host) -> None:
     assert host.change()["outcome"]["outcome"] == "deferred-offline"
 
 
-def test_check_mode_says_what_would_come_and_asks_nothing(host: Host) -> None:
+@pytest.mark.parametrize(("source", "comes"), [("release", "v1.34.3+k3s1"), ("airgap", "that of k3s_airgap_dir")])
+def test_check_mode_says_what_would_come_and_asks_nothing(host: Host, source: str, comes: str) -> None:
     host.staged = ""
-    found = host.change(check_mode=True, k3s_install_source="release", k3s_version="v1.34.3+k3s1")
+    found = host.change(check_mode=True, k3s_install_source=source, k3s_version="v1.34.3+k3s1")
     assert found["changed"]
-    assert found["msg"].startswith(f"would change: k3s {OLD} -> v1.34.3+k3s1")
+    assert found["msg"].startswith(f"would change: k3s {OLD} -> {comes}")
     assert host.asked == ["staged"]
 
 

@@ -118,6 +118,7 @@ class Commands:
 def host(tmp_path: Path) -> Path:
     for name in (
         "etc/systemd/system/k3s.service",
+        "etc/systemd/system/k3s.service.previous",
         "etc/rancher/k3s/config.yaml",
         "etc/rancher/node/password",
         "usr/local/bin/k3s",

@@ -202,10 +202,10 @@ class Site:
         with self.call("there"):
             pass
 
-    def graph(self, master: str, rate_seconds: float) -> Mapping[str, Any]:
+    def graph(self, master: str, _rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Mapping[str, Any]:
         with self.call("graph"):
             assert master == "http://10.43.0.1:11311"
-            assert 0 < rate_seconds < 1
+            assert not nodes, "nobody asked for rates"
             if self.master_silent:
                 raise RosError("the master does not answer")
             return copy.deepcopy(GRAPH)
@@ -401,7 +401,7 @@ def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:
     nodes = guarded._nodes(graph, shared)
     assert nodes == ["/robot1/dead", "/robot1/planner", "/robot1/silent"]
     # a server that does not answer may be at work, one that is gone is not
-    assert [one["server"] for one in guarded._to_rest(graph, nodes)] == ["/robot1/planner", "/robot1/silent"]
+    assert [one["server"] for one in guarded.actions_to_rest(graph, nodes)] == ["/robot1/planner", "/robot1/silent"]
     assert guarded._conditions(graph, nodes)["nodes"] == ["/robot1/planner"]
 
 

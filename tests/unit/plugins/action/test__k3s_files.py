@@ -1,0 +1,60 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the configuration of k3s is written: in place, or beside it until it is exchanged."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.action import _k3s_files
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+
+CONFIG, UNIT, REGISTRIES = (
+    "/etc/rancher/k3s/config.yaml", "/etc/systemd/system/k3s.service", "/etc/rancher/k3s/registries.yaml",
+)  # fmt: skip
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
+    """What is written or removed, and whether it is only looked at."""
+    done: list[tuple[str, bool]] = []
+
+    def write(host: Any, path: str, _content: str, _mode: str, diff: bool) -> dict[str, Any]:
+        done.append((path, host.check_mode))
+        return {"changed": True, "diff": [{"before": "", "after": path}] if diff else []}
+
+    def module(host: Any, name: str, args: dict[str, Any]) -> dict[str, Any]:
+        assert name == "ansible.builtin.file"
+        done.append((args["path"], host.check_mode))
+        return {"changed": True}
+
+    monkeypatch.setattr(_k3s_files.ActionHost, "write", write)
+    monkeypatch.setattr(_k3s_files.ActionHost, "module", module)
+    return done
+
+
+def files(staged: str, check_mode: bool = False) -> dict[str, Any]:
+    variables = {
+        "hostvars": {"robot1": {}}, "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"],
+        "k3s_node_name": "robot1", "k3s_kubeconfig_path": "", "k3s_failure_budget": "0",
+    }  # fmt: skip
+    args = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged}
+    return run(_k3s_files, args, variables, check_mode)
+
+
+def test_in_place(written: list[tuple[str, bool]]) -> None:
+    assert files("")["changed"]
+    assert written == [(CONFIG, False), (UNIT, False), (REGISTRIES, False)]
+
+
+def test_what_works_is_only_compared_and_what_comes_lies_beside_it(written: list[tuple[str, bool]]) -> None:
+    assert files(".next")["changed"]
+    assert written == [
+        (CONFIG, True), (UNIT, True), (REGISTRIES, True), (f"{CONFIG}.next", False), (f"{UNIT}.next", False),
+    ]  # fmt: skip
+
+
+def test_check_mode_writes_nowhere(written: list[tuple[str, bool]]) -> None:
+    assert files(".next", check_mode=True)["changed"]
+    assert written == [(CONFIG, True), (UNIT, True), (REGISTRIES, True)]
