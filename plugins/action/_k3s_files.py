@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, wanted
 
 PATHS = {"type": "list", "elements": "path", "required": True}
@@ -35,7 +35,7 @@ class ActionModule(FleetAction):
         # where it is staged, its place is looked at only
         host = ActionHost(self, known, check_mode=self._task.check_mode or bool(params["staged"]))
         variables = role_variables("k3s", self._templar, known)
-        files = wanted(variables, known["inventory_hostname"], known["hostvars"], params["joins"]).files
+        files = wanted(variables, known["inventory_hostname"], known["hostvars"], plain(params["joins"])).files
         result = {"changed": False, "diff": [], "written": params["write"], "removed": params["remove"]}
         done = [
             host.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible.template import trust_as_template
 from ansible_collections.rosops.fleet.plugins.action import _k3s_files
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
@@ -34,12 +35,14 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
     return done
 
 
-def files(staged: str, check_mode: bool = False) -> dict[str, Any]:
+def files(staged: str, check_mode: bool = False, joins: str = "") -> dict[str, Any]:
+    """Those of a server, or of an agent that joins one."""
+    server = "edge1" if joins else "robot1"
     variables = {
-        "hostvars": {"robot1": {}}, "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"],
-        "k3s_node_name": "robot1", "k3s_kubeconfig_path": "", "k3s_failure_budget": "0",
+        "hostvars": {"robot1": {}, "edge1": {}}, "k3s_role": "agent" if joins else "server", "k3s_cluster": "edge",
+        "k3s_server_hosts": [server], "k3s_node_name": "robot1", "k3s_kubeconfig_path": "", "k3s_failure_budget": "0",
     }  # fmt: skip
-    args = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged}
+    args = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins}
     return run(_k3s_files, args, variables, check_mode)
 
 
@@ -58,3 +61,9 @@ def test_what_works_is_only_compared_and_what_comes_lies_beside_it(written: list
 def test_check_mode_writes_nowhere(written: list[tuple[str, bool]]) -> None:
     assert files(".next", check_mode=True)["changed"]
     assert written == [(CONFIG, True), (UNIT, True), (REGISTRIES, True)]
+
+
+def test_a_server_to_join_comes_with_ansibles_tags(written: list[tuple[str, bool]]) -> None:
+    """As every text does that another task returned."""
+    assert not files("", joins=trust_as_template("https://edge1:6443")).get("failed")
+    assert written
