@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.action.robot_update import (
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
@@ -128,9 +128,10 @@ class ActionModule(ClusterAction):
         return {"changed": True, "outcome": _outcome(UPDATED, told, found), "msg": told}
 
     def _change(self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]) -> StepResult:
-        exchange = K3sExchange(RobotHost(self, known), params["plan"], variables)
+        plan = plain(params["plan"])
+        exchange = K3sExchange(RobotHost(self, known), plan, variables)
         exchange.look()
-        if not params["plan"]["works"]:
+        if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             return self._guarded(exchange, (), None, variables, known).run()
         with self.cluster(params, known) as kube:
