@@ -46,6 +46,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 display = Display()
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
+LOOK_SECONDS, LOOKS = 8.0, 50  # of a look at a robot that works, at least; about as many looks as that, at most
 LEDGER = "rosops-fleet-k3s.jsonl"
 
 
@@ -95,11 +96,14 @@ class K3sExchange:
 
 
 class ActionModule(ClusterAction):
-    """`plan` is what _k3s_plan found. Without the fleet's variable no robot is known to be at work here."""
+    """`plan` is what _k3s_plan found. Without the fleet's variable no robot is known to be at work here.
+
+    Where the result has `waiting`, the robot works: the task is to come back, and say so in `since`.
+    """
 
     TRANSFERS_FILES = True
     _requires_connection = True
-    ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}}
+    ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}, "since": {"type": "float"}}
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         variables, name = role_variables("k3s", self._templar, known), known["inventory_hostname"]
@@ -113,13 +117,15 @@ class ActionModule(ClusterAction):
             if refusal:
                 return {"changed": False, "outcome": _outcome(UNCHANGED, refusal, None), "msg": refusal}
             with _cancellable():
-                found = self._change(params, variables, known)
+                found, waiting = self._change(params, variables, known)
         except (AwayError, ServersAwayError) as error:
             return _failure(OFFLINE, f"nothing was touched: {error}")
         except FleetError as error:
             if counted:
                 ledger.note(name, FAILED)
             return _failure(FAILED, f"nothing was touched: {error}")
+        if waiting is not None:
+            return {"changed": False, "waiting": waiting, "msg": found.reason}
         if counted:
             ledger.note(name, found.outcome)
         if found.outcome != UPDATED:
@@ -127,13 +133,16 @@ class ActionModule(ClusterAction):
         told = f"would change: {found.told()}" if self._task.check_mode else found.told()
         return {"changed": True, "outcome": _outcome(UPDATED, told, found), "msg": told}
 
-    def _change(self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]) -> StepResult:
+    def _change(
+        self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]
+    ) -> tuple[StepResult, float | None]:
+        """What became of it; and where only this look is over, since when it has waited."""
         plan = plain(params["plan"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables)
         exchange.look()
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
-            return self._guarded(exchange, (), None, variables, known).run()
+            return self._guarded(exchange, (), None, variables, known, params["since"]).run(), None
         with self.cluster(params, known) as kube:
             cluster = KubeNodes(kube, self.say(known), f"{socket.gethostname()}, process {os.getppid()}")
             pods_notice = _permitted(exchange, cluster.nodes(), variables)
@@ -143,15 +152,17 @@ class ActionModule(ClusterAction):
                     "containers of this node again"
                 )
             robots = _robots(cluster, variables["k3s_node_name"], known, pods_notice)
-            return self._guarded(exchange, robots, cluster, variables, known).run()
+            guarded = self._guarded(exchange, robots, cluster, variables, known, params["since"])
+            return guarded.run(), guarded.waiting
 
-    def _guarded(
+    def _guarded(  # noqa: PLR0913 - what the task is about
         self,
         exchange: K3sExchange,
         robots: Sequence[Robot],
         cluster: KubeNodes | None,
         variables: Mapping[str, Any],
         known: dict[str, Any],
+        since: float | None,
     ) -> Guarded:
         host, check = RobotHost(self, known), bool(self._task.check_mode)
 
@@ -168,6 +179,9 @@ class ActionModule(ClusterAction):
             on_busy=variables["k3s_on_busy"],
             busy_timeout=variables["k3s_busy_timeout"],
             ready_timeout=variables["k3s_start_timeout"],
+            # the first look takes no time: robots that rest have to be found before anybody waits
+            look=0.0 if since is None else max(LOOK_SECONDS, variables["k3s_busy_timeout"] / LOOKS),
+            since=since,
             check=check,
         )
         name = known["inventory_hostname"]

@@ -100,6 +100,8 @@ class Limits:
     on_busy: str = "wait"
     busy_timeout: float = 600.0
     ready_timeout: float = 300.0
+    look: float | None = None  # of waiting in this run, which then is over and may come back. None: all of it
+    since: float | None = None  # when an earlier run began to wait, by the clock's `now`
     stable: float = 1.0
     check: bool = False
 
@@ -149,6 +151,7 @@ class Guarded:
         self.wards: list[_Ward] = []
         self.before = ""  # the kubelet's last word before the change
         self.made = False
+        self.waiting: float | None = None  # since when it has waited, where only this look is over
         name, before, after = change.name, change.before, change.after
         self.result = StepResult(
             step_id(node, [name], self.clock.wall()),
@@ -220,18 +223,22 @@ class Guarded:
 
     def _hold(self) -> None:
         """Wait until all robots are idle, and hold new goals back until the change is over."""
-        began = self.clock.now()
-        for ward in self.wards if self.limits.on_busy != "force" else ():
+        limits, now = self.limits, self.clock.now()
+        began = now if limits.since is None else limits.since
+        end = began + limits.busy_timeout if limits.on_busy == "wait" else now
+        look_end = end if limits.look is None else min(end, now + limits.look)
+        for ward in self.wards if limits.on_busy != "force" else ():
             while ward.rest:
-                left = self.limits.busy_timeout - (self.clock.now() - began) if self.limits.on_busy == "wait" else 0.0
+                left = max(look_end - self.clock.now(), 0.0)
                 ward.held = True  # as long as nobody knows better: an answer may be lost
-                seen = self.host.hold(ward.master, ward.keeper, ward.rest, HOLD_SECONDS, max(min(left, SLICE), 0.0))
+                seen = self.host.hold(ward.master, ward.keeper, ward.rest, HOLD_SECONDS, min(left, SLICE))
                 ward.held = bool(seen.held)
                 if seen.verdict == PASS:
                     break
                 if seen.verdict != WAIT:
                     raise NotReadyError(f"the actions of {ward.robot.name} cannot be looked at: {seen.reason}")
                 if left <= SLICE:
+                    self.waiting = began if look_end < end else None
                     raise BusyError(f"{ward.robot.name}: {seen.reason}")
                 spent = self.clock.now() - began
                 what = f"{self.change.name} waits until {ward.robot.name} is idle"

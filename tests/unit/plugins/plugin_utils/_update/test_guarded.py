@@ -85,6 +85,7 @@ class Site:
     interrupted: list[str] = field(default_factory=list)
     changes: int = 0
     last_beat: str = ""
+    waiting: float | None = None
 
     # --- the world ----------------------------------------------------------------------------------------------------
 
@@ -246,6 +247,7 @@ class Site:
         before = self.version
         try:
             found = change.run()
+            self.waiting = change.waiting
         except Killed:
             return None
         finally:
@@ -342,6 +344,28 @@ def test_what_the_kubelet_said_while_the_robot_was_waited_for_proves_nothing() -
     """It said a lot meanwhile, and nothing after the change."""
     site = Site(bad={"new": "beat"}, busy_until=45.0)
     assert outcome(site)[0] == "rolled-back"
+
+
+def test_whoever_waits_may_come_back() -> None:
+    """A look is short; the time that a busy robot has goes on from the first one."""
+    site, looks, since = Site(busy_until=45.0), 0, None
+    while (found := outcome(site, look=10.0, since=since)[0]) == "deferred-busy":
+        looks, since = looks + 1, site.waiting
+        assert since is not None
+        assert since < 10
+        assert not site.held
+    assert (found, looks) == ("updated", 3)
+
+
+def test_the_last_look_is_no_wait() -> None:
+    site, since = Site(busy_until=FOREVER), None
+    for _look in range(20):
+        assert outcome(site, look=10.0, since=since)[0] == "deferred-busy"
+        since = site.waiting
+        if since is None:
+            break
+    assert since is None
+    assert 60 < site.time < 120
 
 
 def test_another_run_is_left_alone() -> None:
