@@ -113,6 +113,8 @@ class RobotHost(ActionHost):
 
 
 class ActionModule(ClusterAction):
+    # Not TRANSFERS_FILES: for that Ansible contacts the host before any of this runs. One that is off would leave the
+    # run there, and be the end of it where it is all of a wave.
     _requires_connection = True
     ARGUMENTS: ClassVar = UPDATE_ARGS
 

@@ -26,7 +26,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._action.te
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
-PLAYBOOK = f"- import_playbook: {CHECKOUT}/playbooks/site.yml\n"
 STAGES = ",".join(PARTS)
 APP = {"name": "talker", "image": "x.example/talker:1", "command": ["run"], "pattern": "pubsub"}
 WAVE = "Robots are updated, wave by wave"
@@ -57,8 +56,10 @@ def runs(server: Server, name: str) -> None:
 
 
 class Run:
-    def __init__(self, control: Control, robots: str, *arguments: str, **variables: Any) -> None:
-        control._write("play.yml", PLAYBOOK)
+    def __init__(
+        self, control: Control, robots: str, *arguments: str, playbook: str = "site", **variables: Any
+    ) -> None:
+        control._write("play.yml", f"- import_playbook: {CHECKOUT}/playbooks/{playbook}.yml\n")
         said = {"ros_apps": [APP], "ros_app_rollout_timeout": 1, "update_failure_budget": 9, **variables}
         done = control.run("--limit", robots, "-e", json.dumps(said), *arguments)
         self.status, self.output = done.returncode, done.stdout + done.stderr
@@ -94,7 +95,17 @@ def test_who_runs_nothing_comes_first_and_who_works_in_waves(server: Server, con
         assert "nothing was touched: the node's images cannot be listed" in run.outcome(name)[1]
         assert ":0" in str(server.find(path_of("Deployment", f"robot-{name}", "talker")))
     assert run.outcome("robot3")[0] == "deferred-offline"
+    assert run.output.count("UNREACHABLE!") == 1  # in the very end, for the exit status
     assert run.status == 4, run.output
+
+
+def test_a_robot_that_is_off_ends_no_waves(server: Server, control: Control) -> None:
+    """It is the only one of the first wave."""
+    runs(server, "robot5")
+    run = Run(control, "robot3,robot5", playbook="update")
+    assert run.outcome("robot3")[0] == "deferred-offline"
+    assert "the node's images cannot be listed" in run.outcome("robot5")[1]
+    assert run.plays[-1] == "What became of every robot"
 
 
 def test_robots_that_fail_end_the_waves_as_in_an_update(server: Server, control: Control) -> None:
