@@ -325,13 +325,16 @@ class Guarded:
 
     def _patiently(self, end: float, look: Callable[[], None]) -> None:
         """Again and again until it is well or the time is over; what was seen last is the error."""
+        said = self.clock.now()
         while True:
             try:
                 look()
             except (KubeError, NotReadyError) as error:
                 if self.clock.now() >= end:
                     raise NotReadyError(str(error)) from error
-                self.trace(f"{self.change.name}: {error}")
+                if self.clock.now() - said >= SLICE:
+                    said = self.clock.now()
+                    self.say(f"{self.change.name}: not yet proven: {error}")
                 self.sleep(PAUSE)
             else:
                 return
