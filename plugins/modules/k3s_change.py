@@ -15,7 +15,7 @@ description:
     that is stopped for it; where that fails nothing is exchanged.
   - As long as a change is not proven, what is kept is not written over, so that a change that was cut off or tried
     again goes back to what last worked.
-  - The role M(rosops.fleet.k3s) stages the files, asks before, and proves the change afterwards.
+  - The role P(rosops.fleet.k3s#role) stages the files, asks before, and proves the change afterwards.
   - Needs nothing but Python's standard library on the host.
 author:
   - rosops.fleet contributors (@rosops)
