@@ -201,6 +201,10 @@ bench-exporter: ## What the ROS exporter costs with 20 nodes, and how true its r
 bench-ready: ## How fast ros_ready answers
 	python benchmarks/bench_ready.py
 
+.PHONY: bench-look
+bench-look: ## What a look costs at graphs of 10, 30 and 100 robots that share a master
+	python benchmarks/bench_look.py $(BENCH)
+
 .PHONY: bench-site
 bench-site: ## What site.yml and update.yml cost, in seconds and processor time (BENCH="--before DIR --rounds 3": beside another checkout)
 	python benchmarks/bench_site.py $(BENCH)

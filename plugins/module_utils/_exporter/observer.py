@@ -46,7 +46,7 @@ class Observer(Master):
 
     def graph(self) -> MasterState:
         """The registrations; raises what went wrong, as it came."""
-        return replies.master_state(replies.unwrap(self.within(lambda api: api.raw("getSystemState", CALLER))))
+        return self.state_of(replies.unwrap(self.within(lambda api: api.raw("getSystemState", CALLER))))
 
     def errands(self, state: MasterState) -> list[Errand]:
         """Every registered node with what there is to ask it; those that were late last time come last."""
@@ -57,7 +57,7 @@ class Observer(Master):
         servers = {action: graph.action_of(state, action).servers for action in actions}
         made = []
         for name in sorted(names, key=lambda name: (name in self.late, name)):
-            services = tuple((one, service_uris[one]) for one, nodes in watched.items() if name in nodes)
+            services = tuple((one, service_uris[one]) for one in state.of(name, state.services) if one in watched)
             made.append(Errand(name, uris[name], services, tuple(one for one in actions if name in servers[one])))
         return made
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import replace
 from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import RosError
@@ -19,7 +18,6 @@ from .._ros import registrations
 from .._ros.graph import MasterState
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
-from .._ros.replies import master_state
 from . import keeper_memory
 from .keeper_record import Record
 
@@ -27,6 +25,9 @@ LOOK = 1.0  # seconds between looks at the master,
 AWAY = 0.2  # while it does not answer,
 REST = 5.0  # once nothing has changed for QUIET seconds, and its end would be noticed without a look
 QUIET = 30.0
+# A master that took long to say all that is registered (that of a large fleet) is left alone for so many times as long,
+# but not longer than these seconds: it has other work to do.
+SHARE, MOST = 10, 10.0
 ADDRESSES = 15.0  # seconds after which addresses are looked up although no name has changed
 PARAMETERS, CHANGED = 60.0, 2.0  # seconds between two reads of all parameters; after the master told of a change
 ASK = 1.0  # seconds for nodes to answer before a replay: one that is late is asked again, the others do not wait for it
@@ -37,18 +38,20 @@ TOGETHER = 3  # names in a line of the log
 class Keeper:
     """Keeps one graph's registrations and parameters."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
         self,
         ros: Registrar,
         record: Record,
         log: Callable[[str], None],
         now: Callable[[], float] = time.time,
         uri: str = "",
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """`uri` is where the master can tell us of parameters that change."""
         self.ros, self.record, self.log, self.now, self.uri = ros, record, log, now, uri
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = now()
+        self.clock = clock
         self.memory = keeper_memory.from_dict(record.load("registrations"))
         self.saved: Any = None
         self.params: str = str(record.load("parameters") or "")
@@ -59,7 +62,9 @@ class Keeper:
         self.away = ""
         self.state: MasterState | None = None
         self.present: dict[str, Entry] = {}
-        self.looked_up = 0.0
+        self.seen: MasterState | None = None  # without types, as the last look had it
+        self.due = 0.0  # by the clock: when to look at all that is registered again,
+        self.addresses_due = 0.0  # and at the addresses
         self.probing: threading.Thread | None = None
         self.probed: tuple[dict[str, Entry], dict[str, Liveness]] | None = None
 
@@ -73,7 +78,6 @@ class Keeper:
             self.away = str(error)
             self.state = None
             return AWAY
-        self._save()
         self.complete = bool(self.params)
         held = self.held()
         return REST if held and self._rests() else LOOK
@@ -100,11 +104,18 @@ class Keeper:
 
     def _look(self) -> None:
         caller, now = self.ros.caller, self.now()
-        requests = [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id"), ("getSystemState", caller)]
-        *identity, system = self.ros.calls(requests)
+        identity = [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id")]
+        began = self.clock()
+        rests = self.state is not None and began < self.due
+        if rests and _identity(self.ros.calls(identity)) == self.memory.master:  # nobody restarted it
+            self._keep_params(now)
+            return
+        *parts, system = self.ros.calls([*identity, ("getSystemState", caller)])
         if isinstance(system, RosError):
             raise system
-        master = tuple(None if isinstance(part, RosError) else part for part in identity)
+        took = self.clock() - began
+        self.due = began + took + min(SHARE * took, MOST) - LOOK
+        master = _identity(parts)
         if self.away:
             self.log("the master is back")
             self.away = ""
@@ -116,19 +127,28 @@ class Keeper:
         else:
             self._mend(now)
             self._probe(now)
-        if now - self.params_at >= (CHANGED if self.changed else PARAMETERS) or self.told_by != master:
-            self._read_params(now, master)
+        self._keep_params(now)
+        self._save()
+
+    def _keep_params(self, now: float) -> None:
+        due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
+        if due or self.told_by != self.memory.master:
+            self._read_params(now, self.memory.master)
 
     def _register(self, system: Any, now: float, anew: bool) -> None:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then."""
-        state = master_state(system)
-        known = self.state
-        changed = known is None or anew or state != replace(known, types={})  # which were not asked for
+        state = self.ros.state_of(system)
+        changed = self.state is None or anew or (state is not self.seen and state != self.seen)
+        self.seen = state
         self.restless = now if changed else self.restless
-        if changed or now - self.looked_up >= ADDRESSES:
-            self.state = self.ros.state(types=True)
+        began = self.clock()
+        if changed or began >= self.addresses_due:
+            types = self.ros.calls([("getTopicTypes", self.ros.caller)])[0]
+            if isinstance(types, RosError):
+                raise types
+            self.state = self.ros.state_of(system, types)
             self.present = self._without_us(self.ros.snapshot(self.state))
-            self.looked_up = now
+            self.addresses_due = began + max(ADDRESSES, min(SHARE * (self.clock() - began), MOST))
             unknown = self.memory.unknown(self.present)
             answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
             self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
@@ -234,6 +254,11 @@ class Keeper:
         if content != self.saved:
             self.record.save("registrations", content)
             self.saved = content
+
+
+def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:
+    """What tells this run of the master from another."""
+    return tuple(None if isinstance(part, RosError) else part for part in parts)
 
 
 def replaced(answer: Liveness) -> Liveness:

@@ -9,6 +9,7 @@ Pure, and the same for every kind of ROS: nothing here opens a connection or kno
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any, Iterable, Mapping
 
 ANY_TYPE = "*"  # what a node says that takes any message type
@@ -36,11 +37,45 @@ class MasterState:
     types: Mapping[str, str] = field(default_factory=dict)
 
     def nodes(self) -> list[str]:
-        lists = [*self.publishers.values(), *self.subscribers.values(), *self.services.values()]
-        return sorted({name for names in lists for name in names})
+        return list(self.graph.nodes)
 
     def of(self, node: str, part: Registrations) -> tuple[str, ...]:
-        return tuple(sorted(name for name, nodes in part.items() if node in nodes))
+        """What a node has of one of the three parts of this state."""
+        return next(names.get(node, ()) for whole, names in self._by_node if whole is part)
+
+    @cached_property
+    def _by_node(self) -> list[tuple[Registrations, Mapping[str, tuple[str, ...]]]]:
+        """Each part the other way round: made once for all nodes, of which a large graph has many."""
+        return [(part, _turned(part)) for part in (self.publishers, self.subscribers, self.services)]
+
+    @cached_property
+    def graph(self) -> Graph:
+        """The graph as it is registered: nobody asked, nobody known to be connected."""
+        published, subscribed, served = (names for _part, names in self._by_node)
+        nodes = {
+            name: Node(
+                name,
+                publications=published.get(name, ()),
+                subscriptions=subscribed.get(name, ()),
+                services=served.get(name, ()),
+            )
+            for name in sorted({*published, *subscribed, *served})
+        }
+        topics = {
+            name: Topic(name, self.types.get(name, ""), self.publishers.get(name, ()), self.subscribers.get(name, ()))
+            for name in sorted({*self.publishers, *self.subscribers})
+        }
+        services = {name: Service(name, providers) for name, providers in self.services.items()}
+        return Graph(nodes, topics, services, {name: action_of(self, name) for name in action_names(self)})
+
+
+def _turned(part: Registrations) -> dict[str, tuple[str, ...]]:
+    """Name -> nodes as node -> names."""
+    found: dict[str, list[str]] = {}
+    for name in sorted(part):
+        for node in dict.fromkeys(part[name]):
+            found.setdefault(node, []).append(name)
+    return {node: tuple(names) for node, names in found.items()}
 
 
 @dataclass(frozen=True)

@@ -7,40 +7,39 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from typing import Any, Callable, Iterable, Sequence, TypeVar
 
 from .._common.errors import RosError
 from .graph import MasterState
 from .replies import master_state
-from .rpc import Api, Deadline, Request, address_of, in_parallel, reason
+from .rpc import Api, Deadline, Memo, Request, address_of, reason
 
 _Result = TypeVar("_Result")
 
 
 class Master:
-    """One master, by its URI. Nothing is kept between calls, so a node that moved is found."""
+    """One master, by its URI. It is asked anew by every call, so a node that moved is found.
+
+    What it says is read again only where it says something else: that of a large fleet takes a good part of a second.
+    """
 
     def __init__(self, uri: str, timeout: float = 2.0, caller: str = "") -> None:
         self.uri = uri
         self.timeout = timeout
         # a caller id of its own: it shows up in the nodes' logs and connection lists
         self.caller = caller or f"/rosops_fleet_{os.getpid()}"
+        self._memo = Memo()
+        self._states: dict[bool, tuple[Any, Any, MasterState]] = {}  # with types, without
+        self._rest = 0.0  # by time.monotonic; until then it is left alone
         address_of(uri, "http")
         if not (math.isfinite(timeout) and timeout > 0):
             raise RosError(f"a time-out of {timeout} s is not more than 0 s")
 
     def within(self, call: Callable[[Api], _Result]) -> _Result:
         """Make calls of the master, and end with the time-out; raises what went wrong, as it came."""
-
-        def task() -> Any:
-            with Api(self.uri, self.caller, Deadline(self.timeout)) as api:
-                return call(api)
-
-        # in a thread of its own only for the name look-up, which would not end with the deadline
-        result: Any = in_parallel({"master": task}, self.timeout, lambda _key, error: error)["master"]
-        if isinstance(result, BaseException):
-            raise result
-        return result  # type: ignore[no-any-return] # it is what the call gave
+        with Api(self.uri, self.caller, Deadline(self.timeout), self._memo) as api:
+            return call(api)
 
     def calls(self, requests: Sequence[Request]) -> list[Any]:
         """Requests (method, caller, *arguments) in one round trip; each result is a value or a RosError."""
@@ -52,12 +51,27 @@ class Master:
             raise RosError(f"the ROS master does not answer: {reason(error, self.uri, self.timeout)}") from error
 
     def state(self, types: bool = False) -> MasterState:
-        """Who registered what, with the topics' types where they are wanted."""
+        """Who registered what, with the topics' types where they are wanted.
+
+        To say it all takes a master as long as it has to tell, so it is then left alone for as long: many who look at
+        a large graph at the same time must not keep it from its work.
+        """
+        time.sleep(max(0.0, self._rest - time.monotonic()))
+        began = time.monotonic()
         results = self.calls([("getSystemState", self.caller), ("getTopicTypes", self.caller)][: 2 if types else 1])
+        ended = time.monotonic()
+        self._rest = ended + min(ended - began, self.timeout)
         for result in results:
             if isinstance(result, RosError):
                 raise RosError(f"the ROS master at {self.uri} is not one: {result}")
-        return master_state(*results)
+        return self.state_of(*results)
+
+    def state_of(self, system_state: Any, types: Any = None) -> MasterState:
+        """The state that these values of the master's replies are. The same values as before are the same object."""
+        known = self._states.get(types is None)
+        if known is None or known[0] is not system_state or known[1] is not types:
+            known = self._states[types is None] = (system_state, types, master_state(system_state, types))
+        return known[2]
 
     def look_up(self, nodes: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
         """Addresses of nodes and services; a RosError in place of one that is not to be had."""

@@ -9,7 +9,7 @@ sense is left out, never an exception.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
@@ -18,11 +18,8 @@ from .graph import (
     Graph,
     MasterState,
     Node,
-    Service,
     ServiceProbe,
     StatusReading,
-    Topic,
-    action_names,
     action_of,
 )
 
@@ -110,11 +107,9 @@ def shared_uris(uris: Mapping[str, str]) -> frozenset[str]:
     return frozenset(name for uri, names in nodes.items() if uri and len(names) > 1 for name in names)
 
 
-def _node(state: MasterState, name: str, answer: NodeAnswer | None, doubtful: bool) -> Node:
+def _node(state: MasterState, name: str, answer: NodeAnswer, doubtful: bool) -> Node:
     published, subscribed = state.of(name, state.publishers), state.of(name, state.subscribers)
     services = state.of(name, state.services)
-    if answer is None:
-        return Node(name, publications=published, subscriptions=subscribed, services=services)
     own = {**topic_types(answer.subscriptions), **topic_types(answer.publications)}
     pid, error = answer.pid, answer.error
     if doubtful and pid is not None and any(topic not in own for topic in (*published, *subscribed)):
@@ -130,27 +125,26 @@ def build(
     statuses: Mapping[str, Mapping[str, StatusReading]] | None = None,
 ) -> Graph:
     """Registrations and answers -> graph. A node without an answer stands in it as not asked."""
-    probes, statuses = probes or {}, statuses or {}
+    registered, probes, statuses = state.graph, probes or {}, statuses or {}
     doubtful = shared_uris({name: answer.uri for name, answer in answers.items()})
-    names = sorted({*state.nodes(), *answers})
-    nodes = {name: _node(state, name, answers.get(name), name in doubtful) for name in names}
+    answered = {name: _node(state, name, answer, name in doubtful) for name, answer in answers.items()}
     edges: dict[str, set[tuple[str, str]]] = {}
-    for node in nodes.values():
+    for node in answered.values():
         for connection in node.connections or ():
-            if connection.direction != "i" and connection.connected:
+            if connection.direction != "i" and connection.connected and connection.topic in registered.topics:
                 edges.setdefault(connection.topic, set()).add((node.name, connection.peer))
-    topics = {
-        name: Topic(
-            name,
-            state.types.get(name, ""),
-            state.publishers.get(name, ()),
-            state.subscribers.get(name, ()),
-            tuple(sorted(edges.get(name, ()))),
-        )
-        for name in sorted({*state.publishers, *state.subscribers})
+    connected = {
+        name: replace(registered.topics[name], connections=tuple(sorted(found))) for name, found in edges.items()
     }
-    services = {name: Service(name, providers, probes.get(name)) for name, providers in state.services.items()}
-    actions = {
-        name: action_of(state, name, statuses.get(name)) for name in sorted({*action_names(state), *statuses})
-    }  # fmt: skip
-    return Graph(nodes, topics, services, actions)
+    probed = {
+        name: replace(registered.services[name], probe=probe)
+        for name, probe in probes.items()
+        if name in registered.services
+    }
+    asked = {name: action_of(state, name, found) for name, found in statuses.items()}
+    return Graph(
+        {**registered.nodes, **answered},
+        {**registered.topics, **connected},
+        {**registered.services, **probed},
+        {**registered.actions, **asked},
+    )

@@ -9,6 +9,7 @@ the same time, and what they send is limited in size.
 
 from __future__ import annotations
 
+import hashlib
 import http.client
 import queue
 import socket
@@ -22,13 +23,44 @@ from urllib.parse import urlsplit
 from .._common.errors import RosError
 from .replies import unwrap
 
-MAX_REPLY = 4 * 1024 * 1024  # XML of one reply: a graph of 10,000 registrations is about 1 MB
+MAX_REPLY = 64 * 1024 * 1024  # XML of one reply: that of a graph of 100 robots with 12 nodes each is about 6 MB
 MASTER = "/master"  # the caller id that the master itself uses towards nodes
 MAX_THREADS = 128
 GRACE = 0.1  # for a peer's own time-out, whose reason says more than ours, to come first
 
 _Result = TypeVar("_Result")
 Request = Tuple[Any, ...]  # method, caller id, arguments
+
+
+class Memo:
+    """Parsed replies by their questions: one that is byte for byte the same as the last is not parsed again.
+
+    What it gives is shared by all who ask, so nobody may change it.
+    """
+
+    LEAST = 16 * 1024  # bytes of a reply that is worth it
+    KEPT = 4  # questions
+
+    def __init__(self) -> None:
+        self._kept: dict[bytes, tuple[bytes, Any]] = {}
+        self._lock = threading.Lock()
+
+    def parsed(self, question: bytes, reply: bytes) -> Any:
+        if len(reply) < self.LEAST:
+            return _parsed(reply)
+        asked, said = hashlib.blake2b(question).digest(), hashlib.blake2b(reply).digest()
+        with self._lock:
+            before = self._kept.pop(asked, None)
+        kept = before if before and before[0] == said else (said, _parsed(reply))
+        with self._lock:
+            self._kept[asked] = kept
+            while len(self._kept) > self.KEPT:
+                del self._kept[next(iter(self._kept))]
+        return kept[1]
+
+
+def _parsed(reply: bytes) -> Any:
+    return xmlrpc.client.loads(reply)[0][0]
 
 
 class Deadline:
@@ -65,9 +97,9 @@ class TimedSocket(socket.socket):
 
 
 def connect(host: str, port: int, deadline: Deadline) -> TimedSocket:
-    """A TCP connection within the deadline; names are looked up here (and can outlast it: see in_parallel)."""
+    """A TCP connection within the deadline."""
     error: OSError = socket.timeout("timed out")
-    for family, kind, protocol, _name, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+    for family, kind, protocol, _name, address in _addresses(host, port, deadline):
         sock = TimedSocket(family, kind, protocol)
         sock.deadline = deadline
         try:
@@ -79,6 +111,19 @@ def connect(host: str, port: int, deadline: Deadline) -> TimedSocket:
             error = caught
             sock.close()
     raise error
+
+
+def _addresses(host: str, port: int, deadline: Deadline) -> list[Any]:
+    """What a name stands for. A look-up cannot be ended, so it is left behind in a thread where it takes too long."""
+    look_up = partial(socket.getaddrinfo, host, port, type=socket.SOCK_STREAM)
+    try:
+        return look_up(flags=socket.AI_NUMERICHOST)  # a pod's address: nobody has to be asked
+    except socket.gaierror:
+        tasks: dict[Any, Callable[[], Any]] = {host: look_up}
+        found = in_parallel(tasks, deadline.left(), lambda _host, error: error)[host]
+    if isinstance(found, BaseException):
+        raise found
+    return list(found)
 
 
 def address_of(uri: str, scheme: str) -> tuple[str, int]:
@@ -159,8 +204,9 @@ class _HTTPConnection(http.client.HTTPConnection):
 class Api:
     """The XML-RPC API of the master or of a node, over one connection that is kept for all calls."""
 
-    def __init__(self, uri: str, caller: str, deadline: Deadline) -> None:
+    def __init__(self, uri: str, caller: str, deadline: Deadline, memo: Memo | None = None) -> None:
         self.caller = caller
+        self.memo = memo
         self.path = urlsplit(uri).path or "/"
         self.http = _HTTPConnection(*address_of(uri, "http"), deadline)
 
@@ -182,13 +228,13 @@ class Api:
             response = self._post(body)
         text = response.read(MAX_REPLY + 1)
         if len(text) > MAX_REPLY:
-            raise RosError(f"the reply to {method} is longer than {MAX_REPLY} bytes")
+            raise RosError(f"the reply to {method} is longer than {MAX_REPLY} bytes, which no graph of robots needs")
         if response.status != 200:
             raise RosError(f"{method} was answered with HTTP status {response.status}")
         # no ROS peer declares entities; one that does wants to blow them up
         if b"<!" in text or not text.lstrip().startswith((b"<?xml", b"<methodResponse")):
             raise RosError(f"the reply to {method} is not plain XML-RPC")
-        return xmlrpc.client.loads(text)[0][0]
+        return self.memo.parsed(body, text) if self.memo else _parsed(text)
 
     def _post(self, body: bytes) -> http.client.HTTPResponse:
         self.http.request("POST", self.path, body, {"Content-Type": "text/xml", "User-Agent": "rosops.fleet"})

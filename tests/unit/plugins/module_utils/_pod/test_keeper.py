@@ -33,6 +33,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations im
     Liveness,
     after,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import master_state
 
 TALKER = Entry("http://t:1/", 7, {"/chatter": "std_msgs/String"}, {}, {"/talker/get": "rosrpc://t:2"})
 LISTENER = Entry("http://l:1/", 8, {}, {"/chatter": "std_msgs/String"}, {})
@@ -51,6 +52,8 @@ class Ros:
         self.verdicts: dict[str, Liveness] = {}
         self.snapshots = 0
         self.subscribed: list[tuple[Any, ...]] = []
+        self.seconds, self.took = 0.0, 0.0  # for the master to say all that is registered, once and so far
+        self.looks = 0
 
     def restart(self) -> None:
         self.pid += 1
@@ -70,7 +73,13 @@ class Ros:
     def calls(self, requests: Sequence[tuple[Any, ...]]) -> list[Any]:
         if not self.up:
             raise RosError("the ROS master does not answer: nothing listens")
+        if "getSystemState" in [method for method, *_more in requests]:
+            self.looks += 1
+            self.took += self.seconds
         return [self._answer(method, *more) for method, _caller, *more in requests]
+
+    def state_of(self, system: Any, types: Any = None) -> MasterState:
+        return master_state(system, types)
 
     def _answer(self, method: str, *more: Any) -> Any:
         if method == "setParam":
@@ -85,11 +94,7 @@ class Ros:
             return self.params
         if method == "getParam":
             return self.params if more[0] == "/" else self.params[more[0].strip("/")]
-        return {"getPid": self.pid, "getUri": "http://m:1/", "getSystemState": self._raw()}[method]
-
-    def state(self, types: bool = False) -> MasterState:
-        assert types
-        return MasterState(*({name: tuple(nodes) for name, nodes in part} for part in self._raw()))
+        return {"getPid": self.pid, "getUri": "http://m:1/", "getSystemState": self._raw(), "getTopicTypes": []}[method]
 
     def snapshot(self, _state: MasterState | None = None) -> dict[str, Entry]:
         self.snapshots += 1
@@ -123,7 +128,13 @@ class Bench:
         self.keeper = self.start()
 
     def start(self) -> Keeper:
-        self.keeper = Keeper(self.ros, Record(str(self.directory)), self.said.append, lambda: self.at)  # type: ignore[arg-type]
+        self.keeper = Keeper(
+            self.ros,  # type: ignore[arg-type]
+            Record(str(self.directory)),
+            self.said.append,
+            lambda: self.at,
+            clock=lambda: self.at + self.ros.took,
+        )
         return self.keeper
 
     def step(self, seconds: float = LOOK) -> float:
@@ -246,6 +257,25 @@ def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Benc
     bench.ros.nodes["/new"] = bench.ros.entries["/new"] = Entry("http://n:1/", 9, {"/n": "x/N"})
     bench.step()
     assert bench.ros.snapshots == 3
+
+
+def test_a_large_graph_is_looked_at_less_often(bench: Bench) -> None:
+    bench.step()
+    bench.ros.looks = 0
+    bench.steps(20)
+    assert bench.ros.looks == 20
+    bench.ros.seconds, bench.ros.looks = 0.5, 0  # a fleet of a hundred robots
+    bench.steps(20)
+    assert 3 <= bench.ros.looks <= 5
+
+
+def test_a_restart_is_seen_at_once_all_the_same(bench: Bench) -> None:
+    bench.ros.seconds = 2.0
+    bench.step()
+    bench.step()
+    bench.ros.restart()
+    bench.step()
+    assert bench.registered().keys() == {"/talker", "/listener"}
 
 
 def test_a_master_that_is_away_is_said_once(bench: Bench) -> None:
