@@ -55,7 +55,8 @@ def test_a_publisher_with_two_subscribers(peers: Peers, library: Any) -> None:
     rate = measured(peers, lidar=node.uri)
     assert rate is not None
     assert (rate.messages, rate.few, rate.known) == (10, False, None)
-    assert rate.hz == pytest.approx(10 / WINDOW, rel=0.2)
+    assert rate.seconds >= WINDOW
+    assert rate.hz == pytest.approx(10 / rate.seconds)
 
 
 def test_two_publishers_are_summed(peers: Peers) -> None:
