@@ -12,7 +12,7 @@ import sys
 import threading
 from typing import Any, Mapping
 
-from . import families, updates
+from . import bounds, families, updates
 from .claims import Claims
 from .families import Family
 from .observer import Observer
@@ -30,6 +30,7 @@ OPTIONS: Mapping[str, str] = {
     "--capacities": "{}",  # bytes by claim, as JSON
     "--namespace": "",
     "--statistics": "off",
+    "--series": str(bounds.MOST),
 }
 
 
@@ -56,6 +57,7 @@ class Sources:
         self.updates = updates.Updates(chosen["--updates"])
         self.poller = Poller(Observer(uri, float(chosen["--timeout"])), float(chosen["--interval"]), self.updates, tell)
         self.claims = Claims(chosen["--claims"], chosen["--namespace"]) if chosen["--claims"] else None
+        self.most = int(chosen["--series"])
         self.capacities: dict[str, int] = json.loads(chosen["--capacities"])
         self.statistics: Any = None
         if chosen["--statistics"] == "on":
@@ -74,7 +76,7 @@ class Sources:
             found += families.claim_families(self.claims.used, self.capacities)
         if self.statistics is not None:
             found += families.statistics_families(self.statistics.rows())
-        return found
+        return bounds.bounded(found, self.most)
 
 
 def main(words: list[str]) -> int:

@@ -24,6 +24,7 @@ from fnmatch import fnmatchcase
 from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
 
 from .graph import ANY_TYPE
+from .names import ANONYMOUS
 
 Contract = Dict[str, Any]
 Edge = Tuple[str, str, str]  # publisher, topic, subscriber
@@ -33,8 +34,7 @@ LEAST_RATE = 1.0  # Hz; below it a window of two seconds holds too few messages 
 
 _LOGGERS = ("/get_loggers", "/set_logger_level")
 _ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
-# rospy's anonymous names end in process id and milliseconds, roscpp's in nanoseconds
-_TOOL = re.compile(r"(_\d+_\d{13}|_\d{18,})\Z")
+_TOOL = re.compile(ANONYMOUS + r"\Z")
 _TOOL_NAMES = ("rqt", "rosops_fleet", "ros_keeper")
 
 

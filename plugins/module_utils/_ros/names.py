@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+# How anonymous names end, as a pattern: rospy's in process id and milliseconds, roscpp's in nanoseconds.
+ANONYMOUS = r"(?:_\d+_\d{13}|_\d{18,})"
+
 
 def resolve(name: str, namespace: str = "/", node: str = "") -> str:
     """A graph name made absolute (wiki: ROS/Names, "Resolving").

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter import bounds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import prometheus_keep as kept
@@ -27,6 +28,10 @@ Job = dict[str, Any]
 
 RULES_DIR = "/etc/prometheus-rules"
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
+# What a pod may show in one look, by job: more than the exporter does (`bounds.MOST`, and a claim or update here and
+# there), and more than an app has a use for. A pod with more is one whose look failed, and not the end of the database.
+SAMPLES = {obs.ROS_EXPORTER: bounds.MOST + 5_000, "apps": 50_000}
+LABELS = {"label_limit": 64, "label_name_length_limit": 256, "label_value_length_limit": 2048}
 # Jobs of one and the same discovery share its watches.
 PODS = {"role": "pod", "attach_metadata": {"node": True}}
 NODES = {"role": "node"}
@@ -51,16 +56,17 @@ def prometheus_config(spec: Spec) -> dict[str, Any]:
         # robots send what they kept while their link was down
         config["storage"] = {"tsdb": {"out_of_order_time_window": spec["hub"]["window"]}}
     parts = (obs.PROMETHEUS, obs.LOKI, obs.GRAFANA, obs.ALERTMANAGER)
-    config["scrape_configs"] = [*_own_jobs(spec, parts), *_pod_jobs(spec), *_node_jobs(spec), _apis(spec)]
+    config["scrape_configs"] = [*_own_jobs(spec, parts), *_pod_jobs(spec, LABELS), *_node_jobs(spec), _apis(spec)]
     return config
 
 
 def vmagent_config(spec: Spec) -> dict[str, Any]:
     """What vmagent scrapes on a robot. Not the kubelet's and the API server's own series: each look at them makes
-    several megabytes of text on k3s, which has all of its parts in one registry."""
+    several megabytes of text on k3s, which has all of its parts in one registry. Labels are limited where they are sent
+    to: not every vmagent knows how."""
     return {
         "global": {"scrape_interval": spec["prometheus"]["scrape_interval"]},
-        "scrape_configs": [*_own_jobs(spec, (obs.VMAGENT,)), *_pod_jobs(spec), _probes(spec), _cadvisor(spec)],
+        "scrape_configs": [*_own_jobs(spec, (obs.VMAGENT,)), *_pod_jobs(spec, {}), _probes(spec), _cadvisor(spec)],
     }
 
 
@@ -95,8 +101,8 @@ def _part_job(name: str, labels: list[Rule]) -> Job:
     }
 
 
-def _pod_jobs(spec: Spec) -> list[Job]:
-    """The ROS exporters, and every other pod whose annotations ask for it."""
+def _pod_jobs(spec: Spec, limits: Mapping[str, int]) -> list[Job]:
+    """The ROS exporters, and every other pod whose annotations ask for it. `limits` of what their labels may be."""
     app = meta_label("pod", names.LABEL_APP)
     where = [
         take(annotation("prometheus.io/scheme"), "__scheme__"),
@@ -112,6 +118,8 @@ def _pod_jobs(spec: Spec) -> list[Job]:
     return [
         {
             "job_name": job,
+            "sample_limit": SAMPLES[job],
+            **limits,
             **({"honor_labels": True} if action == "keep" else {}),
             "kubernetes_sd_configs": [PODS],
             "relabel_configs": [

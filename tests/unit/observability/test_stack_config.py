@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._exporter.bounds import MOST
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import prometheus_relabel as relabel
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.loki_config import loki_config
@@ -315,3 +316,12 @@ def test_data_sources_have_the_uids_that_dashboards_name() -> None:
         "alertmanager": "http://alertmanager.observability:9093",
     }
     assert [one["name"] for one in sources if one.get("isDefault")] == ["Prometheus"]
+
+
+def test_no_pod_can_fill_the_database() -> None:
+    """A look at a pod has an end; the exporter's own bound is below it, so that what it shows is always taken."""
+    prometheus, vmagent = prometheus_config(full({})), vmagent_config(full(ROBOT))
+    for config in (prometheus, vmagent):
+        assert job(config, "ros-exporter")["sample_limit"] > MOST
+        assert job(config, "apps")["sample_limit"] > 0
+    assert {job(prometheus, name)["label_limit"] for name in ("ros-exporter", "apps")} == {64}
