@@ -13,6 +13,15 @@ description:
   - A node that is registered but does not answer stands in it with the reason. Only a master that does not answer fails
     the module.
 options:
+  nodes:
+    description:
+      - Ask only these nodes, those they exchange messages with, and their services; of a fleet that shares a master
+        that is little. All actions are asked. What else is registered stands in the graph as not asked (C(reachable)
+        is false, C(error) empty).
+      - Empty means everything.
+    type: list
+    elements: str
+    default: []
   rates:
     description: Measure the topics' messages per second.
     type: bool
@@ -172,9 +181,10 @@ from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.counters import sent
-from ..module_utils._ros.graph import Extras, Graph, Rate, everything
+from ..module_utils._ros.graph import Extras, Graph, Rate, around, everything
 
 INFO_ARGS = {
+    "nodes": {"type": "list", "elements": "str", "default": []},
     "rates": {"type": "bool", "default": False},
     "rate_source": {"type": "str", "choices": ["messages", "counters"], "default": "messages"},
     "rate_topics": {"type": "list", "elements": "str"},
@@ -189,7 +199,7 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
     """The graph, and what was asked for beside it."""
     sockets = ServiceConnections() if params["service_connections"] else None
     state = ros.state(types=True)
-    graph = ros.ask(state, everything(state))
+    graph = ros.ask(state, around(state, params["nodes"]) if params["nodes"] else everything(state))
     publishers = graph.heard(params["rate_nodes"])
     extras = Extras(
         rates(ros, graph, publishers, params) if params["rates"] else {},

@@ -26,6 +26,22 @@ def talker(hertz: float) -> None:
         time.sleep(max(0.0, began + number / hertz - time.monotonic()))
 
 
+class Woken(rospy.SubscribeListener):
+    """Says so on a topic of its own when somebody subscribes, as a camera begins to encode then."""
+
+    def __init__(self) -> None:
+        self.told = rospy.Publisher("/woken", String, queue_size=1, latch=True)
+
+    def peer_subscribe(self, _topic: str, _publish: object, _peer_publish: object) -> None:
+        self.told.publish("by somebody")
+
+
+def camera() -> None:
+    """A lazy publisher beside one that somebody listens to."""
+    rospy.Publisher("/image/compressed", String, subscriber_listener=Woken(), queue_size=1)
+    talker(20.0)
+
+
 def server() -> None:
     import actionlib  # noqa: PLC0415 - only this node needs it
     from actionlib.msg import TestAction  # noqa: PLC0415
@@ -49,6 +65,8 @@ def main() -> None:
         talker(float(sys.argv[3]))
     elif kind == "listener":
         rospy.Subscriber("/chatter", String, lambda _: None)
+    elif kind == "camera":
+        camera()
     elif kind == "server":
         server()
     else:

@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ro
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import everything  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read  # noqa: E402
 
 PYTHON, MASTER, RELAY = "/usr/bin/python3", Path("/usr/bin/rosmaster"), Path("/usr/lib/topic_tools/relay")
@@ -161,6 +162,36 @@ def test_an_update_of_a_publisher(scene: Scene) -> None:
     scene.until(lambda: "nothing listens at" in reason(), "the end of the connection")
     assert scene.wait({"edges": [edge("/talker_new", "/chatter", "/listener")]}, 0).unmet
     assert scene.wait({"topics": [{"name": "/chatter", "connected": True}]}, 0).unmet == []  # of those that live
+
+
+def test_rates_by_counters_of_both_libraries(scene: Scene) -> None:
+    start(scene)
+    scene.run("/second", str(RELAY), "/relayed", "/twice_relayed", "__name:=second")
+    assert scene.wait({"edges": [edge("/relay", "/relayed", "/second")]}, 30).unmet == []
+    topics = scene.read(rates=True, rate_source="counters", rate_seconds=3.0)["topics"]
+    assert topics["/chatter"]["rate"] == pytest.approx(140, rel=0.2)
+    assert topics["/relayed"]["rate"] == pytest.approx(140, rel=0.2)  # by roscpp
+    for unheard in ("/twice_relayed", "/config", "/talker_old/debug"):
+        assert (topics[unheard]["rate"], topics[unheard]["rate_error"]) == (None, "")
+
+
+def test_a_look_wakes_no_camera_and_a_latched_message_is_no_rate(scene: Scene) -> None:
+    scene.node("camera", "camera")
+    scene.node("listener", "listener")
+    assert scene.wait({"edges": [edge("/camera", "/chatter", "/listener")]}, 60).unmet == []
+
+    def woken() -> bool:
+        return bool(scene.ros.rates(scene.ros.ask(state, everything(state)), {"/woken": 0.3})["/woken"].messages)
+
+    state = scene.ros.state()
+    for asked in ({"rate_source": "counters", "rate_seconds": 0.5}, {"rate_nodes": ["/camera"], "md5sums": True}):
+        graph = scene.read(rates=True, **asked)
+        assert not woken()
+    assert graph["topics"]["/chatter"]["rates"] == {"/camera": pytest.approx(20, rel=0.2)}
+    config = scene.read(rates=True, rate_topics=["/config"], rate_seconds=0.5)["topics"]["/config"]
+    assert (config["rate"], config["rates"], config["latched"]) == (None, {}, ["/camera"])
+    assert scene.read(rates=True, rate_topics=["/image/compressed"], rate_seconds=0.5)["topics"]["/woken"]
+    assert woken()  # which proves that it would have said so
 
 
 def test_persistent_service_connections_are_told_from_calls_and_from_topics(scene: Scene) -> None:

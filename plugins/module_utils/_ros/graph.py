@@ -331,6 +331,24 @@ def everything(state: MasterState) -> Questions:
     )
 
 
+def around(state: MasterState, nodes: Iterable[str]) -> Questions:
+    """The questions for these nodes' part of the graph: themselves, their services, those they exchange messages with.
+
+    And every action: one that was not asked must not look idle.
+    """
+    own = [name for name in dict.fromkeys(nodes) if name in state.graph.nodes]
+    asked = {name: frozenset({"bus"}) for name in own}
+    for name in own:
+        for topic in state.of(name, state.subscribers):
+            asked.update(dict.fromkeys(state.publishers.get(topic, ()), frozenset({"bus"})))
+    for name in own:
+        for topic in state.of(name, state.publishers):
+            for peer in state.subscribers.get(topic, ()):
+                asked.setdefault(peer, frozenset())
+    services = [service for name in own for service in state.of(name, state.services)]
+    return Questions(asked, tuple(sorted(dict.fromkeys(services))), tuple(action_names(state)))
+
+
 def action_of(state: MasterState, name: str, statuses: Mapping[str, StatusReading] | None = None) -> Action:
     """The action of that name as the registrations show it, whole or not."""
     goal_type = state.types.get(f"{name}/goal", "")

@@ -17,6 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     StatusReading,
     action_names,
     action_of,
+    around,
     everything,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import (
@@ -222,6 +223,18 @@ def test_everything_asks_every_node_service_and_action() -> None:
     assert set(wanted.nodes.values()) == {frozenset({"bus"})}
     assert "/trigger" in wanted.services
     assert wanted.actions == ("/work",)
+
+
+def test_a_part_of_the_graph_asks_those_around_its_nodes() -> None:
+    state = MasterState(
+        {"/in": ("/far", "/b"), "/out": ("/a",), "/else": ("/c",), "/work/status": ("/w",)},
+        {"/out": ("/b", "/d"), "/in": ("/a",), "/else": ("/e",), "/work/goal": ("/w",), "/work/cancel": ("/w",)},
+        {"/a/s": ("/a",), "/b/s": ("/b",)},
+    )
+    wanted = around(state, ["/a", "/a", "/not_registered"])
+    bus = frozenset({"bus"})
+    assert wanted.nodes == {"/a": bus, "/far": bus, "/b": bus, "/d": frozenset()}
+    assert (wanted.services, wanted.actions) == (("/a/s",), ("/work",))
 
 
 def test_the_graph_as_json() -> None:
