@@ -148,7 +148,7 @@ class Keeper:
                 raise types
             self.state = self.ros.state_of(system, types)
             self.present = self._without_us(self.ros.snapshot(self.state))
-            self.addresses_due = began + max(ADDRESSES, min(SHARE * (self.clock() - began), MOST))
+            self.addresses_due = began + ADDRESSES
             unknown = self.memory.unknown(self.present)
             answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
             self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
