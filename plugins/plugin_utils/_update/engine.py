@@ -445,6 +445,8 @@ class Engine:
                 self.host.register(self.master, now.graph)
         seconds = self.settings.verify_seconds
         proof = decide.proof(now.step, gate.contracts, self.settings.rate_tolerance)
+        if decide.proves_nothing(proof):
+            self.say(f"{now.step.name}: nothing is recorded and nothing promised to hold it to: only its pod is proven")
         patience = seconds + max(VERIFY_EXTRA, now.step.patience)
         self._ready(proof, patience, f"{now.step.name} is what was recorded", stable=seconds)
         self.cluster.wait(now.step.workloads, 5.0, fail_on_restart=True)

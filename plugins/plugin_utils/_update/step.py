@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
@@ -85,8 +85,11 @@ def step_contracts(step: Step, graph: Graph, live: Live) -> dict[str, Contract]:
 def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str]) -> Contract:
     named = [node for node in nodes if node == step.old_nodes.get(app)]
     others = [node for node in nodes if node not in named]
-    contract = ros_contract.record(graph, named, step.renames, intended=step.intended)
-    beside = ros_contract.record(graph, others, step.renames, intended=step.intended)
+    meant = step.intended
+    if step.old_nodes.get(app) in meant.on_demand:  # then all that its launch file starts is
+        meant = replace(meant, on_demand=(*meant.on_demand, *others))
+    contract = ros_contract.record(graph, named, step.renames, intended=meant)
+    beside = ros_contract.record(graph, others, step.renames, intended=meant)
     return {**contract, "others": beside} if others else contract
 
 
@@ -184,6 +187,11 @@ def proof(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> di
     gone = sorted(set(step.old_nodes.values()) - set(step.new_nodes.values()) - {""})
     parts = [step.conditions, *_conditions(contracts.values(), tolerance)]
     return _united(parts, absent=gone if step.handoff == "overlap" else ())
+
+
+def proves_nothing(conditions: Mapping[str, Any]) -> bool:
+    """Whether all of it holds of any version that leaves: nothing was recorded, and nothing is promised."""
+    return not any(conditions.get(key) for key in LISTS if key != "absent")
 
 
 def proof_of_old(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> dict[str, Any]:

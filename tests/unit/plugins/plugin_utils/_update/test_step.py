@@ -16,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     Bounds,
     proof,
     proof_of_old,
+    proves_nothing,
     renamed_graph,
     step_gate,
     step_objects,
@@ -333,3 +334,26 @@ def test_rates_that_were_measured_one_after_the_other_are_all_known() -> None:
             "latched": ["/other"],
         }
     }
+
+
+def test_what_a_launch_file_of_rosbridge_starts_is_its_clients_affair() -> None:
+    def bridge(image: str) -> Robot:
+        words = ["roslaunch", "rosbridge_server", "rosbridge_websocket.launch"]
+        return robot(app("nav", image, command=words, readiness={"nodes": False}))
+
+    step, graph = step_of(bridge("x.org/a:1"), bridge("x.org/a:2")), launch_graph()
+    graph["topics"]["/map"] = {
+        "type": "nav_msgs/OccupancyGrid", "md5sum": "", "publishers": ["/sensor"], "subscribers": ["/amcl"],
+        "connections": [{"publisher": "/sensor", "subscriber": "/amcl"}],
+    }  # fmt: skip
+    gate = step_gate(step, graph, Live(pods=[pod("nav", "10.42.0.8")]))
+    beside = gate.contracts["nav"]["others"]
+    assert set(beside["nodes"]) == {"/amcl", "/move_base"}
+    assert not any(beside[key] for key in ("topics", "subscriptions", "services", "actions", "edges"))
+
+
+def test_a_step_that_the_graph_says_nothing_of_proves_nothing_but_its_pod() -> None:
+    step = launch_step()
+    assert proves_nothing(proof(step, step_gate(step, NO_GRAPH, Live()).contracts, 0.1))
+    named = sensor_step()
+    assert not proves_nothing(proof(named, step_gate(named, NO_GRAPH, Live()).contracts, 0.1))
