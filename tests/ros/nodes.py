@@ -17,8 +17,8 @@ from typing import Any
 
 import actionlib
 import rospy
+import std_msgs.msg
 from actionlib.msg import TestAction, TestGoal, TestResult
-from std_msgs.msg import UInt64
 from std_srvs.srv import Trigger
 
 HZ = 500
@@ -34,8 +34,8 @@ class Log:
             self.file.write(json.dumps({"at": time.time(), **entry}) + "\n")
 
 
-def talker(_log: Log, topic: str = "/numbers") -> None:
-    out = rospy.Publisher(topic, UInt64, queue_size=1000)
+def talker(_log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
+    out = rospy.Publisher(topic, getattr(std_msgs.msg, kind), queue_size=1000)
     rate, number = rospy.Rate(HZ), 0
     while not rospy.is_shutdown():
         out.publish(number)
@@ -43,7 +43,7 @@ def talker(_log: Log, topic: str = "/numbers") -> None:
         rate.sleep()
 
 
-def listener(log: Log, topic: str = "/numbers") -> None:
+def listener(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
     seen = {"count": 0, "last": -1, "lost": 0, "repeated": 0}
 
     def got(message: Any) -> None:
@@ -53,7 +53,7 @@ def listener(log: Log, topic: str = "/numbers") -> None:
         seen["last"] = max(seen["last"], message.data)
         seen["count"] += 1
 
-    rospy.Subscriber(topic, UInt64, got, queue_size=1000)
+    rospy.Subscriber(topic, getattr(std_msgs.msg, kind), got, queue_size=1000)
     while not rospy.is_shutdown():
         time.sleep(0.1)
         log(**seen)

@@ -136,6 +136,27 @@ def test_a_contract_is_kept(scene: Scene, pods: Any) -> None:
     assert pod.call("started") == (0, "")
 
 
+def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
+    """The old ones cannot be connected to the new ones; these have to be to each other."""
+    talker, listener = pods("talker"), pods("listener")
+    edges = [[talker.node, "/numbers", listener.node]]
+    both = {"edges": edges, "members": [talker.node, listener.node]}
+    talker.owe(topics={"/numbers": {"type": "", "md5sum": None, "rate": None}}, **both)
+    listener.owe(subscriptions={"/numbers": {"type": ""}}, **both)
+    scene.start_master()
+    for kind in ("talker", "listener"):
+        scene.start(kind, f"/old_{kind}")
+    until("numbers", lambda: len(scene.log("/old_listener")) > 0)
+    scene.start("talker", talker.node, "/numbers", "UInt32")
+    assert talker.call("started")[1] == (
+        f"not ready: topic /numbers: not connected to {listener.node}, which is updated together with it"
+    )
+    scene.start("listener", listener.node, "/numbers", "UInt32")
+    assert listener.call("started") == (0, "")
+    assert talker.call("started") == (0, "")
+    until("numbers", lambda: any(entry["count"] for entry in scene.log(listener.node)))
+
+
 def test_dead_and_hung_subscribers_block_nobody(scene: Scene, pods: Any) -> None:
     pod = pods("talker")
     scene.start_master()

@@ -91,7 +91,9 @@ def judge(graph: Graph, state: MasterState, wanted: Wanted, forgiving: Mapping[G
     if not own.reachable:
         return [check_node(graph, wanted.node)]
     checks = [_type(own, topic, entry) for topic, entry in _typed(wanted.contract)]
-    checks += [_offered(own, wanted.contract, state)] if wanted.contract else []
+    checks += (
+        [_offered(own, wanted.contract, state), *_together(graph, own, wanted.contract)] if wanted.contract else []
+    )
     if own.connections is None:
         checks.append(Check("node", own.name, WAIT, "it does not tell its connections"))
     open_gaps = gaps(state, graph, own.name)
@@ -132,6 +134,16 @@ def _offered(own: Node, contract: Mapping[str, Any], state: MasterState) -> Chec
     ]
     reason = "as the version before: " + "; ".join(lacking) if lacking else "offers what the version before did"
     return Check("node", own.name, WAIT if lacking else PASS, reason)
+
+
+def _together(graph: Graph, own: Node, contract: Mapping[str, Any]) -> Iterable[Check]:
+    """What comes in the same step has to be there before the old version goes that it had: it may start later."""
+    members = set(contract.get("members", ()))
+    for publisher, topic, subscriber in contract["edges"]:
+        ours = own.name in (publisher, subscriber) and {publisher, subscriber} <= members
+        if ours and graph.unreached(topic, publisher, [subscriber]) != []:
+            other = subscriber if publisher == own.name else publisher
+            yield Check("topic", topic, WAIT, f"not connected to {other}, which is updated together with it")
 
 
 def _reached(graph: Graph, lacking: list[Gap], forgiving: Mapping[Gap, str], registered: int) -> Check:

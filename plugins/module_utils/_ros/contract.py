@@ -91,7 +91,7 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
 
     `renames` maps the nodes of everything that is updated together, so that edges between them keep both ends. A node
     that does not answer now leaves nothing to restore. A topic that none but nodes of the step use may change its
-    definition with them: its type is not asked for, as they connect only if they agree.
+    definition with them: its type is not asked for, as they connect only if they agree. `members` are the step's nodes.
     """
     taken = _Recorder(graph, nodes, renames or {}, intended, least_rate)
     own = [taken.new(name) for name in nodes]
@@ -100,6 +100,7 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
         "tolerance": tolerance,
         "node": own[0] if own else "",
         "nodes": [taken.new(name) for name in taken.alive],
+        "members": sorted(taken.renames.values()),
         "topics": taken.topics(own[0] if own else ""),
         "subscriptions": taken.subscriptions(),
         "services": taken.services(),

@@ -155,6 +155,24 @@ def test_a_living_peer_must_have_the_new_version_if_it_had_the_old_one(change: C
     assert judged(world, came_by, LONG) == (PASS, "")
 
 
+@pytest.mark.parametrize("topic", ["/out", "/in"])
+def test_what_is_updated_together_is_connected_before_the_old_versions_go(topic: str) -> None:
+    """The other new version may start later, and its old one may not understand this one."""
+    new = "/other_0a1b2c3d"
+    edge = [OWN, "/out", new] if topic == "/out" else [new, "/in", OWN]
+    world, owed = World(), contract(edges=[edge], members=[OWN, new])
+    words = f"topic {topic}: not connected to {new}, which is updated together with it"
+    assert judged(world, owed, LONG) == (WAIT, words)
+    if topic == "/out":
+        world.subscribers["/out"].append(new)
+        world.replies(OWN, bus=bus(("/out", SUBSCRIBER), ("/out", new)))
+    else:
+        world.publishers["/in"].append(new)
+        world.answers[new] = NodeAnswer("http://127.0.0.1:40005/", 74, bus=bus(("/in", OWN)))
+    assert judged(world, owed, LONG) == (PASS, "")
+    assert judged(World(), contract(edges=[edge], members=[OWN]), LONG) == (PASS, "")  # it left by itself
+
+
 def test_a_subscription_is_owed_only_while_somebody_publishes_the_topic() -> None:
     """`rosbag record -a`, a page behind rosbridge: they subscribe to what there is."""
     world, owed = World(), contract(subscriptions={"/clicked_point": {"type": ""}})

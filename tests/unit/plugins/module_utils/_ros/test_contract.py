@@ -204,6 +204,7 @@ def test_within_a_group_the_new_versions_have_to_agree_with_each_other() -> None
     found = record(of, [OLD], renames)
     assert (found["topics"]["/temperature"]["type"], found["topics"]["/temperature"]["md5sum"]) == ("", None)
     assert [NEW, "/temperature", STATS_NEW] in found["edges"]
+    assert found["members"] == [STATS_NEW, NEW]
     assert record(of, [STATS_OLD], renames)["subscriptions"]["/temperature"] == {"type": ""}
     # somebody outside of the group uses it, or there is no group: the definition is his, too
     assert record(graph(), [OLD], renames)["topics"]["/temperature"]["type"] == "a/B"
