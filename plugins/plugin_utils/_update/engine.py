@@ -251,8 +251,11 @@ class Engine:
         except (AwayError, CancelledError):
             raise
         except FleetError:
-            if self.settings.on_busy != "force" and self.plan.steps[0].kind != "master":
+            mending = [step for step in self.plan.steps if step.kind == "master"]
+            if self.settings.on_busy != "force" and not mending:
                 raise
+            # a new keeper has nobody to ask: it waits for a master that answers
+            self.plan = replace(self.plan, steps=[*mending, *(step for step in self.plan.steps if step not in mending)])
 
     @property
     def master(self) -> str:
@@ -460,8 +463,10 @@ class Engine:
             if now.step.resume:  # the new server may have been there before, and then the keeper waits for a next one
                 self._release(now)
             return result
+        except LostError as error:  # whoever had the robot meanwhile may have changed what was proven
+            return self._broken_off(now, error)
         except FleetError as error:
-            self.over = isinstance(error, (CancelledError, LostError))
+            self.over = isinstance(error, CancelledError)
             reason = f"its mark could not be taken off ({error}); the next run does that"
             self.say(f"{now.step.name}: {reason}")
             return self._result(now, UPDATED, reason)

@@ -24,13 +24,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import i
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import ros_core_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import MASTER as MASTER_PART
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import intended
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
-MASTER = names.MASTER_NAME
+MASTER, KEEPER = names.MASTER_NAME, names.KEEPER_NAME
 HISTORY_KEY = "history.json"
 CONTRACT_KEY = "contract.json"
 PREVIOUS = "previous"
@@ -193,10 +194,11 @@ def update_plan(robot: Robot, live: Live, request: Request = Request()) -> Plan:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     running = {_key(item): item for item in live.deployments}
     there = _Robot(robot, desired, running, read_histories(live.maps), read_contracts(live.maps))
+    brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
     asked = [
         app for app, objects in desired.items()
-        if (not request.only or app in request.only)
-        and (MASTER_PART if app in (MASTER, names.KEEPER_NAME) else APPS) in request.parts
+        if (not request.only or app in request.only or app == brought)
+        and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
         and (request.shared or not _is_shared(objects))
     ]  # fmt: skip
     return _back(there, asked, request) if request.to else _forward(there, asked)
@@ -220,7 +222,7 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
     """
     target: dict[str, Sequence[Object]] = {}
     for app in asked:
-        if app == MASTER and app not in request.only:
+        if app in (MASTER, KEEPER) and app not in request.only:
             continue  # its own history goes back only when it is named: apps outlive their master's version
         found = _earlier(there, app, request.to)
         if found is not None:
@@ -271,13 +273,16 @@ def read_contracts(maps: Iterable[Object]) -> dict[str, Object]:
 def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
     """The changed apps as steps: the master first, apps of one group together, providers before their users.
 
+    Before the master its keeper, alone: of two that are replaced together nobody knows what was registered. The new
+    keeper is proven with all that the old master has, and gives it to the new one.
+
     Within what the dependencies leave open the inventory's order counts. Validation has refused cycles between apps.
     """
     unit = {app.name: app.update.group or f"app {app.name}" for app in apps}
     needs: dict[str, set[str]] = {name: set() for name in unit.values()}
     for app in apps:
         needs[unit[app.name]] |= {unit[other] for other in app.depends_on if other in unit} - {unit[app.name]}
-    steps = [[MASTER]] if MASTER in changed else []
+    steps = [[app] for app in (KEEPER, MASTER) if app in changed]
     for name in in_order(needs):
         members = {app.name: set(app.depends_on) for app in apps if unit[app.name] == name and app.name in changed}
         steps += [in_order({app: needed & set(members) for app, needed in members.items()})] if members else []
@@ -285,11 +290,10 @@ def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
 
 
 def _desired(robot: Robot) -> dict[str, list[Object]]:
-    """App -> its objects, the master as the app `ros-master`."""
+    """App -> its objects, the master and its keeper as apps of their Deployments' names."""
     found: dict[str, list[Object]] = {}
-    master = master_objects(robot)
-    if master:
-        found[MASTER] = list(master)
+    if robot.master.mode != "external":
+        found[KEEPER], found[MASTER] = list(keeper_objects(robot)), list(ros_core_objects(robot))
     for item in deployments_of(app_objects(robot)):
         found.setdefault(item["metadata"]["name"], []).append(item)
     return found

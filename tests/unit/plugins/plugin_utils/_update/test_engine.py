@@ -44,6 +44,12 @@ def one(name: str, **more: Any) -> Callable[[str], Robot]:
 
 
 def master(wanted: str) -> Robot:
+    container = {"name": "ros-master-container", "image": wanted}
+    overrides = {"spec": {"template": {"spec": {"containers": [container]}}}}
+    return robot(app("sensor", OLD), master={"image": OLD, "overrides": overrides})
+
+
+def keeper_and_master(wanted: str) -> Robot:
     return robot(app("sensor", OLD), master={"image": wanted})
 
 
@@ -65,10 +71,12 @@ SCENARIOS = {
     "drain": Scenario(one("planner", pattern="action", readiness={"actions": ["plan"]})),
     "replace": Scenario(one("driver", pattern=None)),
     "master": Scenario(master, versions=MASTER_VERSIONS),
+    "keeper-and-master": Scenario(keeper_and_master, versions=MASTER_VERSIONS),
     "group": Scenario(group),
     "two-steps": Scenario(two),
     "fleet": Scenario(fleet),
 }
+INFRASTRUCTURE = ("master", "keeper-and-master")  # whoever takes steps back for others
 # all of it takes minutes: that is for ROSOPS_TEST_ALL
 SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 16
 MATRIX = [(name, version) for name, scenario in SCENARIOS.items() for version in scenario.versions]
@@ -128,7 +136,7 @@ def test_faults_at_every_call(name: str, version: str) -> None:
 
 
 UNSEEN = ("good", "crashes-once", "hangs")  # what is ready stays for the next run, and a node that hangs is
-ALONE = [(name, version) for name, version in MATRIX if version not in UNSEEN and name != "master"]
+ALONE = [(name, version) for name, version in MATRIX if version not in UNSEEN and name not in INFRASTRUCTURE]
 
 
 @pytest.mark.parametrize(("name", "version"), ALONE)
@@ -156,7 +164,7 @@ def running(sim: Simulation, app: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "master"])
+@pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])
 def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
     sim, wanted = begin(name, "good")
     sim.run(wanted, settings())
@@ -204,7 +212,7 @@ def test_another_version_after_a_run_that_was_cut_off(name: str) -> None:
             assert outcome_of(sim, bad).outcome == "rolled-back", at
 
 
-@pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "master"])
+@pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])
 def test_the_way_back_by_request(name: str) -> None:
     back, calls = Request(to="previous"), range(1, 16)
     for fault, at in [

@@ -73,7 +73,7 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     sim = Simulation()
     found = outcome(sim, of)
     assert (found.outcome, len(found.steps)) == ("updated", 1)
-    assert sorted(found.steps[0].apps) == sorted(["ros-master", *(one.name for one in of.apps)])
+    assert sorted(found.steps[0].apps) == sorted(["ros-keeper", "ros-master", *(one.name for one in of.apps)])
     # one apply, one wait, one look at the graph; the second wait only sees that nothing was started again
     assert sim.calls == [
         "there", "read", "apply", "claim", "read", "apply", "apply", "rollout", "read", "ready", "rollout", "apply",
@@ -115,7 +115,8 @@ def test_what_does_not_come_up_stays_and_is_told_and_the_rest_is_at_work() -> No
     found = outcome(sim, wanted(BAD))
     assert found.outcome == "failed"
     assert (
-        "what came up stays as it is; the next run goes on from there; up: ros-master, stats, planner" in found.reason
+        "what came up stays as it is; the next run goes on from there; up: ros-keeper, ros-master, stats, planner"
+        in found.reason
     )
     assert "sensor" in found.reason
     assert marked(sim) == {"sensor"}
@@ -289,4 +290,4 @@ def test_a_claim_goes_when_that_is_confirmed_and_nobody_mounts_it() -> None:
 def test_an_app_that_was_named_alone() -> None:
     sim = Simulation()
     found = outcome(sim, wanted(), request=Request(only=("ros-master", "sensor")))
-    assert found.steps[0].apps == ["ros-master", "sensor"]
+    assert found.steps[0].apps == ["ros-keeper", "ros-master", "sensor"]

@@ -40,7 +40,7 @@ def test_what_is_as_it_should_be_is_no_step() -> None:
     wanted = robot(app("one"), app("two"))
     plan = update_plan(wanted, applied(wanted))
     assert plan.steps == []
-    assert sorted(plan.unchanged) == ["one", "ros-master", "two"]
+    assert sorted(plan.unchanged) == ["one", "ros-keeper", "ros-master", "two"]
 
 
 def test_a_changed_app_is_a_step_with_both_its_nodes_and_its_way_back() -> None:
@@ -81,7 +81,7 @@ def test_providers_come_before_their_users_and_the_master_before_all() -> None:
         )
 
     plan = update_plan(fleet("example.org/app:2"), applied(fleet("example.org/app:1")))
-    assert step_names(plan) == [["ros-master"], ["sensor"], ["map"], ["user"]]
+    assert step_names(plan) == [["ros-keeper"], ["ros-master"], ["sensor"], ["map"], ["user"]]
 
 
 def test_what_the_keeper_took_back_is_planned_anew() -> None:
@@ -96,12 +96,25 @@ def test_what_the_keeper_took_back_is_planned_anew() -> None:
     assert step.previous == update_plan(after, applied(before)).steps[0].previous
 
 
-def test_the_keeper_goes_back_with_its_master() -> None:
+def test_master_and_keeper_are_never_replaced_together() -> None:
+    """Each is the other's record: the keeper is proven before the master goes, and the master's failure leaves it."""
     before, after = (robot(app("one"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
-    (step,) = update_plan(after, applied(before)).steps
-    assert set(step.previous) == {"ros-master", "ros-keeper"}
-    assert (set(step.before), step.created) == ({"ros-master"}, [])
-    assert (step.kind, step.handoff, step.actions) == ("master", "replace", [])
+    keeper, master = update_plan(after, applied(before)).steps
+    for step, name, kind in ((keeper, "ros-keeper", "app"), (master, "ros-master", "master")):
+        assert {item["metadata"]["name"] for item in step.objects} == set(step.previous) == set(step.before) == {name}
+        assert (step.name, step.kind, step.handoff, step.actions, step.created) == (name, kind, "replace", [], [])
+
+
+def test_neither_goes_back_unless_it_is_named() -> None:
+    before, after = (robot(app("one"), master={"image": f"x.org/ros:{number}"}) for number in (1, 2))
+    histories = [
+        update_map(name, [{"revision": "then", "deployment": item}])
+        for name, item in ((item["metadata"]["name"], item) for item in applied(before).deployments)
+        if name.startswith("ros-")
+    ]
+    live = applied(after, *histories)
+    assert step_names(update_plan(after, live, PREVIOUS)) == []
+    assert step_names(update_plan(after, live, Request(to="previous", only=["ros-master"]))) == [["ros-master"]]
 
 
 def test_apps_of_one_group_are_one_step_in_the_order_of_their_dependencies() -> None:
@@ -124,12 +137,12 @@ def test_only_the_changed_apps_of_a_group_take_part() -> None:
 
     plan = update_plan(fleet("example.org/app:2"), applied(fleet("example.org/app:1.0")))
     assert step_names(plan) == [["a"]]
-    assert plan.unchanged == ["ros-master", "b"]
+    assert plan.unchanged == ["ros-keeper", "ros-master", "b"]
 
 
 def test_an_unknown_app_is_an_error_that_names_those_there_are() -> None:
     wanted = robot(app("one"))
-    with pytest.raises(SpecError, match="no app nine; it has ros-master, one"):
+    with pytest.raises(SpecError, match="no app nine; it has ros-keeper, ros-master, one"):
         update_plan(wanted, applied(wanted), Request(only=["nine"]))
 
 
@@ -181,7 +194,7 @@ def test_back_to_the_previous_version() -> None:
     assert step_names(plan) == [["one"]]
     assert plan.steps[0].after["one"]["image"] == "example.org/app:1.0"
     assert plan.steps[0].before["one"]["image"] == "x.org/a:2"
-    assert plan.unchanged == ["ros-master", "two"]
+    assert plan.unchanged == ["ros-keeper", "ros-master", "two"]
     assert plan.steps[0].conditions == {}  # today's inventory says nothing about a version of then
     assert plan.steps[0].histories == {"one": [entry(old, "one")]}
 
