@@ -191,7 +191,7 @@ bench-docs: ## docs/benchmarks.md and its pictures, out of the finished trials
 
 .PHONY: bench-probe
 bench-probe: ## What ours costs a robot: at rest per part, with ten apps, and per call of a start and a stop
-	python benchmarks/bench_probe.py
+	python benchmarks/bench_probe.py $(BENCH)
 
 .PHONY: bench-exporter
 bench-exporter: ## What the ROS exporter costs with 20 nodes, and how true its rates are

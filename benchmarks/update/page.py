@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,10 @@ from .paths import CHECKOUT
 from .pictures import KINDS, pictures, step_seconds
 from .tables import loss_table, markdown, number, phase_table, tables, theirs, usage_table
 from .trials import TRIALS, Trials
-from .verdicts import PASS, TITLES, judge, verdicts
+from .verdicts import MISS, PASS, TITLES, judge, verdicts
 
 PAGE = CHECKOUT / "docs" / "benchmarks.md"
+REST = TRIALS.with_name("at_rest.json")
 PICTURES = CHECKOUT / "docs" / "benchmarks"
 ABOUT = ("machine", "kernel", "system", "hosts", "k3s", "containerd", "ros", "ansible", "collection", "date")
 
@@ -41,7 +43,7 @@ AGAIN = """## Run it again
     make bench MINUTES=30           # begins no trial that would not be over by then
     make bench BENCH="--cases pubsub/minor --data /tmp/mine.jsonl"
     make bench-docs                 # this page and its pictures out of the trials
-    make bench-probe                # what ours costs a robot at rest, per part
+    make bench-probe BENCH=--publish   # what ours costs a robot at rest, per part
 
 A finished trial is one line in `benchmarks/update/results/trials.jsonl`; a trial that is there is not made again.
 Take lines away to have them measured anew. Logs and counters of a run stay in `benchmarks/results/`, which is not
@@ -49,8 +51,8 @@ in the repository. The robot's container has cores of its own; the control node 
 """
 
 
-def text(trials: Trials) -> str:
-    """The page."""
+def text(trials: Trials, rest: Mapping[str, Any] | None = None) -> str:
+    """The page; `rest` is the result of `make bench-probe`."""
     if not trials.all:
         parts = ["No trial has been made yet. The dissertation's own figures, which ours will stand beside:", theirs()]
     else:
@@ -70,7 +72,7 @@ def text(trials: Trials) -> str:
             "## CPU and memory",
             usage_table(trials.details),
         ]
-    return "\n\n".join([HEAD.rstrip(), *parts, _pictures(), AGAIN])
+    return "\n\n".join([HEAD.rstrip(), *parts, *([at_rest(rest)] if rest else []), _pictures(), AGAIN])
 
 
 def _measured(trials: Trials) -> list[str]:
@@ -120,6 +122,28 @@ def _of(trials: Sequence[Sequence[float]], share: float) -> str:
     return f"{number(whole, 1)} ({number(max(own, default=None), 1)})"
 
 
+def at_rest(found: Mapping[str, Any]) -> str:
+    """What `make bench-probe` found."""
+    rows = [
+        [
+            row["part"] + ("" if row["ours"] else " (not in the sum)"),
+            f"{row['cpu']:.2f}",
+            number(row["rss_mb"] or None, 1),
+        ]
+        for row in found["rest"]
+    ]
+    rows.append(["ours together", f"{found['cpu']:.2f}", number(found["rss_mb"], 1)])
+    return f"""## A robot at rest
+
+With ten apps, on {found["cores"]} cores ({found["machine"]}, {found["python"]}), in thousandths of one of them; nobody runs anything.
+
+{markdown(["part", "1/1000 of a core", "MB"], rows)}
+
+Asking the master by a new Python every two seconds, as it was done before, takes {found["earlier"]}/1000 of this core, and took
+{found["earlier_elsewhere"]:g}/1000 of a slow one. On that one ours together is at most {found["cpu_slow"]}/1000, where
+{found["limit"]:g} and {found["limit_mb"]:g} MB are allowed: **{PASS if found["passed"] else MISS}**."""
+
+
 def _pictures() -> str:
     lines = ["## Pictures"]
     for name, what in KINDS.values():
@@ -132,7 +156,11 @@ def _pictures() -> str:
 def files(path: Path = TRIALS) -> dict[Path, str]:
     """Every file that the trials give."""
     trials = Trials(path)
-    return {PAGE: text(trials), **{PICTURES / name: content for name, content in pictures(trials.details).items()}}
+    rest = json.loads(REST.read_text(encoding="utf-8")) if REST.exists() else None
+    return {
+        PAGE: text(trials, rest),
+        **{PICTURES / name: content for name, content in pictures(trials.details).items()},
+    }
 
 
 def main() -> int:
