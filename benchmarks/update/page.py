@@ -133,15 +133,17 @@ def at_rest(found: Mapping[str, Any]) -> str:
         for row in found["rest"]
     ]
     rows.append(["ours together", f"{found['cpu']:.2f}", number(found["rss_mb"], 1)])
+    where = f"{found['cores']} cores ({found['machine']}, {found['python']})"
     return f"""## A robot at rest
 
-With ten apps, on {found["cores"]} cores ({found["machine"]}, {found["python"]}), in thousandths of one of them; nobody runs anything.
+With ten apps, on {where}; thousandths of one core. Nobody runs anything.
 
 {markdown(["part", "1/1000 of a core", "MB"], rows)}
 
-Asking the master by a new Python every two seconds, as it was done before, takes {found["earlier"]}/1000 of this core, and took
-{found["earlier_elsewhere"]:g}/1000 of a slow one. On that one ours together is at most {found["cpu_slow"]}/1000, where
-{found["limit"]:g} and {found["limit_mb"]:g} MB are allowed: **{PASS if found["passed"] else MISS}**."""
+Asking the master by a new Python every two seconds, as it was done before, takes {found["earlier"]}/1000 of this
+core, and took {found["earlier_elsewhere"]:g}/1000 of a slow one. On that one ours together is at most
+{found["cpu_slow"]}/1000, where {found["limit"]:g} and {found["limit_mb"]:g} MB are allowed:
+**{PASS if found["passed"] else MISS}**."""
 
 
 def _pictures() -> str:
