@@ -23,7 +23,7 @@ MASTER = "ros-master"
 # Claims on the robot and at the edge (molecule/update/inventory), in local-path's directory names.
 STORAGE = "/var/lib/rancher/k3s/storage"
 SENSOR, EDGE = "sensor-volume-pvc", "edge-volume-pvc"
-TAIL = 3_000_000  # bytes of a log that are read: some ten minutes of the fastest one
+TAIL = 6_000_000  # bytes of a log that are read: some twenty minutes of the fastest one
 
 
 @dataclass(frozen=True)
@@ -105,14 +105,14 @@ def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, int]]]:
 class Hosts:
     """The lab's hosts: on and off, and the files that the apps write."""
 
-    def __init__(self, lab: str, robots: list[str]) -> None:
+    def __init__(self, lab: str) -> None:
         self._lab = lab
-        self._robots = robots
         listing = subprocess.run([str(LAB), "inventory", "--lab", lab], capture_output=True, text=True, check=True)  # noqa: S603
         found = json.loads(listing.stdout)
         self.variables: dict[str, Any] = found["all"]["vars"]
         self._hosts: dict[str, Any] = found["_meta"]["hostvars"]
         self._edge: str = found["edge"]["hosts"][0]
+        self.robots: list[str] = found["robots"]["hosts"]
 
     def power(self, host: str, word: str) -> None:
         """`down`, `up`, `reboot`, `cut`, `join`."""

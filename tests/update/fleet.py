@@ -16,7 +16,7 @@ from cluster import Cluster, Hosts, Pod, running
 from evidence import Losses
 from runs import Playbooks, Run, Running, wait_until
 
-ROBOTS = ["robot1", "robot2"]
+ROBOTS = ["robot1", "robot2"]  # of the scenario; a lab made by hand may have more
 ALL_AT_ONCE: dict[str, Any] = {"update_waves": ["100%"]}
 
 Variables = dict[str, Any]
@@ -26,7 +26,8 @@ class Fleet:
     """The robots, and the variables that stand for the operator's inventory."""
 
     def __init__(self, lab: str, inventory: Path, output: Path) -> None:
-        self.hosts = Hosts(lab, ROBOTS)
+        self.hosts = Hosts(lab)
+        self.robots = self.hosts.robots
         self.cluster = Cluster(Path(self.hosts.variables["lab_dir"]) / "kube" / "edge.yaml")
         self.playbooks = Playbooks(inventory, output)
         self.variables: Variables = {"scenario_changes": {}}  # what converge brought
@@ -63,7 +64,7 @@ class Fleet:
     # --- what is there ----------------------------------------------------------------------------------------------
 
     def pods(self) -> dict[str, dict[str, list[Pod]]]:
-        return {robot: self.cluster.pods(robot) for robot in ROBOTS}
+        return {robot: self.cluster.pods(robot) for robot in self.robots}
 
     def running(self) -> dict[str, dict[str, list[tuple[str, int]]]]:
         """Robot -> app -> (UID, restarts) of its pods."""
@@ -78,7 +79,7 @@ class Fleet:
 
     def unsettled(self) -> list[str]:
         """Why the fleet is not at rest; empty if it is."""
-        return [problem for robot in ROBOTS for problem in self.cluster.unsettled(robot)]
+        return [problem for robot in self.robots for problem in self.cluster.unsettled(robot)]
 
     def wait_settled(self, seconds: float = 120) -> None:
         """Until every app of every robot is rolled out and ready."""
@@ -112,7 +113,7 @@ class Watch:
         """Robot by robot, up to now; the figures are shown at the end of the tests."""
         until = time.time()
         found = {}
-        for robot in robots or ROBOTS:
+        for robot in robots or self._fleet.robots:
             found[robot] = self._fleet.hosts.losses(robot, self._since, until, goals, patience)
             self._fleet.figures.append(f"{robot}: {until - self._since:.0f} s: {found[robot]}")
         return found
