@@ -4,8 +4,8 @@
 """A control node that dies at any moment of any playbook, and nobody who looks after it for ten minutes.
 
 Every robot of the lab has a run of its own, which is killed at a moment of its own: with ten robots a round is ten
-kills. ROSOPS_TEST_KILLS (60) is how many there are in all, ROSOPS_TEST_STILL (600) how many seconds nobody does anything
-afterwards, ROSOPS_TEST_SEED draws the moments.
+kills. ROSOPS_TEST_KILLS (60) is how many there are in all, ROSOPS_TEST_STILL (600) how many seconds nobody does
+anything afterwards, ROSOPS_TEST_SEED draws the moments.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ SEED = os.environ.get("ROSOPS_TEST_SEED", "robots")
 PATIENCE = {"update_ready_timeout": 30, "update_waves": ["100%"]}
 PLAYBOOKS = ("site", "update", "rollback")
 GOOD = ("temperature", "add-two-ints", "prime-factors")
-# Versions that the gate must refuse: one that dies, one that nobody can hear, one that is half as fast.
+# Versions that the gate must refuse: one that dies, one that nobody can hear, one that is slower.
 BAD = (
     ("temperature", {"CRASH_AFTER": 0.3}),
     ("temperature", {"NEVER_CONNECT": "true"}),
-    ("temperature", {"RATE_HZ": 250}),
+    ("temperature", {"RATE_HZ": 10}),
     ("prime-factors", {"CRASH_AFTER": 0.3}),
 )
 
