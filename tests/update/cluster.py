@@ -91,6 +91,17 @@ class Cluster:
             raise
         return str(found.metadata.resource_version)
 
+    def versions(self, robots: list[str]) -> dict[str, str]:
+        """The version of each Deployment's specification and of each ConfigMap of these robots."""
+        found = {}
+        for robot in robots:
+            namespace = f"robot-{robot}"
+            for item in self._apps.list_namespaced_deployment(namespace, _request_timeout=20).items:
+                found[f"{namespace}/{item.metadata.name}"] = str(item.metadata.generation)
+            for item in self._core.list_namespaced_config_map(namespace, _request_timeout=20).items:
+                found[f"{namespace}/{item.metadata.name}, a ConfigMap"] = str(item.metadata.resource_version)
+        return found
+
     def delete_pod(self, robot: str, app: str) -> None:
         """As `kubectl delete pod` does."""
         for pod in self.pods(robot)[app]:

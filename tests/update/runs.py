@@ -157,7 +157,7 @@ class Playbooks:
         directory.mkdir(parents=True, exist_ok=True)
         self._numbers = itertools.count(1)
 
-    def start(self, playbook: str, variables: Mapping[str, Any], *arguments: str) -> Running:
+    def start(self, playbook: str, variables: Mapping[str, Any], *arguments: str, **environ: str) -> Running:
         """Start `playbooks/<playbook>.yml`; variables go in as a file of JSON, so that types stay types."""
         stem = self.directory / f"{next(self._numbers):02}-{playbook}"
         given, log, report = stem.with_suffix(".vars.json"), stem.with_suffix(".log"), stem.with_suffix(".json")
@@ -169,12 +169,13 @@ class Playbooks:
             "ANSIBLE_NOCOLOR": "1",
             "ANSIBLE_FORCE_COLOR": "0",
             "ROSOPS_FLEET_REPORT": str(report),
+            **environ,
         }
         program = str(Path(sys.executable).parent / "ansible-playbook")
         path = CHECKOUT / "playbooks" / f"{playbook}.yml"
         command = [program, "-i", str(self.inventory), str(path), "-e", f"@{given}", *arguments]
         return Running(command, environment, log, report)
 
-    def run(self, playbook: str, variables: Mapping[str, Any], *arguments: str) -> Run:
+    def run(self, playbook: str, variables: Mapping[str, Any], *arguments: str, **environ: str) -> Run:
         """Run it to its end."""
-        return self.start(playbook, variables, *arguments).finish()
+        return self.start(playbook, variables, *arguments, **environ).finish()
