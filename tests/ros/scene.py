@@ -64,7 +64,6 @@ class Scene:
             "ROS_IP": "127.0.0.1",
             "ROS_LOG_DIR": str(self.directory / "roslog"),
             "HOME": str(self.directory),
-            **({"MALLOC_ARENA_MAX": "1"} if name == "keeper" else {}),  # as its pod has it
             **self.environment,
         }
         with (self.directory / f"{name.strip('/')}.out").open("ab") as out:
