@@ -57,5 +57,7 @@ class ActionModule(ClusterAction):
                 ),
                 *unmeasured(results),
             ],
+            "runs": [run for answer in answers.values() for run in answer.runs],
+            "updates": [run for answer in answers.values() for run in answer.updates],
             **cluster_rows(together, usage_of(results.values())),
         }

@@ -24,10 +24,12 @@ description:
   - Results under C(no_log) are neither printed nor written.
   - An error in the report itself is a warning and never ends the run.
   - The last run of each playbook that was not in check mode stays in a file of its own,
-    C(fleet-report-<playbook>.json). The playbook C(status) takes what became of every host from these.
+    C(fleet-report-<playbook>.json). The playbook C(status) takes what became of every host from these, and from the
+    hosts' clusters, where the playbooks keep it for other control nodes.
   - "The file: C(playbook), C(check_mode), C(started) (UTC), C(elapsed), C(outcomes) (how many of each), C(hosts),
     C(plays) and C(stages) (name, seconds; a stage is a role, or the play for tasks outside of one), C(slowest_tasks)
-    (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many)."
+    (ten, with name, action, play, stage, seconds, hosts, changed), C(tasks) (how many), C(apis) (of each cluster that
+    the run asked C(host) and C(source), the API's address and whence the access to it was)."
   - "A host in the file: C(host), C(groups), C(outcome), C(reason), C(failed_task), C(changed) (names of tasks),
     C(ready) (verdict, elapsed, checks and unmet ones of M(rosops.fleet.ros_ready)), C(rollout) (elapsed, objects and
     unmet ones of M(rosops.fleet.rollout_ready)), C(steps) (of an update, each with C(name), C(apps), C(handoff),
@@ -70,7 +72,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UNCHANGED,
     UPDATED,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, write
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import note_run, placed, write
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
     HIDDEN,
     ReportFile,
@@ -158,6 +160,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         manager = play.get_variable_manager()
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
+        note_run({"playbook": self.playbook, "started": self._started(), "hosts": self.report.so_far()})
 
     @harmless
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool) -> None:  # noqa: ARG002 - Ansible's signature
@@ -203,10 +206,13 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
             time.monotonic(),
             playbook=self.playbook,
             check_mode=bool(context.CLIARGS.get("check")),
-            started=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.started)),
+            started=self._started(),
         )
         self._print(report)
         self._write(report)
+
+    def _started(self) -> str:
+        return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.started))
 
     def _print(self, report: ReportFile) -> None:
         check_mode = report["check_mode"]

@@ -92,6 +92,20 @@ graphs:
   type: dict
   sample:
     robot1: {robot: robot1, master_uri: "http://10.43.0.17:11311"}
+runs:
+  description: The last run of each host, as its cluster keeps it for other control nodes; reports of one host each.
+  returned: success
+  type: list
+  elements: dict
+updates:
+  description: The latest steps of each robot's updates, as its cluster keeps them; reports of one host each.
+  returned: success
+  type: list
+  elements: dict
+apis:
+  description: Of each cluster that was asked, C(host) and C(source), the API's address and whence the access to it is.
+  returned: when a cluster answered
+  type: dict
 problems:
   description: "What could not be looked at: where, what."
   returned: success

@@ -39,8 +39,9 @@ options:
     choices: ["0600", "0640", "0644"]
     default: "0600"
 notes:
-  - The last outcomes are those that the callback P(rosops.fleet.fleet_report#callback) has written, under the name that
-    its option C(path) gives or one that begins with it.
+  - The last outcomes are those that the clusters keep, and those that the callback
+    P(rosops.fleet.fleet_report#callback) has written here, under the name that its option C(path) gives or one that
+    begins with it; of each host the newer one.
   - Sets the fact C(fleet_outcome) to V(unchanged) for that callback. Looking changes no host.
 attributes:
   check_mode:

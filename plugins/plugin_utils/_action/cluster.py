@@ -88,19 +88,24 @@ class ClusterAction(FleetAction):
         self, home: Home, path: str, known: dict[str, Any], params: Mapping[str, Any], patience: float = PATIENCE
     ) -> Kube:
         """An open connection to a cluster of the fleet; `path` is the k3s_kubeconfig_path of its hosts."""
-        way = given_way(params, path, os.environ, home.part.cluster)
-        if way:
-            return self._compared(way, home, known, patience)
-        fetch = Fetch(Path(C.DEFAULT_LOCAL_TMP), lambda server: self._read(known, server))
-        hostvars = HostVariables(known.get("hostvars") or {})
+        way = self.way(home, path, known, params)
         try:
-            return self._compared(fetch.way(home, hostvars, given_options(params)), home, known, patience)
+            return self._compared(way, home, known, patience)
         except ApiError as error:
-            if not error.misfit:
+            if not (way.own and error.misfit):
                 raise
         # made anew since it was fetched
-        fetch.forget(home.part.cluster)
-        return self._compared(fetch.way(home, hostvars, given_options(params)), home, known, patience)
+        self._fetch(known).forget(home.part.cluster)
+        return self._compared(self.way(home, path, known, params), home, known, patience)
+
+    def way(self, home: Home, path: str, known: Mapping[str, Any], params: Mapping[str, Any]) -> Way:
+        """The way to the cluster, given or fetched; nothing is asked of the cluster itself."""
+        given = given_way(params, path, os.environ, home.part.cluster)
+        hostvars = HostVariables(known.get("hostvars") or {})
+        return given or self._fetch(known).way(home, hostvars, given_options(params))
+
+    def _fetch(self, known: Mapping[str, Any]) -> Fetch:
+        return Fetch(Path(C.DEFAULT_LOCAL_TMP), lambda server: self._read(known, server))
 
     def _compared(self, way: Way, home: Home, known: Mapping[str, Any], patience: float) -> Kube:
         """An open connection to a cluster that says to be the host's."""

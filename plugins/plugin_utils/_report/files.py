@@ -5,10 +5,24 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
+from typing import Any
 
 from ansible import constants as C  # noqa: N812 - its customary name
+
+RUN = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
+
+
+def note_run(found: Any) -> None:
+    """Write down what is known of this run so far, for the tasks that come."""
+    write(Path(C.DEFAULT_LOCAL_TMP) / RUN, json.dumps(found, default=str))
+
+
+def noted_run() -> dict[str, Any]:
+    """What was written down of this run; empty where nobody does."""
+    return dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / RUN) or "{}"))
 
 
 def placed(path: str) -> Path | None:

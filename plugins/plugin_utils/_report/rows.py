@@ -216,7 +216,11 @@ def read_reports(texts: Mapping[str, str]) -> tuple[list[Row], list[Row]]:
             continue
         if not looking:
             found.append(kept)
-    return sorted(found, key=lambda report: str(report["started"])), problems
+    return _by_time(found), problems
+
+
+def _by_time(reports: Iterable[Row]) -> list[Row]:
+    return sorted(reports, key=lambda report: str(report["started"]))
 
 
 def outcome_rows(reports: Iterable[Mapping[str, Any]]) -> list[Row]:
@@ -230,10 +234,15 @@ def outcome_rows(reports: Iterable[Mapping[str, Any]]) -> list[Row]:
                 "outcome": str(host.get("outcome", "")),
                 "playbook": report["playbook"],
                 "started": report["started"],
-                "changed": len(host.get("changed") or []),
+                "changed": _count(host.get("changed")),
                 "note": note_of(host),
             }
     return [rows[name] for name in sorted(rows)]
+
+
+def _count(changed: Any) -> int:
+    """A report has the names of tasks, a cluster how many they were."""
+    return changed if isinstance(changed, int) else len(changed or [])
 
 
 def step_rows(reports: Iterable[Mapping[str, Any]]) -> list[Row]:
@@ -286,7 +295,10 @@ def cluster_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mapp
 def status_rows(
     fleet: Mapping[str, Iterable[Row]], graphs: Mapping[str, Mapping[str, Any]], reports: Mapping[str, str]
 ) -> dict[str, list[Row]]:
-    """All sections: hosts, problems and what the clusters hold (`fleet`), ROS graphs by robot, texts of reports."""
+    """All sections: hosts, problems and what the clusters hold (`fleet`), ROS graphs by robot, texts of reports.
+
+    Outcomes are those that the clusters keep (`runs`, `updates`) and those of reports: the newer one of each host.
+    """
     ros_nodes, topics = graph_rows(graphs)
     found, unreadable = read_reports(reports)
     return {
@@ -294,6 +306,6 @@ def status_rows(
         **{key: list(fleet.get(key, ())) for key in ("hosts", "nodes", "placement", "masters", "apps", "claims")},
         "ros_nodes": ros_nodes,
         "topics": topics,
-        "outcomes": outcome_rows(found),
-        "steps": step_rows(found),
+        "outcomes": outcome_rows(_by_time([*found, *fleet.get("runs", ())])),
+        "steps": step_rows(_by_time([*fleet.get("updates", ()), *found])),
     }

@@ -62,6 +62,7 @@ class ReportFile(TypedDict):
     stages: list[dict[str, Any]]
     slowest_tasks: list[dict[str, Any]]
     tasks: int
+    apis: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -157,9 +158,13 @@ def _rollout_of(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _declared_of(result: Mapping[str, Any]) -> dict[str, Any]:
-    """An outcome that a play decided itself, with `set_fact: fleet_outcome`: a word, or `{outcome, reason, steps}`."""
+    """An outcome that a play decided itself, with `set_fact: fleet_outcome`."""
     facts = result.get("ansible_facts")
-    value = facts.get(FACT) if isinstance(facts, Mapping) else None
+    return declared_in(facts.get(FACT) if isinstance(facts, Mapping) else None)
+
+
+def declared_in(value: Any) -> dict[str, Any]:
+    """The fact's value, a word or `{outcome, reason, steps}`, as the latter; empty where it is none."""
     if isinstance(value, Mapping):
         word, reason = str(value.get("outcome", "")), str(value.get("reason") or "")
     else:
@@ -176,6 +181,7 @@ class RunReport:
         self._plays: list[_Play] = []
         self._tasks: dict[str, _Task] = {}
         self._hosts: dict[str, _Host] = {}
+        self._apis: dict[str, Any] = {}
 
     def host(self, name: str, groups: Iterable[str] = ()) -> _Host:
         host = self._hosts.setdefault(name, _Host())
@@ -237,6 +243,7 @@ class RunReport:
         declared = _declared_of(result)
         if declared:
             self.host(host).declared = declared
+        self._apis.update(result.get("apis") or {})
         action = task.action if task else ""
         if action in ("ros_ready", "robot_update") and "verdict" in result:
             self.host(host).ready = _ready_of(result)
@@ -275,7 +282,27 @@ class RunReport:
             "stages": self._stages(),
             "slowest_tasks": self._slowest(),
             "tasks": len(self._tasks),
+            "apis": self._apis,
         }
+
+    def so_far(self) -> dict[str, Any]:
+        """Of each host: what there is to say of it, and its outcome if it is `here` still, or if it was `lost`."""
+        failed = {name: {"failures": 1} for name, host in self._hosts.items() if host.failure}
+        found = {}
+        for name, host in self._hosts.items():
+            changed = len(host.changed)
+            lost = {"failures": bool(host.failure), "unreachable": bool(host.unreachable), "changed": changed}
+            outcomes = {
+                "here": self._outcome(host, {"changed": changed, "ok": 1}, {}),
+                "lost": self._outcome(host, lost, failed),
+            }
+            task = host.failure.get("task")
+            found[name] = {
+                "host": {"changed": changed, "steps": host.declared.get("steps") or []},
+                "here": dict(zip(("outcome", "reason"), outcomes["here"])),
+                "lost": {**dict(zip(("outcome", "reason"), outcomes["lost"])), "failed_task": task},
+            }
+        return found
 
     def _host_row(self, name: str, stats: Mapping[str, Mapping[str, int]]) -> HostReport:
         host, counts = self._hosts[name], dict(stats.get(name) or {})

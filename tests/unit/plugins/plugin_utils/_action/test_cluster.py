@@ -13,6 +13,7 @@ import pytest
 import yaml
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import (
+    _cluster_access,
     _node_apply,
     _observability_stack,
     fleet_info,
@@ -285,6 +286,15 @@ def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyP
     failed = run(robot_update, part("namespace"), inventory(), check_mode=True)
     assert failed["failed"]
     assert "edge1: /etc/rancher/k3s/k3s.yaml cannot be read there: Missing sudo password" in failed["msg"]
+
+
+def test_every_host_of_a_look_gets_its_access_or_leaves_it_to_the_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    servers = serve(monkeypatch, lambda _host: AWAY)
+    assert not run(_cluster_access, {}, inventory(own="robot2")).get("failed")
+    assert servers == ["robot2"]
+    found = run(fleet_info, {"volumes": "usage"}, {**inventory(), "ansible_play_hosts_all": ["robot2"]})
+    assert servers == ["robot2"]
+    assert "No server of the cluster robot2 can be reached over SSH" in found["problems"][0]["what"]
 
 
 def test_status_asks_each_cluster_by_its_own_access(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:

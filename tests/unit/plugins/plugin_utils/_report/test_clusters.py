@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
 
 PATIENT = 60.0
@@ -31,7 +32,15 @@ class Cluster:
     def __exit__(self, *unused: object) -> None:
         self.closed.append(self.name)
 
-    def objects(self, kind: str, namespace: str = "", labels: str = "") -> list[Any]:
+    def get(self, ref: Ref) -> Any:
+        return (
+            {"data": {"robot1": '{"playbook": "update.yml", "started": ""}'}} if ref.name == "rosops-outcomes" else None
+        )
+
+    def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Any]:
+        if kind == "ConfigMap":
+            assert fields == "metadata.name=robot-updates"  # all maps together are megabytes
+            return []
         assert namespace == "" and self.name not in self.closed
         if self.before:
             self.before()
@@ -57,6 +66,7 @@ def test_everything_that_is_shown_is_asked_for_once() -> None:
     assert answer.objects == {kind: [f"{kind} of good"] for kind in KINDS}
     assert made[0].asked == list(KINDS.items())
     assert made[0].closed[-1] == "good"
+    assert [run["playbook"] for run in answer.runs] == ["update.yml"]
 
 
 def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:

@@ -1,0 +1,29 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the playbook status: every host gets the access to its cluster, side by side, before one task asks them all.
+
+Why there is none is what that task says of the cluster.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import home_from_vars
+
+
+class ActionModule(ClusterAction):
+    def options(self) -> dict[str, Any]:
+        return {}
+
+    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        home = home_from_vars(known)
+        with contextlib.suppress(FleetError):
+            if home:
+                self.way(home, str(self._templar.template(known.get("k3s_kubeconfig_path")) or ""), known, {})
+        return {"changed": False}

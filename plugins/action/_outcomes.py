@@ -1,0 +1,110 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the playbooks: hand on what became of every host, as AWX's artifacts and to the hosts' clusters.
+
+The callback fleet_report knows it, and writes down before each play what it knows so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, ClassVar
+
+from ansible import context
+from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_object, kept_part
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import FACT, declared_in
+
+display = Display()
+
+BEGUN = "the run ended before it could say what became of the host"
+# Without the callback.
+UNKNOWN = {
+    "here": {"outcome": UNCHANGED, "reason": ""},
+    "lost": {
+        "outcome": FAILED,
+        "reason": "it left the run; the callback fleet_report, which knows why, is not enabled",
+    },
+}
+PATIENCE = 10.0  # for a word about a run that is over
+
+
+class ActionModule(ClusterAction):
+    """`begin`: no play has run yet, so this stands where the run ends early. `keep`: in the clusters, too."""
+
+    ARGUMENTS: ClassVar = {
+        "begin": {"type": "bool", "default": False},
+        "keep": {"type": "bool", "default": True},
+    }
+
+    def options(self) -> dict[str, Any]:
+        return dict(self.ARGUMENTS)
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        fleet = Fleet.from_vars(known)
+        hosts = [host for host in known["ansible_play_hosts_all"] if host in fleet.hosts]
+        if params["begin"]:
+            begun = {"outcome": UNCHANGED, "reason": ""} if _only_validates() else {"outcome": FAILED, "reason": BEGUN}
+            rows = [{**begun, "host": host, "steps": []} for host in hosts]
+        else:
+            rows = list(_rows(known, hosts))
+            if params["keep"] and not self._task.check_mode:
+                self._keep(rows, fleet, known)
+        data = {row["host"]: {key: row[key] for key in ("outcome", "reason", "steps")} for row in rows}
+        # AWX takes no artifacts by host
+        stats = {"data": {"fleet_outcomes": data}, "per_host": False, "aggregate": False}
+        return {"changed": False, "ansible_stats": stats, "_ansible_verbose_override": True}
+
+    def _keep(self, rows: Iterable[Mapping[str, Any]], fleet: Fleet, known: dict[str, Any]) -> None:
+        """In each cluster what became of its hosts. One that cannot be told keeps nobody from the others."""
+        clusters: dict[str, list[Mapping[str, Any]]] = {}
+        for row in rows:
+            clusters.setdefault(fleet.hosts[row["host"]].cluster, []).append(row)
+        hostvars = HostVariables(known["hostvars"])
+        for cluster, own in clusters.items():
+            host = own[0]["host"]
+            path = str(hostvars[host].get("k3s_kubeconfig_path") or "")
+            try:
+                with self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, PATIENCE) as kube:
+                    _merge(kube, kept_part(own))
+            except NoClusterError:
+                continue  # nor is there anything to look at
+            except FleetError as error:
+                display.warning(f"cluster {cluster}: what became of its hosts is not kept there: {error}")
+
+
+def _merge(kube: Kube, part: Mapping[str, Any]) -> None:
+    if kube.get(REF) is None:
+        try:
+            kube.create(kept_object(part))
+            return
+        except ApiError as error:
+            if error.status != 409:  # another run was faster
+                raise
+    kube.merge(REF, part)
+
+
+def _rows(known: Mapping[str, Any], hosts: Iterable[str]) -> Iterator[dict[str, Any]]:
+    """Who has left the run has failed or is away; the callback knows which, and what the others' tasks changed."""
+    noted, here = noted_run(), set(known["ansible_play_hosts"])
+    run = {"playbook": noted.get("playbook", ""), "started": noted.get("started", "")}
+    for host in hosts:
+        side = "here" if host in here else "lost"
+        note = noted.get("hosts", {}).get(host, {})
+        found = note.get(side) or (declared_in(known["hostvars"][host].get(FACT)) if host in here else {})
+        yield {**UNKNOWN[side], "steps": [], "changed": 0, **run, **note.get("host", {}), **found, "host": host}
+
+
+def _only_validates() -> bool:
+    """Whether nothing else was asked for. What imports that playbook has other names."""
+    asked = [str(name).removesuffix(".yml") for name in context.CLIARGS.get("args", ())]
+    return all(name.endswith("validate") for name in asked)

@@ -1,0 +1,42 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every playbook hands on what became of the hosts, in one way, and none has the access to a cluster in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+PLAYBOOKS = Path(__file__).resolve().parents[2] / "playbooks"
+PARTS = ("outcomes.yml", "waves.yml", "validate.yml")  # of the others
+
+
+def plays(name: str) -> list[dict[str, Any]]:
+    return list(yaml.safe_load((PLAYBOOKS / name).read_text("utf-8")))
+
+
+def imported(name: str) -> list[str]:
+    return [str(play.get("ansible.builtin.import_playbook")) for play in plays(name)]
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in PLAYBOOKS.glob("*.yml") if path.name not in PARTS))
+def test_it_begins_with_the_validation_and_ends_with_the_outcomes(name: str) -> None:
+    assert imported(name)[0] == "validate.yml"
+    assert imported(name)[-1] == "outcomes.yml"
+
+
+def test_a_run_that_ends_early_has_handed_something_on() -> None:
+    begin = plays("validate.yml")[-1]["tasks"][-1]
+    assert begin["rosops.fleet._outcomes"] == {"begin": True}
+
+
+def test_only_looking_is_no_last_outcome() -> None:
+    assert plays("status.yml")[-1]["vars"] == {"outcomes_kept": False}
+
+
+def test_no_playbook_names_a_kubeconfig() -> None:
+    for path in PLAYBOOKS.rglob("*.yml"):
+        assert "kubeconfig" not in path.read_text("utf-8"), path
