@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.printable imp
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
+UNCUT = 10_000  # what keeps a part from being looked at is said whole
 Columns = Sequence[tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
 
 
@@ -159,5 +160,5 @@ def status_text(status: Mapping[str, Any], width: int = WIDTH) -> str:
     lines: list[str] = []
     for title, key, columns in SECTIONS:
         if status.get(key) or (status.get(key) is not None and key not in ONLY_WITH_ROWS):
-            lines += _section(title, columns, status[key], width)
+            lines += _section(title, columns, status[key], UNCUT if key == "problems" else width)
     return "\n".join(lines).rstrip() + "\n" if lines else ""

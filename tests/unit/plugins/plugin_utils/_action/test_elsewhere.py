@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -83,6 +84,14 @@ class Control:
         self._write("hosts.yml", yaml.safe_dump({"all": {"vars": variables, "children": children}}))
         self._write("play.yml", PLAYBOOK)
         (folder / "home").mkdir()
+
+    def plays(self, playbook: str) -> None:
+        """Take one of the collection's own, on robots with an app."""
+        self._write("play.yml", f"- import_playbook: rosops.fleet.{playbook}\n")
+        inventory = yaml.safe_load((self.folder / "hosts.yml").read_text())
+        apps = [{"name": "talker", "image": "talker:1", "command": ["talk"]}]
+        inventory["all"]["vars"]["ros_apps"] = apps
+        self._write("hosts.yml", yaml.safe_dump(inventory))
 
     def _write(self, name: str, text: str, mode: int = 0o644) -> None:
         (self.folder / name).write_text(text)
@@ -177,3 +186,34 @@ def test_nothing_is_left_after_a_failure(server: Server, control: Control) -> No
     assert done.returncode == 2
     assert "the cluster edge of the fleet staging" in done.stdout
     assert (server.writes, control.left()) == ([], [])
+
+
+@pytest.mark.parametrize("playbook", ["update", "rollback", "status", "site"])
+def test_stagings_access_under_productions_name_is_refused_by_every_playbook(
+    server: Server, control: Control, playbook: str
+) -> None:
+    server.put(IDENTITY, Identity("staging", "edge").as_object())
+    control.plays(playbook)
+    tags = ["--tags", "namespace,node"] if playbook == "site" else []
+    done = control.run("--limit", "robot1", *tags, K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
+    said = " ".join(done.stdout.split())
+    assert "the cluster edge of the fleet staging; the inventory's is the cluster edge of the fleet production" in said
+    assert (done.returncode == 0) == (playbook == "status")  # which shows it as a problem
+    assert {path for path, _query, _headers in list(server.requests.queue)} == {IDENTITY}
+    assert server.writes == []
+
+
+def test_another_control_node_sees_what_became_of_a_run(server: Server, control: Control, tmp_path: Path) -> None:
+    server.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
+    control.plays("rollback")
+    done = control.run("--limit", "robot1", ANSIBLE_SHOW_CUSTOM_STATS="1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "RUN: fleet_outcomes: robot1: outcome: unchanged" in " ".join(done.stdout.split())
+    (tmp_path / "other").mkdir()
+    other = Control(tmp_path / "other", server)
+    other.plays("status")
+    seen = other.run("--limit", "robot1")
+    assert seen.returncode == 0, seen.stdout + seen.stderr
+    assert re.search(r"LAST OUTCOMES\n.*\n  robot1 +unchanged +play.yml +20", seen.stdout)
+    assert other.asked[1:] == ["192.0.2.1", "192.0.2.2"]
+    assert (control.left(), other.left()) == ([], [])
