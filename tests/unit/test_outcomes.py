@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 PLAYBOOKS = Path(__file__).resolve().parents[2] / "playbooks"
-PARTS = ("outcomes.yml", "waves.yml", "validate.yml")  # of the others
+PARTS = ("edge_images.yml", "outcomes.yml", "waves.yml", "validate.yml")  # of the others
 
 
 def plays(name: str) -> list[dict[str, Any]]:
