@@ -27,7 +27,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import (
     ServersAwayError,
     given_options,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import keep, local_kubeconfig, url_at
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
+    is_foreign,
+    keep,
+    local_kubeconfig,
+    url_at,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
@@ -65,7 +70,7 @@ def given_way(params: Mapping[str, Any], path: str, environ: Mapping[str, str], 
     if shared and found:
         return Way(options, True, f"{' and '.join(found)} of the environment")
     place = Path(path).expanduser() if path else None
-    if place and place.exists():
+    if place and is_foreign(str(place)):  # what a run wrote there itself is for kubectl
         return Way({**options, "kubeconfig": str(place)}, False, f"k3s_kubeconfig_path, {path}")
     return None
 

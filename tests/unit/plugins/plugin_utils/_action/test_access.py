@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import
     given_way,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import kubeconfig_head
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
 
@@ -63,7 +64,9 @@ def test_the_environment_holds_one_access_and_a_standalone_robot_has_its_own(tmp
     assert given_way({}, "", ENVIRONMENT, "robot2") is None
     path = tmp_path / "robot2.yaml"
     assert given_way({}, str(path), ENVIRONMENT, "robot2") is None  # not there: fetched
-    path.touch()
+    path.write_text(f"{kubeconfig_head('', 'https://robot2:6443', 'robot2')}\napiVersion: v1\n")
+    assert given_way({}, str(path), ENVIRONMENT, "robot2") is None  # a run's own, for kubectl
+    path.write_text("apiVersion: v1\n")
     way = given_way({}, str(path), ENVIRONMENT, "robot2")
     assert way and (way.options, way.environment) == ({"kubeconfig": str(path)}, False)
     way = given_way({"kubeconfig": "/mine"}, "", ENVIRONMENT, "robot2")
