@@ -33,12 +33,15 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
+    BUSY,
     FAILED,
     OFFLINE,
     OUTCOMES,
+    ROLLED_BACK,
     UNCHANGED,
     UPDATED,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
     CODE,
     PARTS,
@@ -49,8 +52,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import FLEET, Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, CancelledError, World
 
@@ -60,8 +63,10 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "apps": {"type": "list", "elements": "str", "default": []},
     "to": {"type": "str", "default": ""},
     "shared": {"type": "bool", "default": True},
+    "own": {"type": "bool", "default": True},
     "on_busy": {"type": "str", "choices": ["wait", "defer", "force"], "default": "wait"},
     "busy_timeout": {"type": "float", "default": 600},
+    "come_back": {"type": "bool", "default": False},
     "ready_timeout": {"type": "float", "default": 120},
     "verify_seconds": {"type": "float", "default": 1},
     "rate_tolerance": {"type": "float", "default": 0.1},
@@ -78,6 +83,7 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "image_rate_limit": {"type": "str", "default": ""},
     "image_directory": {"type": "str", "default": DIRECTORY},
 }
+LOOK_SECONDS, LOOKS = 8.0, 50  # of a look at a robot that waits, at least; as many passes as that, about, at most
 TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
 
 
@@ -122,9 +128,21 @@ class ActionModule(ClusterAction):
         self._vars, self._host, self._say = known, str(known["inventory_hostname"]), self.say(known)
         run_tags, skip_tags = known.get("ansible_run_tags") or (), known.get("ansible_skip_tags") or ()
         self._parts = tagged_parts(params["parts"], run_tags, skip_tags)
-        result: dict[str, Any] = {}
         # robots that need no wave are one of their own
-        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(known["ansible_play_batch"][0]) if params["at_work"] else "")
+        wave = str(known["ansible_play_batch"][0]) if params["at_work"] else ""
+        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), wave if params["own"] else FLEET)
+        if params["own"]:
+            return self._turn(params, ledger)
+        with ledger.alone():  # one robot's turn settles what is the whole fleet's
+            if needs_fleet_namespace(robot_from_vars(known)) and not ledger.fleet_done():
+                return self._turn(params, ledger)
+        return {"ansible_facts": {"fleet_waiting": False}}
+
+    def _turn(self, params: Mapping[str, Any], ledger: Ledger) -> dict[str, Any]:
+        known, result, before = self._vars, dict[str, Any](), ledger.last(self._host)
+        self._before = before if before.get("wave") == FLEET or before.get("outcome") == WAITING else {}
+        if self._before.get("outcome") in (FAILED, ROLLED_BACK, BUSY):
+            return result  # its turn for the whole fleet did not go well: that is its outcome
         try:
             refusal = ledger.refusal(params["failure_budget"], len(known["ansible_play_hosts_all"]))
             outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
@@ -139,12 +157,18 @@ class ActionModule(ClusterAction):
             raise
         if outcome is None:
             return {**result, "ansible_facts": {"fleet_at_work": True}}
-        ledger.note(self._host, outcome.outcome)
+        waits = outcome.outcome == WAITING
+        steps = [step.as_dict() for step in outcome.steps if step.outcome != WAITING]
+        # of a robot that the run comes back to
+        more = {"steps": steps, "since": self._since if waits else {}} if waits or not params["own"] else {}
+        ledger.note(self._host, outcome.outcome, **more)
+        if waits:
+            return {**result, "msg": outcome.reason, "ansible_facts": {"fleet_waiting": True}}
         good = set(OUTCOMES) - {FAILED} if self._task.check_mode else {UPDATED, UNCHANGED}
         if params["strict"] and outcome.outcome not in good:
             result.update(failed=True, msg=f"{outcome.outcome}: {outcome.reason}")
         # the fact that the report and the last play read: a robot's outcome is no error of the task
-        return {**result, "ansible_facts": {"fleet_outcome": outcome.as_dict()}}
+        return {**result, "ansible_facts": {"fleet_waiting": False, "fleet_outcome": outcome.as_dict()}}
 
     def _without_cluster(self, error: NoClusterError, result: dict[str, Any]) -> RobotOutcome:
         """In check mode the run may be what would make it: then all of it would be new."""
@@ -162,12 +186,15 @@ class ActionModule(ClusterAction):
         """The robot's outcome; nothing where it is left for its wave."""
         check = bool(self._task.check_mode)
         settings = Settings(
-            Request(tuple(params["apps"]), params["to"], params["shared"]),
+            Request(tuple(params["apps"]), params["to"], params["shared"], params["own"]),
             check=check,
             code=CODE,
             parts=self._parts,
             pull_secrets=self._pull_secrets(),
-            edge_images={} if check else self._edge_images(),  # in check mode they have not been brought
+            look_timeout=self._look_timeout(params),
+            since=self._before.get("since") or {},
+            earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
+            edge_images=self._edge_images(),
             **{name: params[name] for name in (
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
                 "at_work", "rollout_timeout", "remove_claims", "remove_confirm",
@@ -183,11 +210,17 @@ class ActionModule(ClusterAction):
         )
         with self.cluster(params, self._vars) as kube, _cancellable():
             engine = Engine(robot, settings, self._world(kube, host))
-            outcome = engine.run()
+            outcome, self._since = engine.run(), engine.waiting
         result.update(engine.graph_told, changed=any(change.changed for change in engine.changes))
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
         return None if engine.left else outcome
+
+    def _look_timeout(self, params: Mapping[str, Any]) -> float | None:
+        """A look that is the first one takes no time: robots that do not work yet have to be looked at for it."""
+        if not (params["come_back"] and params["own"]):
+            return None
+        return max(LOOK_SECONDS, params["busy_timeout"] / LOOKS) if self._before.get("since") else 0.0
 
     def _world(self, kube: Kube, host: ModuleHost) -> World:
         # the run, as another one's operator can find it

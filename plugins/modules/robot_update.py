@@ -107,6 +107,21 @@ options:
     description: Seconds to measure rates for when the graph is recorded.
     type: float
     default: 1
+  own:
+    description:
+      - Whether what is this robot's own is changed. With V(false) only what is the whole fleet's is, once in a run by
+        the first robot that can, however many are told so. A play over all robots that does so before the others
+        changes a shared master while nobody hands over.
+    type: bool
+    default: true
+  come_back:
+    description:
+      - Whether the caller comes back to a robot that works. The first look then takes no time, and every later one at
+        least 8 seconds or a fiftieth of O(busy_timeout), until that is over. Meanwhile the fact C(fleet_waiting) is
+        true, and there is no C(fleet_outcome). So robots that work do not keep Ansible's forks from those that rest.
+      - Otherwise it waits for all of O(busy_timeout).
+    type: bool
+    default: false
   failure_budget:
     description:
       - How many robots (a number, or a percentage of the play's) may fail or be rolled back before no further wave

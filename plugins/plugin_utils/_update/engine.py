@@ -43,7 +43,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UNCHANGED,
     UPDATED,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
     needs_fleet_namespace,
     removed_claims,
@@ -57,7 +56,16 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
     workload_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME, events_map, step_id
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import suspects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import (
+    EVENTS_NAME,
+    REASON_KEPT,
+    back_in_words,
+    events_map,
+    known_events,
+    step_id,
+    ways_back,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import (
     INSTALL,
     SERVING,
@@ -67,6 +75,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install impor
     with_install,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import (
+    WAITING,
     RobotOutcome,
     StepResult,
     robot_outcome,
@@ -77,6 +86,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
     Step,
     deployments_of,
     update_plan,
+    wanted_deployments,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
@@ -111,6 +121,9 @@ class Settings:
     request: Request = field(default_factory=Request)
     on_busy: str = "wait"  # wait, defer or force
     busy_timeout: float = 600.0
+    look_timeout: float | None = None  # of waiting in this run of the engine; then it is `waiting`. None: as above
+    since: Mapping[str, float] = field(default_factory=dict)  # step -> when it began to wait, by the clock's `now`
+    earlier: Sequence[StepResult] = ()  # steps that have ended before, in this run of the playbook
     ready_timeout: float = 120.0
     verify_seconds: float = 1.0
     rate_tolerance: float = 0.1
@@ -138,6 +151,7 @@ class _Now:
     maps: Sequence[Object] = ()  # the contracts and the way back, as they were applied
     held: Sequence[Mapping[str, str]] = ()  # actions whose new goals are, or may be, held back
     applied: bool = False
+    patient: bool = False  # the time for which a busy robot is waited for is not over
 
 
 class Engine:
@@ -149,6 +163,7 @@ class Engine:
         self.say, self.trace = world.say, world.trace
         self.live, self.plan, self.graph = Live(), Plan(), decide.NO_GRAPH
         self.recorded = self.over = False
+        self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
         self.rated: set[str] = set()  # nodes
         self.graph_told: dict[str, object] = {}  # of what the whole robot promises: verdict, and elapsed seconds
         self.left = False  # it is at work and has to be changed, which this run may not
@@ -180,8 +195,18 @@ class Engine:
         except FleetError as error:
             if not self.results:
                 word = {HeldError: BUSY, LostError: BUSY, AwayError: OFFLINE}.get(type(error), FAILED)
-                return RobotOutcome(word, f"nothing was touched: {error}")
-        return self._conclude(robot_outcome(self.results, len(self.plan.steps)), gone)
+                before = tuple(self.settings.earlier)
+                return RobotOutcome(word, str(error) if before else f"nothing was touched: {error}", before)
+        earlier = self.settings.earlier
+        outcome = robot_outcome([*earlier, *self.results], len(earlier) + len(self.plan.steps))
+        found = self._conclude(outcome, gone)
+        return replace(found, reason="; ".join(filter(None, [found.reason, *self._news()])))
+
+    def _news(self) -> list[str]:
+        """What the keeper did that no run has told yet."""
+        known = {str(event.get("reason")) for event in known_events(self.live.maps, self.robot.name)}
+        told = {app: back_in_words(one) for app, one in ways_back(self.live.deployments).items()}
+        return [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
 
     def _conclude(self, outcome: RobotOutcome, gone: Sequence[Object]) -> RobotOutcome:
         """What comes after all steps, if they went well: claims go, and the whole graph is looked at."""
@@ -203,17 +228,24 @@ class Engine:
         """Take the steps. What goes wrong before the first of them is an error, afterwards it is the step's result."""
         if self.plan.orphans:
             self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
+        for news in self._news():
+            self.say(news)
         gated = [step for step in self.plan.steps if step.kind != INSTALL and not step.proven]
-        self._prepare(bool(gated))
+        self._prepare(gated)
         if gated:
             self._record()
         for step in self.plan.steps:
-            now = _Now(step, self.clock.wall())
+            now = self._begun(step)
             take = self._finish if step.proven else self._install if step.kind == INSTALL else self._step
             self.results.append(take(now))
             if self.results[-1].outcome != UPDATED or self.over:
                 break
         self._tell()
+
+    def _begun(self, step: Step) -> _Now:
+        """The step, at its beginning or where it waits again."""
+        waited = self.clock.now() - self.settings.since.get(step.name, self.clock.now())
+        return _Now(step, self.clock.wall() - waited, {"wait": round(waited, 3)} if waited else {})
 
     def _read(self) -> Live:
         shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(self.robot) else []
@@ -222,7 +254,16 @@ class Engine:
     def _plan(self) -> None:
         self.live = self._read()
         request = replace(self.settings.request, parts=self.settings.parts)
-        self.plan = with_install(update_plan(self.robot, self.live, request), self.robot, self.live)
+        plan = update_plan(self.robot, self.live, request, self._drifted())
+        self.plan = with_install(plan, self.robot, self.live)
+
+    def _drifted(self) -> set[tuple[str, str]]:
+        """Deployments that are not what they say. The API server knows whether a difference is one."""
+        suspected = suspects(wanted_deployments(self.robot), self.live.deployments)
+        found = [one.ref for one in self.cluster.apply(suspected, dry_run=True) if one.changed] if suspected else []
+        for ref in found:
+            self.say(f"{ref.name} was changed by hand")
+        return {(ref.namespace, ref.name) for ref in found}
 
     def _is_shared(self) -> bool:
         """Whether a step changes what is the whole fleet's. To make what is not there is anybody's."""
@@ -235,11 +276,11 @@ class Engine:
         wanted = [part for part in self.settings.parts if part in parts]
         return list(ground_objects(self.robot, wanted, self.settings.pull_secrets, self.settings.code))
 
-    def _prepare(self, gated: bool) -> None:
+    def _prepare(self, gated: Sequence[Step]) -> None:
         """What all of it stands on, and what the steps need, while the robot works."""
         self.trace("prepare")
         if gated:  # what is installed has its images pulled by the node, all at the same time
-            self.host.bring(images(self.robot, "local"))
+            self.host.bring(sorted({image for step in gated for image in decide.local_images(step)}))
         there = self.plan.steps and not self.settings.check  # the namespace, by now
         self._apply_all(self._ground([part for part in PARTS if part != NAMESPACE or not there]))
 
@@ -418,12 +459,16 @@ class Engine:
     def _rest(self, now: _Now, rest: Sequence[Mapping[str, str]], what: str) -> Seen:
         """Until the actions are idle and new goals held, for as long as the policy says."""
         waits = self._policy(now) == "wait" and not self.settings.check
+        began = self.waiting.setdefault(now.step.name, self.settings.since.get(now.step.name, self.clock.now()))
+        end = began + (self.settings.busy_timeout if waits else 0.0)
+        left, limit = max(end - self.clock.now(), 0.0), self.settings.look_timeout
         now.held = [] if self.settings.check else rest  # as long as nobody knows better: an answer may be lost
         seen = self._until(
             lambda seconds: self.host.hold(self.master, self.keeper, rest, HOLD_SECONDS, seconds),
-            self.settings.busy_timeout if waits else 0.0,
+            left if limit is None else min(left, limit),
             what,
         )
+        now.patient = self.clock.now() < end
         now.held = [action for action in rest if action["name"] in seen.held]
         return seen
 
@@ -460,7 +505,9 @@ class Engine:
         try:
             result = self._result(now, UPDATED)
             self._apply_all([*decide.fulfilled(now.maps), *now.step.workloads, self._events(None, [result])])
-            if now.step.resume:  # the new server may have been there before, and then the keeper waits for a next one
+            if (
+                now.step.resume or now.step.drifted
+            ):  # the new server may have been there before, and then the keeper waits for a next one
                 self._release(now)
             return result
         except LostError as error:  # whoever had the robot meanwhile may have changed what was proven
@@ -477,7 +524,11 @@ class Engine:
             self._release(now)  # not where another run has the robot: it may hold goals, too
         away = "the robot went away: " if isinstance(error, AwayError) else ""
         after = f"; before that: {before}" if before else ""
-        words: dict[type, str] = {AwayError: OFFLINE, CancelledError: FAILED, BusyError: BUSY}
+        words: dict[type, str] = {
+            AwayError: OFFLINE,
+            CancelledError: FAILED,
+            BusyError: WAITING if now.patient else BUSY,
+        }
         word = words.get(type(error), FAILED if now.applied else BUSY)
         return self._result(now, word, self._left(now, f"{away}{error}{after}"))
 
@@ -584,7 +635,8 @@ class Engine:
 
     def _events(self, now: _Now | None, ended: Sequence[StepResult] = ()) -> Object:
         running = self._result(now, "") if now else None
-        return events_map([*self.results, *ended], self.robot.name, self.live.maps, running)
+        back = ways_back(self.live.deployments)
+        return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
 
     def _tell(self) -> None:
         """The record of the robot's updates: also that a run before this one ended without a word."""
@@ -592,8 +644,9 @@ class Engine:
         record = self._events(None)
         if self.settings.check or not (self.results or there) or record["data"] in there:
             return
-        if self.results and self.results[-1].outcome == UPDATED and not self.results[-1].reason:
-            return  # told when its mark was taken off
+        last = self.results[-1] if self.results else None
+        if last and (last.outcome == WAITING or (last.outcome == UPDATED and not last.reason)):
+            return  # told before it waited, or when its mark was taken off
         try:
             self._apply_all([record])
         except FleetError as error:

@@ -8,13 +8,15 @@ It keeps the latest step of every app, so it does not grow. It is applied togeth
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 
 EVENTS_NAME = "robot-updates"
@@ -38,14 +40,15 @@ def events_map(
     robot: str,
     maps: Iterable[Mapping[str, Any]] = (),
     running: StepResult | None = None,
+    went_back: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """The ConfigMap to apply.
+    """The ConfigMap to apply. `went_back`: app -> how the keeper took it back, when nobody else did.
 
     `results` are the steps of this run that have ended, `running` is the one at hand (without outcome), `maps` are the
     ConfigMaps of the robot's namespace as they were before the run. What an earlier run left as running has failed:
     that run is gone, and an alert on it must not stay for ever.
     """
-    known = [_closed(event) for event in known_events(maps, robot)]
+    known = [_closed(event, went_back.get(event["app"])) for event in known_events(maps, robot)]
     now = [event for result in results for event in _events(result)]
     now += [{**event, "outcome": RUNNING, "finished": None} for event in (_events(running) if running else [])]
     return {
@@ -100,7 +103,27 @@ def _events(result: StepResult) -> list[dict[str, Any]]:
     ]
 
 
-def _closed(event: Event) -> dict[str, Any]:
+def ways_back(deployments: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, str]]:
+    """App -> `{from, to, at, reason}` of what the keeper took back, revisions and RFC 3339."""
+    found = {}
+    for item in deployments:
+        text = (item["metadata"].get("annotations") or {}).get(names.ANNOTATION_WENT_BACK)
+        with contextlib.suppress(ValueError, TypeError, AttributeError):  # others may write there, too
+            told = json.loads(text) if text else {}
+            if told:
+                app = item["metadata"]["labels"][names.LABEL_APP]
+                found[app] = {key: str(told.get(key, "")) for key in ("from", "to", "at", "reason")}
+    return found
+
+
+def back_in_words(told: Mapping[str, str]) -> str:
+    """Why and when the keeper did it."""
+    return f"the keeper went back from {told['from']} to {told['to']} at {told['at']}: {told['reason']}"
+
+
+def _closed(event: Event, told: Mapping[str, str] | None) -> dict[str, Any]:
+    if told and told["from"] == event.get("to") and event.get("outcome") != UPDATED:
+        return {**_closed(event, None), "outcome": ROLLED_BACK, "reason": back_in_words(told)[:REASON_KEPT]}
     if event.get("outcome") != RUNNING:
         return dict(event)
     spent = sum(float(seconds) for seconds in (event.get("phases") or {}).values())

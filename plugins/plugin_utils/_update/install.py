@@ -63,6 +63,7 @@ def _united(steps: Sequence[Step], robot: Robot) -> Step:
         objects=[item for step in steps for item in step.objects],
         created=[item for step in steps for item in step.created],
         resume=False,
+        drifted=False,
         proven=False,
         unproven=[app for step in steps for app in step.unproven],
         new_nodes={app: node for step in steps for app, node in step.new_nodes.items()},

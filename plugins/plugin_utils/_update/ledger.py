@@ -9,14 +9,18 @@ from the variables of all other hosts would cost every robot as much as there ar
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import OFFLINE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import COSTS_BUDGET, budget_left
 
 NAME = "rosops-fleet-ledger.jsonl"
+FLEET = "the fleet's"  # the wave in which what belongs to all robots is changed, before any robot's own
 
 
 class Ledger:
@@ -33,14 +37,29 @@ class Ledger:
         failed = ", ".join(line["robot"] for line in earlier if line["outcome"] in COSTS_BUDGET)
         return f"not begun: {failed} failed, which is more than update_failure_budget allows"
 
-    def note(self, robot: str, outcome: str) -> None:
-        """Write down what became of a robot."""
-        line = json.dumps({"wave": self._wave, "robot": robot, "outcome": outcome})
+    def note(self, robot: str, outcome: str, **more: Any) -> None:
+        """Write down what became of a robot, and what the run has to know when it comes back to it."""
+        line = json.dumps({**more, "wave": self._wave, "robot": robot, "outcome": outcome})
         with self._path.open("a", encoding="utf-8") as file:
             fcntl.flock(file, fcntl.LOCK_EX)  # a line is written whole, whoever else writes
             file.write(f"{line}\n")
 
-    def _lines(self) -> list[dict[str, str]]:
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """One worker at a time; who waits here has nothing else to do."""
+        with self._path.with_suffix(".lock").open("w", encoding="utf-8") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)  # it ends with its worker
+            yield
+
+    def fleet_done(self) -> bool:
+        """Whether some robot's turn has settled what is the fleet's. One that was off has not."""
+        return any(line["wave"] == FLEET and line["outcome"] != OFFLINE for line in self._lines())
+
+    def last(self, robot: str) -> dict[str, Any]:
+        """What was noted last of a robot, with all that was said besides."""
+        return next((line for line in reversed(self._lines()) if line["robot"] == robot), {})
+
+    def _lines(self) -> list[dict[str, Any]]:
         if not self._path.exists():
             return []
         return [json.loads(line) for line in self._path.read_text(encoding="utf-8").splitlines()]

@@ -22,7 +22,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 )
 
 # The word that an operator has to know first stands first.
-WORST_FIRST = (FAILED, ROLLED_BACK, OFFLINE, BUSY, UPDATED, UNCHANGED)
+WAITING = "waiting"  # no outcome yet: the run comes back to this robot
+WORST_FIRST = (FAILED, ROLLED_BACK, OFFLINE, BUSY, WAITING, UPDATED, UNCHANGED)
 COSTS_BUDGET = (FAILED, ROLLED_BACK)
 
 
@@ -56,6 +57,12 @@ class StepResult:
             "outcome": self.outcome,
             "reason": printable(self.reason),
         }
+
+    @classmethod
+    def from_dict(cls, told: Mapping[str, Any]) -> StepResult:
+        """What `as_dict` made of it."""
+        same = {key: told[key] for key in ("id", "name", "apps", "handoff", "started", "phases", "outcome", "reason")}
+        return cls(before=told["from"], after=told["to"], **same)
 
     def told(self) -> str:
         """`temperature lab/apps:1.0 -> lab/apps:1.1 in 6.1 s`."""

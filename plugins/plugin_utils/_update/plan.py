@@ -50,6 +50,7 @@ class Step:
     kind: str  # "app" or "master"
     apps: Sequence[str]
     handoff: str
+    drifted: bool  # somebody changed by hand what runs, and did not change its node's name with it
     objects: Sequence[Object]
     previous: Mapping[str, Object]  # app, or the master's keeper -> the Deployment to go back to
     created: Sequence[Object]  # Deployments that were not there: the way back deletes them
@@ -93,12 +94,13 @@ class Request:
     """What is asked for. `to` is empty for what the inventory says, else `previous` or a revision to go back to.
 
     `only` limits it to these apps (`ros-master` is the master), `parts` to the master or the apps; `shared` says
-    whether what belongs to the whole fleet is this robot's to change.
+    whether what belongs to the whole fleet is this robot's to change, `own` whether what is the robot's own is.
     """
 
     only: Sequence[str] = ()
     to: str = ""
     shared: bool = True
+    own: bool = True
     parts: Collection[str] = PARTS
 
 
@@ -111,6 +113,7 @@ class _Robot:
     live: Mapping[Key, Object]
     histories: Histories = field(default_factory=dict)
     contracts: Mapping[str, Object] = field(default_factory=dict)  # app -> that of its last step
+    drifted: Collection[Key] = ()  # Deployments that somebody changed by hand
 
     def step(self, members: Sequence[str], back: bool = False) -> Step:
         objects = [item for app in members for item in self.desired[app]]
@@ -120,7 +123,7 @@ class _Robot:
             app for app in members for item in deployments_of(self.desired[app])
             if self._unproven(self.live.get(_key(item)))
         ]  # fmt: skip
-        changed = any(_differs(item, self.live) for item in deployments_of(objects))
+        changed = any(self.differs(item) for item in deployments_of(objects))
         previous = self._previous(objects)
         running = {app: _node(self.live[_key(first[app])]) for app in apps if _key(first[app]) in self.live}
         old_nodes = {app: _node(previous[app]) for app in apps if app in previous} if unproven else running
@@ -128,6 +131,7 @@ class _Robot:
             name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
             kind="master" if list(members) == [MASTER] else "app",
             apps=list(members),
+            drifted=any(_key(item) in self.drifted for item in deployments_of(objects)),
             handoff=max([app.handoff for app in apps.values()] or ["replace"], key=HANDOFFS.index),
             objects=objects,
             previous=previous,
@@ -150,6 +154,15 @@ class _Robot:
             histories=self.histories,
         )  # fmt: skip
 
+    def differs(self, item: Object) -> bool:
+        """Whether something else was applied, or is there."""
+        there = self.live.get(_key(item))
+        return there is None or _hash(there) != _hash(item) or _key(item) in self.drifted
+
+    def open(self, item: Object) -> bool:
+        """Whether it has to be changed, or a step on it was cut off."""
+        return self.differs(item) or _updating(self.live.get(_key(item)))
+
     def _previous(self, objects: Sequence[Object]) -> dict[str, Object]:
         """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven."""
         found: dict[str, Object] = {}
@@ -158,7 +171,7 @@ class _Robot:
             if there is None:
                 continue
             if not self._unproven(there):
-                found.setdefault(app, kept(there))
+                found.setdefault(app, kept(there, whole=_key(there) in self.drifted))
             elif self.histories.get(app):
                 found[app] = self.histories[app][0]["deployment"]
         return found
@@ -186,26 +199,31 @@ class _Robot:
         return list(dict.fromkeys(found))
 
 
-def update_plan(robot: Robot, live: Live, request: Request = Request()) -> Plan:  # noqa: B008 - it is frozen
-    """What has to be done about a robot."""
+def update_plan(
+    robot: Robot,
+    live: Live,
+    request: Request = Request(),  # noqa: B008 - it is frozen
+    drifted: Collection[Key] = (),
+) -> Plan:
+    """What has to be done about a robot. `drifted`: Deployments (namespace, name) that are not what they say."""
     desired = _desired(robot)
     unknown = sorted(set(request.only) - set(desired))
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     running = {_key(item): item for item in live.deployments}
-    there = _Robot(robot, desired, running, read_histories(live.maps), read_contracts(live.maps))
+    there = _Robot(robot, desired, running, read_histories(live.maps), read_contracts(live.maps), drifted)
     brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
     asked = [
         app for app, objects in desired.items()
         if (not request.only or app in request.only or app == brought)
         and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
-        and (request.shared or not _is_shared(objects))
+        and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
     return _back(there, asked, request) if request.to else _forward(there, asked)
 
 
 def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
-    changed = [app for app in asked if any(_open(item, there.live) for item in deployments_of(there.desired[app]))]
+    changed = [app for app in asked if any(there.open(item) for item in deployments_of(there.desired[app]))]
     known = {_key(item) for objects in there.desired.values() for item in deployments_of(objects)}
     return Plan(
         [there.step(members) for members in ordered(there.robot.apps, changed)],
@@ -229,8 +247,8 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
             target[app] = [found]
         elif app in request.only or request.to != PREVIOUS:
             raise SpecError(_no_history(app, there, request.to))
-    changed = [app for app in target if any(_open(item, there.live) for item in target[app])]
-    back = _Robot(there.robot, {**there.desired, **target}, there.live, there.histories, there.contracts)
+    changed = [app for app in target if any(there.open(item) for item in target[app])]
+    back = replace(there, desired={**there.desired, **target})
     steps = [back.step(members, back=True) for members in ordered(there.robot.apps, changed)]
     return Plan(steps, [app for app in there.desired if app not in changed])
 
@@ -289,6 +307,11 @@ def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
     return steps
 
 
+def wanted_deployments(robot: Robot) -> list[Object]:
+    """The Deployments of the master, the keeper and the apps."""
+    return [item for objects in _desired(robot).values() for item in deployments_of(objects)]
+
+
 def _desired(robot: Robot) -> dict[str, list[Object]]:
     """App -> its objects, the master and its keeper as apps of their Deployments' names."""
     found: dict[str, list[Object]] = {}
@@ -299,9 +322,9 @@ def _desired(robot: Robot) -> dict[str, list[Object]]:
     return found
 
 
-def kept(deployment: Object) -> dict[str, Any]:
-    """A live Deployment in the form in which it can be applied again."""
-    part = applied_part(deployment, names.MANAGER)
+def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:
+    """A live Deployment in the form in which it can be applied again; `whole` with what others changed of it."""
+    part = None if whole else applied_part(deployment, names.MANAGER)
     if part is None:
         # somebody else applied it: without what the API server keeps for itself it is what it was
         own = {"name", "namespace", "labels", "annotations"}
@@ -359,17 +382,6 @@ def _hash(item: Object | None) -> str:
 
 def _updating(item: Object | None) -> bool:
     return names.ANNOTATION_UPDATING in _annotations(item)
-
-
-def _differs(item: Object, live: Mapping[Key, Object]) -> bool:
-    """Whether something else was applied."""
-    there = live.get(_key(item))
-    return there is None or _hash(there) != _hash(item)
-
-
-def _open(item: Object, live: Mapping[Key, Object]) -> bool:
-    """Whether it has to be changed, or a step on it was cut off."""
-    return _differs(item, live) or _updating(live.get(_key(item)))
 
 
 def _node(deployment: Object) -> str:

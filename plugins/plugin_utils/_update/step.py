@@ -13,7 +13,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import object_labels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import own_nodes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
@@ -166,6 +166,13 @@ def with_rates(graph: Graph, rated: Graph) -> Graph:
     return {**graph, "topics": topics}
 
 
+def local_images(step: Step) -> list[str]:
+    """The images of its pods on the robot's own node, whatever version it goes to."""
+    pods = [item["spec"]["template"]["spec"] for item in step.workloads]
+    local = [pod for pod in pods if names.LABEL_ROBOT in (pod.get("nodeSelector") or {})]
+    return [one["image"] for pod in local for one in [*(pod.get("initContainers") or []), *pod["containers"]]]
+
+
 def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[str]:
     """Images of remote pods that an edge host lacks. A remote pod may be placed on any of them."""
     problems = []
@@ -251,7 +258,13 @@ class Bounds:
 def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
     """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
     maps = [_update_map(item, step, contracts.get(app_of(item), NO_CONTRACT), bounds, now) for item in step.workloads]
-    return [*maps, *marked(step.objects, str(int(now)))]
+    # the node's name is taken by what runs: for the time of the step the old one goes first
+    objects = [_one_after_the_other(item) for item in step.objects] if step.drifted else step.objects
+    return [*maps, *marked(objects, str(int(now)))]
+
+
+def _one_after_the_other(item: Object) -> Object:
+    return {**item, "spec": {**item["spec"], "strategy": RECREATE_STRATEGY}} if item["kind"] == "Deployment" else item
 
 
 def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:

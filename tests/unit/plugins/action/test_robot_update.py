@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.action import robot_update
 from ansible_collections.rosops.fleet.plugins.action.robot_update import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -132,3 +133,58 @@ def test_also_while_its_images_are_brought(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(ActionHost, "module", away)
     with pytest.raises(AwayError):
         NodeImages(RobotHost(None, {"inventory_hostname": "robot1"})).bring([], ["redis:7"])
+
+
+class Turns:
+    """The action of several robots of one run, each with the word that its engine comes to."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, **words: str) -> None:
+        self.words, self.turns = words, list[tuple[str, bool]]()
+        monkeypatch.setattr(robot_update.C, "DEFAULT_LOCAL_TMP", str(folder))
+        monkeypatch.setattr(
+            robot_update.ActionModule, "_update", lambda module, params, _result: self.turn(module, params)
+        )
+        self.masters: dict[str, Any] = {"mode": "shared"}
+
+    def turn(self, module: Any, params: dict[str, Any]) -> RobotOutcome:
+        module._since = {}
+        self.turns.append((module._host, params["own"]))
+        return RobotOutcome(self.words[module._host] if not params["own"] else "updated", "why")
+
+    def take(self, name: str, own: bool) -> dict[str, Any]:
+        known = {
+            **fleet_of(robot(name=name, master=self.masters)),
+            "ansible_play_batch": [name],
+            "inventory_hostname": name,
+        }
+        known |= {"ansible_play_hosts_all": ["robot1", "robot2", "robot3"], "ansible_run_tags": ["all"]}
+        return run(robot_update, {"own": own, "failure_budget": "0"}, known)
+
+
+def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Once in a run: the one that is off leaves it to the next."""
+    robots = Turns(monkeypatch, tmp_path, robot1="deferred-offline", robot2="updated", robot3="updated")
+    for name in ("robot1", "robot2", "robot3"):
+        robots.take(name, own=False)
+    assert robots.turns == [("robot1", False), ("robot2", False)]
+    assert robots.take("robot1", own=True)["ansible_facts"]["fleet_outcome"]["outcome"] == "updated"
+
+
+def test_a_fleet_without_anything_shared_has_no_such_turn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    robots = Turns(monkeypatch, tmp_path)
+    robots.masters = {}
+    robots.take("robot1", own=False)
+    assert robots.turns == []
+
+
+def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    robots = Turns(monkeypatch, tmp_path, robot1="rolled-back")
+    robots.take("robot1", own=False)
+    robots.take("robot2", own=False)
+    assert robots.take("robot1", own=True).get("ansible_facts") is None  # its outcome stays
+    told = robots.take("robot2", own=True)["ansible_facts"]["fleet_outcome"]
+    assert told["reason"] == "not begun: robot1 failed, which is more than update_failure_budget allows"

@@ -89,10 +89,10 @@ def test_who_runs_nothing_comes_first_and_who_works_in_waves(server: Server, con
     assert "what came up stays as it is" in run.outcome("robot1")[1]
     assert server.find(path_of("Deployment", "robot-robot1", "talker"))
     assert server.find(path_of("Deployment", "robot-robot1", "ros-master"))
-    # at work: before a step nothing of the app is touched, and there is no k3s on this host to bring images to
+    # at work: before a step nothing of the app is touched, and its ROS master is asked in vain
     for name in ("robot2", "robot5"):
         assert run.outcome(name)[0] == "failed"
-        assert "nothing was touched: the node's images cannot be listed" in run.outcome(name)[1]
+        assert "nothing was touched: the ROS master does not answer" in run.outcome(name)[1]
         assert ":0" in str(server.find(path_of("Deployment", f"robot-{name}", "talker")))
     assert run.outcome("robot3")[0] == "deferred-offline"
     assert run.output.count("UNREACHABLE!") == 1  # in the very end, for the exit status
@@ -104,7 +104,7 @@ def test_a_robot_that_is_off_ends_no_waves(server: Server, control: Control) -> 
     runs(server, "robot5")
     run = Run(control, "robot3,robot5", playbook="update")
     assert run.outcome("robot3")[0] == "deferred-offline"
-    assert "the node's images cannot be listed" in run.outcome("robot5")[1]
+    assert "the ROS master does not answer" in run.outcome("robot5")[1]
     assert run.plays[-1] == "What became of every host"
 
 

@@ -9,6 +9,7 @@ at every event, and an outcome's word is held against what the robot shows, neve
 from __future__ import annotations
 
 import contextlib
+import copy
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -31,7 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import app_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     CancelledError,
@@ -50,6 +51,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     Pod,
     Process,
     SimulatedRobot,
+    image,
     template_of,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import owned
@@ -121,7 +123,9 @@ class Simulation(SimulatedRobot):
         self.fault, self.at, self.verify_seconds = fault, at, settings.verify_seconds
         self.unheld, self.cancelled, self.begun = True, False, self.time
         before = {key: obj for key, obj in self.objects.items() if key[0] == "Deployment"}
-        engine = Engine(robot, settings, World(SimulatedCluster(self), SimulatedHost(self), self, self.say))
+        engine = self.engine = Engine(
+            robot, settings, World(SimulatedCluster(self), SimulatedHost(self), self, self.say)
+        )
         try:
             outcome = engine.run()
         except Killed:
@@ -129,6 +133,15 @@ class Simulation(SimulatedRobot):
         self.fault, self.engine_changes, self.left = "", engine.changes, engine.left
         self.truth(engine, outcome, before)
         return outcome
+
+    def change_by_hand(self, key: tuple[str, str], what: str) -> None:
+        """Another image, or no pod at all; the annotations stay as they are."""
+        item = copy.deepcopy(self.objects["Deployment", *key])
+        if what == "replicas":
+            item["spec"]["replicas"] = 0
+        else:
+            item["spec"]["template"]["spec"]["containers"][0]["image"] = image("good", 77)
+        self.objects["Deployment", *key] = {**item, "applied": {}}
 
     # --- the keeper goes back by itself -----------------------------------------------------------------------------
 
@@ -163,8 +176,11 @@ class Simulation(SimulatedRobot):
         for app in contract["apps"]:
             earlier = json.loads(self.update_map(key[0], app)["data"]["history.json"])
             if earlier:
-                self.write(earlier[0]["deployment"])
+                self.write(by_keeper(earlier[0]["deployment"], item))
         self.holder, self.renewed = "", FOREVER
+
+    def events(self) -> str:
+        return str(self.objects["ConfigMap", "robot-robot1", EVENTS_NAME]["data"])
 
     def now(self) -> float:
         """The clock that nobody sets."""
@@ -380,6 +396,12 @@ def pod_object(pod: Pod) -> Object:
     labels = {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}
     address = f"10.42.0.{pod.uid}" if pod.process else None
     return {"metadata": {"namespace": pod.key[0], "labels": labels}, "status": {"podIP": address}}
+
+
+def by_keeper(before: Object, bad: Object) -> Object:
+    told = {"from": revision_of(bad), "to": revision_of(before), "at": "noon", "reason": "it does not get ready"}
+    annotations = {**before["metadata"]["annotations"], names.ANNOTATION_WENT_BACK: json.dumps(told)}
+    return {**before, "metadata": {**before["metadata"], "annotations": annotations}}
 
 
 def is_marked(item: Object) -> bool:

@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request, wanted_deployments
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import VERSIONS, image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import DAY, FAULTS, Simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
@@ -195,6 +195,12 @@ def test_a_run_that_lost_its_lease_ends() -> None:
     assert outcome_of(sim, wanted).outcome == "rolled-back"
 
 
+def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
+    found = sim.run(wanted, settings(**more))
+    assert found is not None
+    return found, sim.engine
+
+
 def outcome_of(sim: Simulation, wanted: Robot, **more: Any) -> RobotOutcome:
     found = sim.run(wanted, settings(**more))
     assert found is not None
@@ -252,7 +258,7 @@ def test_images_are_there_before_anything_is_touched() -> None:
     sim, wanted = begin("overlap", "good")
     assert outcome_of(sim, wanted).outcome == "updated"
     assert sim.calls[:7] == ["there", "read", "apply", "claim", "read", "bring", "apply"]
-    assert sim.brought == sorted([image("good"), "ros:noetic-ros-core"])
+    assert sim.brought == [image("good")]
 
 
 def test_a_new_app_is_there_or_gone() -> None:
@@ -265,6 +271,37 @@ def test_a_new_app_is_there_or_gone() -> None:
             last = [outcome_of(sim, wanted).outcome for _time in range(2)][-1]
             assert last == ("unchanged" if word == "updated" else word), (version, fault, at)
             assert bool(sim.deployment(("robot-robot1", "driver"))) == (word == "updated")
+
+
+def test_what_the_keeper_did_is_told_once_and_recorded() -> None:
+    sim, wanted = begin("overlap", "never-connects")
+    sim.run(wanted, settings())
+    at = sim.calls.index("rollout") + 1
+    sim, wanted = begin("overlap", "never-connects")
+    sim.run(wanted, settings(), "killed", at)
+    sim.advance(600.0)
+    found = outcome_of(sim, SCENARIOS["overlap"].robot(OLD))
+    assert found.outcome == "unchanged"
+    assert found.reason.startswith("sensor: the keeper went back from ")
+    assert found.reason in sim.said
+    assert '"outcome": "rolled-back"' in sim.events()
+    assert "it does not get ready" in sim.events()
+    assert outcome_of(sim, SCENARIOS["overlap"].robot(OLD)).reason == ""
+
+
+@pytest.mark.parametrize("by_hand", ["image", "replicas"])
+@pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
+def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by_hand: str) -> None:
+    sim, wanted = begin(name, "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    (app_name,) = [one.name for one in wanted.apps]
+    sim.change_by_hand(("robot-robot1", app_name), by_hand)
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, f"{app_name} was changed by hand" in sim.said) == ("updated", True)
+    there = sim.deployment(("robot-robot1", app_name))
+    assert there is not None
+    assert there["spec"] == {item["metadata"]["name"]: item for item in wanted_deployments(wanted)}[app_name]["spec"]
+    assert outcome_of(sim, wanted).outcome == "unchanged"
 
 
 # --- a busy robot ---------------------------------------------------------------------------------------------------
@@ -349,6 +386,46 @@ def test_a_robot_that_does_not_become_idle_is_deferred_and_as_it_was() -> None:
     found = outcome_of(sim, wanted)
     assert (found.outcome, sim.touched) == ("deferred-busy", {("ConfigMap", "robot-robot1", "robot-updates")})
     assert sim.time >= 60.0
+
+
+def test_a_run_comes_back_to_a_robot_that_works() -> None:
+    """Looks are short, so that others have their turn; the time for which it is waited goes on meanwhile."""
+    sim, wanted = busy(45.0)
+    since: dict[str, float] = {}
+    for look in range(9):
+        began = sim.time
+        found, engine = run_of(sim, wanted, look_timeout=4.0 if look else 0.0, since=since)
+        if found.outcome != "waiting":
+            break
+        assert sim.time - began < 12.0
+        since = engine.waiting
+        assert '"outcome": "running"' in sim.events()
+        sim.advance(5.0)  # others
+    assert (found.outcome, found.steps[0].phases["wait"] > 40.0) == ("updated", True)
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_robot_that_works_too_long_is_deferred_when_its_time_is_over() -> None:
+    sim, wanted = busy(300.0)
+    since: dict[str, float] = {}
+    words = []
+    for _look in range(20):
+        found, engine = run_of(sim, wanted, look_timeout=4.0, since=since)
+        words.append(found.outcome)
+        since = engine.waiting
+        sim.advance(5.0)
+        if found.outcome != "waiting":
+            break
+    assert words[-1] == "deferred-busy"
+    assert 4 <= len(words) <= 8
+    assert 60.0 <= found.steps[0].phases["wait"] < 75.0
+
+
+def test_steps_that_had_ended_before_it_waited_are_told_with_the_rest() -> None:
+    sim, wanted = begin("two-steps", "good")
+    first = outcome_of(sim, wanted, request=Request(only=["sensor"]))
+    both = outcome_of(sim, wanted, earlier=[StepResult.from_dict(step.as_dict()) for step in first.steps])
+    assert (both.outcome, [step.name for step in both.steps]) == ("updated", ["sensor", "stats"])
 
 
 def test_whoever_defers_does_not_wait() -> None:

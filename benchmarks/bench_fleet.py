@@ -1,0 +1,92 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the engine costs the control node per robot: fleets of simulated robots with 12 apps each, all of them changed.
+
+Of a hundred robots ten are busy, five off, and three get a version that is refused. It fails where an outcome is not
+what it has to be, or where a robot of the largest fleet costs more than twice what one of the smallest does.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    FOREVER,
+    OFFERS,
+    Offer,
+    image,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+SIZES = (10, 30, 100)
+APPS = ("sensor", "stats", "driver", "planner", *(f"app{number}" for number in range(8)))
+OFFERS.update({name: Offer({f"{name}_out": 10.0}) for name in APPS if name not in OFFERS})
+SHARES = {"deferred-busy": 0.1, "deferred-offline": 0.05, "rolled-back": 0.03}
+SETTINGS = Settings(ready_timeout=30.0, verify_seconds=5.0, busy_timeout=60.0)
+
+
+def wanted(name: str, version: str, number: int) -> Robot:
+    """The planner first: a busy robot waits before anything of it was changed."""
+    images = {"sensor": image(version, number)}
+    apps = sorted(APPS, key=lambda one: one != "planner")
+    return robot(
+        *(app(one, images.get(one, image("good", number)), pattern="action" if one == "planner" else "pubsub")
+          for one in apps),
+        name=name,
+    )  # fmt: skip
+
+
+def fates(size: int) -> list[str]:
+    """What becomes of every robot; the first ones are those with whom something is."""
+    found = [word for word, share in SHARES.items() for _robot in range(round(size * share))]
+    return [*found, *["updated"] * (size - len(found))]
+
+
+def fleet(size: int, folder: Path) -> tuple[float, float]:
+    """Seconds and processor seconds of all engines together."""
+    expected, seen = fates(size), Counter[str]()
+    seconds = processor = 0.0
+    for number, fate in enumerate(expected):
+        name, sim = f"robot{number}", Simulation()
+        sim.install(wanted(name, "good", 0))
+        if fate == "deferred-busy":
+            sim.goal("/plan", 9999.0)
+        sim.advance(1.0)
+        if fate == "deferred-offline":
+            sim.robot_until = FOREVER
+        began, used = time.perf_counter(), time.process_time()
+        ledger = Ledger(folder, str(number * 4 // size))
+        refusal = ledger.refusal("10%", size)
+        outcome = sim.run(wanted(name, "half-the-rate" if fate == "rolled-back" else "good", 1), SETTINGS)
+        assert outcome is not None
+        ledger.note(name, outcome.outcome)
+        seconds, processor = seconds + time.perf_counter() - began, processor + time.process_time() - used
+        assert (outcome.outcome, refusal) == (fate, ""), (name, outcome, refusal)
+        seen[outcome.outcome] += 1
+    told = ", ".join(f"{count} {word}" for word, count in sorted(seen.items()))
+    each = f"{1000 * seconds / size:6.0f} ms and {1000 * processor / size:6.0f} ms of a core per robot"
+    print(f"{size:4d} robots: {each}; {told}")
+    return seconds / size, processor / size
+
+
+def main() -> int:
+    costs: list[float] = []
+    for size in SIZES:
+        with tempfile.TemporaryDirectory() as folder:
+            costs.append(fleet(size, Path(folder))[1])
+    linear = costs[-1] <= 2 * costs[0]
+    print("linear" if linear else "a robot of the largest fleet costs more than twice what one of the smallest does")
+    return 0 if linear else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,57 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What somebody changed by hand: a Deployment that says it is the wanted one, and is not. Pure.
+
+`kubectl set image` and `kubectl scale` leave the annotations with our hashes as they are. The API server adds defaults
+and writes quantities its own way, so what differs here is a suspicion; a dry run of the apply says whether it is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+
+IDENTITIES = ("name", "mountPath", "containerPort", "key")  # by which the API server knows the entries of a list
+
+
+def suspects(wanted: Iterable[Object], live: Iterable[Object]) -> list[Object]:
+    """Of the Deployments that are wanted those that are there by their hash, but not by what they say."""
+    there = {_key(item): item for item in live}
+    return [
+        item
+        for item in wanted
+        if (found := there.get(_key(item))) is not None
+        and _hash(found) == _hash(item)
+        and names.ANNOTATION_UPDATING not in found["metadata"]["annotations"]  # a step applies it again anyway
+        and not _is_in(item["spec"], found["spec"])
+    ]
+
+
+def _is_in(wanted: Any, there: Any) -> bool:
+    """Whether all that is wanted is there; what is there besides are defaults, or somebody else's."""
+    if isinstance(wanted, Mapping):
+        found = there if isinstance(there, Mapping) else {}
+        return all(_is_in(value, found.get(key)) for key, value in wanted.items())
+    if isinstance(wanted, (list, tuple)):
+        return _are_in(list(wanted), list(there or ()))
+    return (there or None) == (wanted or None)  # what is empty is left out by the API server
+
+
+def _are_in(wanted: list[Any], there: list[Any]) -> bool:
+    known = next((key for key in IDENTITIES if all(isinstance(one, Mapping) and key in one for one in wanted)), "")
+    if not (wanted and known):
+        return len(wanted) == len(there) and all(map(_is_in, wanted, there))
+    found = {one.get(known): one for one in there}
+    return all(_is_in(one, found.get(one[known])) for one in wanted)
+
+
+def _key(item: Object) -> tuple[str, str]:
+    return str(item["metadata"]["namespace"]), str(item["metadata"]["name"])
+
+
+def _hash(item: Object) -> str:
+    return str((item["metadata"].get("annotations") or {}).get(names.ANNOTATION_HASH, ""))

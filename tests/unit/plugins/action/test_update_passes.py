@@ -1,0 +1,93 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The role update as a run has it: robots that work do not keep the forks from those that rest.
+
+ansible-playbook and the role are the real ones; what the action does to a robot is played.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[4]
+PLAY = """
+- hosts: robots
+  gather_facts: false
+  tags: [apps]
+  roles:
+    - role: rosops.fleet.update
+      vars: {update_apps: [talker]}
+  tasks:
+    - name: Be unreachable never
+      ansible.builtin.debug:
+        msg: "{{ inventory_hostname }} is {{ fleet_outcome.outcome }}"
+"""
+INVENTORY = """
+[robots]
+robot1 looks=60
+robot2 looks=3
+robot3 looks=0
+[robots:vars]
+ansible_connection=local
+ansible_become=false
+"""
+# busy for so many looks, and every look is written down
+ACTION = """
+from ansible.plugins.action import ActionBase
+class ActionModule(ActionBase):
+    def run(self, tmp=None, task_vars=None):
+        assert self._task.args["come_back"] and self._task.args["apps"] == ["talker"]
+        host, path = task_vars["inventory_hostname"], task_vars["playbook_dir"] + "/looks"
+        with open(path, "a+") as file:
+            file.seek(0)
+            waits = file.read().split().count(host) < int(task_vars["looks"])
+            file.write(host + "\\n")
+        facts = {"fleet_waiting": waits}
+        return {"ansible_facts": facts if waits else {**facts, "fleet_outcome": {"outcome": "updated"}}}
+"""
+
+
+def collection(folder: Path) -> None:
+    """Ours, but for the action."""
+    root = folder / "ansible_collections/rosops/fleet"
+    (root / "plugins/action").mkdir(parents=True)
+    (root / "plugins/modules").mkdir()
+    for name in ("roles", "meta", "galaxy.yml"):
+        (root / name).symlink_to(CHECKOUT / name)
+    (root / "plugins/modules/robot_update.py").symlink_to(CHECKOUT / "plugins/modules/robot_update.py")
+    (root / "plugins/action/robot_update.py").write_text(ACTION)
+
+
+def test_more_robots_work_than_there_are_forks(tmp_path: Path) -> None:
+    collection(tmp_path)
+    (tmp_path / "play.yml").write_text(PLAY)
+    (tmp_path / "ansible.cfg").write_text("[defaults]\n")
+    (tmp_path / "hosts").write_text(INVENTORY)
+    environment = {
+        **os.environ,
+        "ANSIBLE_COLLECTIONS_PATH": str(tmp_path),
+        "ANSIBLE_HOME": str(tmp_path / "home"),
+        "ANSIBLE_CONFIG": str(tmp_path / "ansible.cfg"),
+        "LC_ALL": "C.UTF-8",
+    }
+    play = [
+        f"{Path(sys.executable).parent}/ansible-playbook",
+        "-i",
+        "hosts",
+        "--forks",
+        "2",
+        "--tags",
+        "apps",
+        "play.yml",
+    ]
+    done = subprocess.run(  # noqa: S603 - of this file
+        play, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count(" is updated") == 3
+    looks = (tmp_path / "looks").read_text().split()
+    assert looks.index("robot3") <= 2, looks  # it had its turn while the others worked
+    assert [looks.count(name) for name in ("robot1", "robot2", "robot3")] == [61, 4, 1]
