@@ -126,6 +126,20 @@ class Watch:
             assert losses.requests > 0, f"{robot}: {losses}"
             assert losses.goals > 0 or not goals, f"{robot}: {losses}"
 
+    def assert_only_lookups_failed(self, *robots: str) -> None:
+        """No message and no goal was lost.
+
+        A client that looks its service up for every request, as this one does, has nobody to ask while there is no
+        master, or no way to it. rospy waits for an answer as long as TCP does: a packet that meets kube-proxy in the
+        middle of its change is repeated on the wrong way for up to two minutes.
+        """
+        for losses in self.losses(*robots, patience=150).values():
+            assert (losses.lost, losses.unsuccessful, losses.twice) == (0, [], []), losses
+            assert {
+                error for error in losses.failed if "master" not in error and "unavailable" not in error
+            } == set(), losses
+            assert len(losses.failed) <= 100, losses  # of ten a second
+
 
 def with_changes(variables: Mapping[str, Any], changes: Mapping[str, Any]) -> Variables:
     """The variables with more of `scenario_changes`, merged as the inventory merges them."""

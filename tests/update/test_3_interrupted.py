@@ -12,7 +12,7 @@ from typing import Any
 import evidence
 import pytest
 from cluster import MASTER
-from fleet import ALL_AT_ONCE, Fleet, Watch
+from fleet import ALL_AT_ONCE, Fleet
 from runs import Run, Running, wait_until
 
 LIMIT = ("--limit", "robot1,edge1")
@@ -116,19 +116,6 @@ def apps_only(pods: Mapping[str, Any]) -> dict[str, Any]:
     return {app: there for app, there in pods.items() if app != MASTER}
 
 
-def assert_only_lookups_failed(watch: Watch) -> None:
-    """No message and no goal was lost.
-
-    A client that looks its service up for every request, as this one does, has nobody to ask while there is no master.
-    rospy waits for an answer as long as TCP does: a packet that meets kube-proxy in the middle of its change is
-    repeated on the wrong way for up to two minutes.
-    """
-    [losses] = watch.losses("robot1", patience=150).values()
-    assert (losses.lost, losses.unsuccessful, losses.twice) == (0, [], []), losses
-    assert {error for error in losses.failed if "master" not in error and "unavailable" not in error} == set(), losses
-    assert len(losses.failed) <= 100, losses  # of ten a second
-
-
 @pytest.mark.promise("apps outlive their ROS master")
 def test_apps_outlive_their_master(fleet: Fleet) -> None:
     before = fleet.running()["robot1"]
@@ -141,7 +128,7 @@ def test_apps_outlive_their_master(fleet: Fleet) -> None:
         "a new pod of the master",
     )
     fleet.wait_settled()
-    assert_only_lookups_failed(watch)
+    watch.assert_only_lookups_failed("robot1")
     assert apps_only(fleet.running()["robot1"]) == apps_only(before)
 
     watch = fleet.watch()
@@ -161,7 +148,7 @@ def test_update_of_the_master_itself(fleet: Fleet) -> None:
     after = fleet.running()["robot1"]
     assert after[MASTER] != before[MASTER]
     assert apps_only(after) == apps_only(before)
-    assert_only_lookups_failed(watch)
+    watch.assert_only_lookups_failed("robot1")
     fleet.watch().assert_nothing_lost("robot1")
 
 

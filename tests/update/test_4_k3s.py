@@ -75,7 +75,7 @@ def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) 
     assert all(now[host] != before[host] for host in HOSTS), run
     assert not any(unproven(fleet, host) for host in HOSTS)
     assert fleet.running() == pods, "a restart of k3s is none of the pods"
-    watch.assert_nothing_lost()
+    watch.assert_only_lookups_failed()  # kube-proxy is a part of k3s
 
     again = change(fleet, k3s_config=SETTINGS)
     assert (again.status, again.changed) == (0, 0), again

@@ -17,16 +17,19 @@ LIMIT = ("--limit", "robot1,edge1")
     "second", ["update", pytest.param("site", marks=pytest.mark.promise("one run per robot, through every door"))]
 )
 def test_second_run_is_told_who_is_there(fleet: Fleet, second: str) -> None:
+    """The first one is at it for a minute: its version never gets ready."""
+    before = fleet.running()["robot1"]
     watch = fleet.watch()
-    first = fleet.start_update(fleet.new_version("robot1", "temperature"), *LIMIT)
-    wanted = fleet.variables
-    other = fleet.new_version("robot1", "add-two-ints", on=wanted)
+    bad = fleet.new_version("robot1", "temperature", NEVER_CONNECT="true")
+    first = fleet.start_update(bad, *LIMIT, update_ready_timeout=60)
     first.wait_for(r"^\[robot1\] temperature: rollout")
-    run = fleet.playbooks.run(second, other, *LIMIT)
+    run = fleet.playbooks.run(second, fleet.new_version("robot1", "add-two-ints"), *LIMIT)
     assert (run.status, run.outcomes) == (2, {"robot1": "deferred-busy"}), run
     assert "process" in run.host("robot1")["reason"], run
     ended = first.finish()
-    assert (ended.status, ended.outcomes) == (0, {"robot1": "updated"}), ended
+    assert (ended.status, ended.outcomes) == (2, {"robot1": "rolled-back"}), ended
+    fleet.wait_settled()
+    assert fleet.running()["robot1"] == before
     watch.assert_nothing_lost("robot1")
 
 
