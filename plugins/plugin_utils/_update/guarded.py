@@ -216,9 +216,9 @@ class Guarded:
     @contextlib.contextmanager
     def _claimed(self) -> Iterator[None]:
         with contextlib.ExitStack() as claims:
-            for ward in self.wards:
-                assert self.cluster is not None
-                claims.enter_context(self.cluster.claim(ward.robot.namespace))
+            if self.cluster is not None:
+                for ward in self.wards:
+                    claims.enter_context(self.cluster.claim(ward.robot.namespace))
             yield
 
     def _hold(self) -> None:
@@ -291,24 +291,23 @@ class Guarded:
         """By the change's own word, by the node and the Deployments, by the graphs."""
         self.change.works()
         end = self.clock.now() + self.limits.ready_timeout
-        if self.cluster is not None and self.node:
-            self._patiently(end, self._heard_anew)
-            self._patiently(end, lambda: self._rolled_out(end))
+        cluster = self.cluster
+        if cluster is not None and self.node:
+            self._patiently(end, lambda: self._heard_anew(cluster))
+            self._patiently(end, lambda: self._rolled_out(cluster, end))
         for ward in self.wards:
             if ward.graph is not None:
                 self._as_recorded(ward, ward.graph, end)
 
-    def _heard_anew(self) -> None:
+    def _heard_anew(self, cluster: NodeCluster) -> None:
         """The API's word on a node may be older than the change: only a kubelet that says something new is up."""
-        assert self.cluster is not None
-        if self.cluster.beat(self.node) == self.before:
+        if cluster.beat(self.node) == self.before:
             raise NotReadyError(f"node {self.node}: its kubelet has not been heard of since")
 
-    def _rolled_out(self, end: float) -> None:
-        assert self.cluster is not None
+    def _rolled_out(self, cluster: NodeCluster, end: float) -> None:
         node = {"apiVersion": "v1", "kind": "Node", "metadata": {"name": self.node}}
         there = [item for ward in self.wards for item in ward.live.deployments if _available(item)]
-        self.cluster.wait([node, *there], max(end - self.clock.now(), 0.0))
+        cluster.wait([node, *there], max(end - self.clock.now(), 0.0))
 
     def _as_recorded(self, ward: _Ward, graph: Graph, end: float) -> None:
         conditions = _conditions(graph, _nodes(graph, ward.robot))

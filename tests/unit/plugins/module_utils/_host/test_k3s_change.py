@@ -67,7 +67,8 @@ def machine(tmp_path: Path) -> Machine:
     return Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/etcd/member": ""})
 
 
-def switch(machine: Machine, files: dict[str, str] = NEW) -> dict[str, Any]:
+def switch(machine: Machine, files: dict[str, str] | None = None) -> dict[str, Any]:
+    files = NEW if files is None else files
     machine.stage(files)
     return machine.change.switch(list(files), [ENVIRONMENT])
 

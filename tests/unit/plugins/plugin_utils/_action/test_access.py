@@ -172,7 +172,7 @@ def test_without_any_server_it_says_what_each_of_them_said(
     for _robot in range(3):  # the second and the third of the cluster's robots do not wait for it again
         with pytest.raises(kind, match=said) as error:
             fetch.way(HOME, HOSTVARS, {})
-        assert type(error.value) is kind
+        assert error.type is kind
         assert all(f"{server}: {each}" in str(error.value) for server in HOME.part.servers)
     assert servers.asked == ["edge1", "edge2", "edge3"]
     servers.texts.clear()
