@@ -157,7 +157,9 @@ def looked(host: K3sHost, params: dict[str, Any]) -> dict[str, Any]:
     """What the module returns."""
     role, files, servers = params["role"], params["files"], params["servers"]
     service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
-    shown, seen = host.show(service), host.look(role)
+    shown = host.show(service)
+    # what runs now runs, however often it had to be started before
+    seen = host.look(role, restarts_before=int(shown.get("NRestarts") or 0))
     change = K3sChange(host.run, role).record()
     data = host.path(f"{DATA_DIR}/server/db" if role == "server" else f"{DATA_DIR}/agent/client-kubelet.crt").exists()
     knocks = [] if data else reach(servers, KNOCK)
