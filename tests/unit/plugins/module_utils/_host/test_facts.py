@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
 from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._host.host_tree import tree
 
 CGROUP = "1:name=systemd:/system.slice/k3s.service\n0::/\n"
 CGROUPS_V1 = """#subsys_name\thierarchy\tnum_cgroups\tenabled
@@ -44,14 +45,6 @@ TCP = """  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retr
 UDP = """  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode ref
  100: 00000000:2118 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 0 2 0 0
 """
-
-
-def tree(tmp_path: Path, files: dict[str, str]) -> Host:
-    for name, content in files.items():
-        file = tmp_path / name.lstrip("/")
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(content)
-    return Host(str(tmp_path))
 
 
 def test_cgroup_v1_lists_what_is_enabled(tmp_path: Path) -> None:

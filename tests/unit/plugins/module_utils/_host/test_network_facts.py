@@ -8,14 +8,7 @@ from pathlib import Path
 
 from ansible_collections.rosops.fleet.plugins.module_utils._host import network_facts
 from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host
-
-
-def tree(tmp_path: Path, files: dict[str, str]) -> Host:
-    for name, content in files.items():
-        file = tmp_path / name.lstrip("/")
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(content)
-    return Host(str(tmp_path))
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._host.host_tree import tree
 
 
 def test_a_bare_tree_has_nothing(tmp_path: Path) -> None:

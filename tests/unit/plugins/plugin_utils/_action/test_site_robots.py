@@ -8,21 +8,14 @@ No controller runs there: what is applied never gets ready.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE, PARTS, ground_objects
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._action.test_elsewhere import (
-    CHECKOUT,
-    IDENTITY,
-    SSH,
-    Control,
-)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._action.control_node import CHECKOUT, SSH, Control
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -30,14 +23,6 @@ STAGES = ",".join(PARTS)
 APP = {"name": "talker", "image": "x.example/talker:1", "command": ["run"], "pattern": "pubsub"}
 WAVE = "Robots are updated, wave by wave"
 PLACES = {"Deployment": "apis/apps/v1", "Service": "api/v1", "ConfigMap": "api/v1"}
-
-
-@pytest.fixture
-def server() -> Iterator[Server]:
-    made = Server()
-    made.put(IDENTITY, Identity("production", "edge").as_object())
-    yield made
-    made.stop()
 
 
 def path_of(kind: str, namespace: str, name: str) -> str:
@@ -59,7 +44,7 @@ class Run:
     def __init__(
         self, control: Control, robots: str, *arguments: str, playbook: str = "site", **variables: Any
     ) -> None:
-        control._write("play.yml", f"- import_playbook: {CHECKOUT}/playbooks/{playbook}.yml\n")
+        control.write("play.yml", f"- import_playbook: {CHECKOUT}/playbooks/{playbook}.yml\n")
         said = {"ros_apps": [APP], "ros_app_rollout_timeout": 1, "update_failure_budget": 9, **variables}
         done = control.run("--limit", robots, "-e", json.dumps(said), *arguments)
         self.status, self.output = done.returncode, done.stdout + done.stderr
@@ -75,7 +60,7 @@ class Run:
 def control(tmp_path: Path, server: Server) -> Control:
     made = Control(tmp_path, server)
     robot3_is_off = SSH.format(folder=tmp_path).replace("= 192.0.2.1 ]", "= 192.0.2.1 -o $host = 192.0.2.13 ]")
-    made._write("ssh", robot3_is_off, 0o755)
+    made.write("ssh", robot3_is_off, 0o755)
     return made
 
 

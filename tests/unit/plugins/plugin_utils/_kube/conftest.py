@@ -11,13 +11,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import K
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 
-@pytest.fixture
-def server() -> Iterator[Server]:
-    made = Server()
-    yield made
-    made.stop()
-
-
 class Clock:
     """Time passes only while somebody sleeps."""
 

@@ -29,13 +29,6 @@ def node(name: str, server: bool, ready: str = "True") -> dict[str, Any]:
 
 
 @pytest.fixture
-def server() -> Iterator[Server]:
-    made = Server()
-    yield made
-    made.stop()
-
-
-@pytest.fixture
 def cluster(server: Server) -> Iterator[KubeNodes]:
     with Kube({"host": server.url, "api_key": "t"}) as kube:
         yield KubeNodes(kube, lambda _text: None, "us")
