@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._action.control_node import IDENTITY
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import IDENTITY
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._action.control_node import IDENTITY, Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import IDENTITY, Control
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 EDGES = ("192.0.2.1", "192.0.2.2", "192.0.2.3")

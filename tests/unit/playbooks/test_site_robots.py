@@ -15,7 +15,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE, PARTS, ground_objects
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._action.control_node import CHECKOUT, SSH, Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, SSH, Control
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 

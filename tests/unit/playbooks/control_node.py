@@ -12,7 +12,7 @@ from pathlib import Path
 import yaml
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
-CHECKOUT = Path(__file__).resolve().parents[5]
+CHECKOUT = Path(__file__).resolve().parents[3]
 IDENTITY = "/api/v1/namespaces/kube-system/configmaps/rosops-fleet"
 # Who is asked is written down. Edge 1 is off; the file of the others is one of the test.
 SSH = """#!/bin/sh
