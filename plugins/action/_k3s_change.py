@@ -32,7 +32,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded, Limits, Surroundings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import (
     KubeNodes,

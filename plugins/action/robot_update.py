@@ -50,11 +50,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
     workload_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine, Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import FLEET, Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, CancelledError, World
 
 display = Display()

@@ -25,6 +25,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 WAITING = "waiting"  # no outcome yet: the run comes back to this robot
 WORST_FIRST = (FAILED, ROLLED_BACK, OFFLINE, BUSY, WAITING, UPDATED, UNCHANGED)
 COSTS_BUDGET = (FAILED, ROLLED_BACK)
+# What a run leaves where it cannot go on, and could not go back.
+UNPROVEN = "it runs unproven beside the way back; the next run proves it or takes it back"
 
 
 @dataclass(frozen=True)

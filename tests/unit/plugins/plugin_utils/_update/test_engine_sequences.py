@@ -12,16 +12,16 @@ import os
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+    OLD,
+    SCENARIOS,
+    settings,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
     FOREVER,
     image,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_engine import (
-    OLD,
-    SCENARIOS,
-    settings,
-)
 from hypothesis import HealthCheck
 from hypothesis import settings as bounds
 from hypothesis import strategies as st

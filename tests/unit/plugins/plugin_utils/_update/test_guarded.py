@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update import guarded
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded, Limits, Surroundings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
@@ -408,27 +408,6 @@ def test_check_mode_says_what_it_would_meet(busy: float, policy: str, word: str,
     site = Site(busy_until=busy)
     assert outcome(site, check=True, on_busy=policy)[0] == word
     assert any(said in text for text in site.said)
-
-
-def shared_graph() -> dict[str, Any]:
-    nodes = {
-        "/robot1/planner": {"reachable": True, "uri": "http://a/"},
-        "/robot1/silent": {"reachable": False, "uri": "http://b/"},
-        "/robot1/dead": {"reachable": False, "uri": "http://c/", "refused": True},
-        "/robot2/planner": {"reachable": True, "uri": "http://d/"},
-    }
-    actions = {f"{name}/plan": {"up": True, "servers": [name], "clients": []} for name in nodes}
-    return {"nodes": nodes, "topics": {}, "services": {}, "actions": actions}
-
-
-def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:
-    graph = shared_graph()
-    shared = robot(name="robot1", master={"mode": "shared"})
-    nodes = guarded._nodes(graph, shared)
-    assert nodes == ["/robot1/dead", "/robot1/planner", "/robot1/silent"]
-    # a server that does not answer may be at work, one that is gone is not
-    assert [one["server"] for one in guarded.actions_to_rest(graph, nodes)] == ["/robot1/planner", "/robot1/silent"]
-    assert guarded._conditions(graph, nodes)["nodes"] == ["/robot1/planner"]
 
 
 def test_several_robots_of_one_host_all_rest() -> None:

@@ -1,0 +1,187 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One step of a robot at work: gate, hold, apply, verify, and back where the new version does not prove itself."""
+
+from __future__ import annotations
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
+    AwayError,
+    CancelledError,
+    LostError,
+)
+
+MASTER_SECONDS = 30.0
+VERIFY_EXTRA = 20.0
+
+
+class Gated:
+    """The step at hand of a turn."""
+
+    def __init__(self, turn: Turn, now: Now) -> None:
+        self.turn, self.now, self.step = turn, now, now.step
+        self.settings, self.say = turn.settings, turn.say
+
+    def take(self) -> StepResult:
+        """All of the step. Whatever goes wrong is its result, and no error."""
+        turn, now = self.turn, self.now
+        if self.step.proven:
+            return self._finish()
+        try:
+            with turn.phase(now, "gate"):
+                gate = self._gate()
+            with turn.phase(now, "wait"):
+                self._hold(gate)
+            with turn.phase(now, "record"):
+                gate = self._rates(gate)
+            with turn.phase(now, "apply"):
+                self._apply(gate)
+            if turn.check:
+                return turn.result(now, UPDATED)
+            with turn.phase(now, "rollout"):
+                turn.cluster.wait(self.step.workloads, self.settings.ready_timeout, fail_on_restart=True)
+            with turn.phase(now, "verify"):
+                self._verify(gate)
+            return self._finish()
+        except (BusyError, AwayError, CancelledError, LostError) as error:
+            return turn.broken_off(now, error)
+        except FleetError as error:
+            return self._failed(error)
+
+    # --- before -----------------------------------------------------------------------------------------------------
+
+    def _gate(self) -> decide.Gate:
+        """Refuse what cannot go well, before anything is touched."""
+        gate = self._known()
+        for warning in gate.warnings:
+            self.say(f"WARNING: {self.step.name}: {warning}")
+        if gate.problems:
+            raise NotReadyError("; ".join(gate.problems))
+        return gate
+
+    def _known(self) -> decide.Gate:
+        """What the graph, as it is known now, says of the step."""
+        turn, now = self.turn, self.now
+        now.graph = decide.renamed_graph(turn.graph, turn.plan.steps[: len(turn.results)])
+        now.gate = decide.step_gate(self.step, now.graph, turn.live, self.settings.edge_images)
+        return now.gate
+
+    def _hold(self, gate: decide.Gate) -> None:
+        """Wait until the robot is idle, and hold new goals back, so that none comes before the old server's end."""
+        turn, name, policy = self.turn, self.step.name, self.turn.policy(self.step)
+        if not gate.rest or policy == "force":
+            return
+        if policy == "wait" and not turn.check:
+            # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
+            turn.apply_all([turn.events(self.now)])
+        seen = turn.rest(self.now, gate.rest, "the robot is idle")
+        if turn.check:
+            self.say(f"{name}: {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
+        # in check mode nobody has waited: what would be waited for is no reason to leave out the rest of the plan
+        if seen.verdict == WAIT and not (turn.check and policy == "wait"):
+            raise BusyError(seen.reason)
+        if seen.verdict == FAIL:
+            raise NotReadyError(f"the actions cannot be looked at: {seen.reason}")
+        if seen.verdict == PASS and seen.reason:  # a goal that comes now may be lost
+            self.say(f"{name}: {seen.reason}")
+
+    def _rates(self, gate: decide.Gate) -> decide.Gate:
+        """What the nodes send when the robot rests is what the next version has to send, too.
+
+        Steps that wait for nobody have theirs measured together. One that is forced may find the robot at work.
+        """
+        turn = self.turn
+        missing = {*gate.nodes} - turn.rated
+        at_work = turn.policy(self.step) == "force" and decide.at_work(self.now.graph, gate.rest)
+        if missing and turn.recorded and not at_work:
+            if not gate.rest:
+                later = [decide.step_gate(step, turn.graph, turn.live) for step in turn.plan.steps[len(turn.results) :]]
+                missing |= {node for other in later if not other.rest for node in other.nodes} - turn.rated
+            measured = turn.host.graph(turn.master, self.settings.rate_seconds, sorted(missing))
+            turn.rated |= missing
+            turn.graph = decide.with_rates(turn.graph, measured)
+            gate = self._known()
+        for line in gate.allowed if turn.check else ():
+            self.say(f"{self.step.name}: {line}")
+        return gate
+
+    # --- the change -------------------------------------------------------------------------------------------------
+
+    def _apply(self, gate: decide.Gate) -> None:
+        turn, now = self.turn, self.now
+        if turn.check:
+            turn.apply_all(self.step.objects)
+            return
+        bounds = decide.Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
+        objects = decide.step_objects(self.step, gate.contracts, bounds, turn.clock.wall())
+        now.maps = [item for item in objects if item["kind"] == "ConfigMap"]
+        now.applied = True  # from the first of these objects on
+        turn.apply_all([turn.events(now), *objects])
+
+    def _verify(self, gate: decide.Gate) -> None:
+        """The graph is what was recorded, for as long as asked, and nothing was started again meanwhile."""
+        turn, step = self.turn, self.step
+        if step.kind == "master":
+            turn.meet_master()
+            # its pod is ready a moment before its Service leads there
+            turn.ready({}, MASTER_SECONDS, "the new master answers")
+            if turn.recorded:
+                turn.host.register(turn.master, self.now.graph)
+        seconds = self.settings.verify_seconds
+        proof = decide.proof(step, gate.contracts, self.settings.rate_tolerance)
+        if decide.proves_nothing(proof):
+            self.say(f"{step.name}: nothing is recorded and nothing promised to hold it to: only its pod is proven")
+        patience = seconds + max(VERIFY_EXTRA, step.patience)
+        turn.ready(proof, patience, f"{step.name} is what was recorded", stable=seconds)
+        turn.cluster.wait(step.workloads, 5.0, fail_on_restart=True)
+
+    def _finish(self) -> StepResult:
+        """Say that the contract is fulfilled, then take the mark off. Where that cannot be done it is proven anyway."""
+        turn, now, step = self.turn, self.now, self.step
+        turn.trace(f"{step.name}: finish")
+        try:
+            result = turn.result(now, UPDATED)
+            turn.apply_all([*decide.fulfilled(now.maps), *step.workloads, turn.events(None, [result])])
+            # the new server may have been there before, and then the keeper waits for a next one
+            if step.resume or step.drifted:
+                now.rest.release()
+            return result
+        except LostError as error:  # whoever had the robot meanwhile may have changed what was proven
+            return turn.broken_off(now, error)
+        except FleetError as error:
+            turn.over = isinstance(error, CancelledError)
+            reason = f"its mark could not be taken off ({error}); the next run does that"
+            self.say(f"{step.name}: {reason}")
+            return turn.result(now, UPDATED, reason)
+
+    # --- or back ----------------------------------------------------------------------------------------------------
+
+    def _failed(self, error: FleetError) -> StepResult:
+        """Take back what was applied; what was not applied leaves nothing but held goals."""
+        turn, now = self.turn, self.now
+        self.say(f"{self.step.name}: {error}")
+        if not now.applied:
+            now.rest.release()
+            return turn.result(now, FAILED, f"nothing was touched: {error}")
+        try:
+            turn.host.there()  # a robot that is away proves nothing, and cannot be helped from here
+            with turn.phase(now, "wait"):
+                way_back.hold_new(turn, now)
+            with turn.phase(now, "rollback"):
+                way_back.go(turn, now)
+        except (AwayError, BusyError, LostError) as other:
+            return turn.broken_off(now, other, str(error))
+        except FleetError as worse:
+            self.say(f"{self.step.name}: the way back failed, too: {worse}")
+            now.rest.release()
+            return turn.result(now, FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
+        now.rest.release()
+        return turn.result(now, ROLLED_BACK, str(error))

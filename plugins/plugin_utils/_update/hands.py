@@ -1,0 +1,105 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot in the hands of a run: where its master is, objects applied, waits that say what is still open."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_uri
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Clock, Live, Object, Seen, World
+
+SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
+
+
+class Hands:
+    """One robot and its world; `live` is what the API showed of it last."""
+
+    def __init__(self, robot: Robot, world: World, check: bool = False) -> None:
+        self.robot, self.check = robot, check
+        self.cluster, self.host, self.clock = world.cluster, world.host, world.clock
+        self.say, self.trace = world.say, world.trace
+        self.live = Live()
+        self.changes: list[Applied] = []
+
+    @property
+    def master(self) -> str:
+        """The address of the robot's ROS master, as its hosts reach it."""
+        if self.robot.master.mode == "external":
+            return master_uri(self.robot)
+        return self.live.service_uri(names.MASTER_NAME)
+
+    @property
+    def keeper(self) -> str:
+        return self.live.service_uri(names.KEEPER_NAME)
+
+    def read(self) -> Live:
+        """What the API shows of the robot now, with what of the fleet is its own, too."""
+        shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(self.robot) else []
+        return self.cluster.read([self.robot.namespace, *shared])
+
+    def meet_master(self) -> None:
+        """Look for the address of a master that was made just now."""
+        if not self.master:
+            self.live = replace(self.live, services=self.read().services)
+
+    def apply_all(self, objects: Sequence[Object]) -> None:
+        """All of them in one call; in check mode it is only found out what that would change."""
+        if objects:
+            told = [change for change in self.cluster.apply(objects, self.check) if _worth_telling(change)]
+            self.changes += told
+
+    def until(
+        self,
+        wait: Callable[[float], Seen],
+        timeout: float,
+        what: str,
+        least: float = SLICE,
+        since: float | None = None,
+    ) -> Seen:
+        """Wait in slices, and say between two of them what is still open, and since when."""
+        began = self.clock.now()
+        while True:
+            spent = self.clock.now() - began
+            self.cluster.confirm()
+            seen = wait(max(min(timeout - spent, max(least, SLICE)), 0.0))
+            spent = self.clock.now() - began
+            if seen.verdict != WAIT or spent >= timeout:
+                return seen
+            open_for = self.clock.now() - (began if since is None else since)
+            self.say(f"{what}, for {open_for:.0f} s now: {seen.reason}")
+
+    def ready(self, conditions: Object, timeout: float, what: str, stable: float = 0.0) -> None:
+        """Wait until the robot's graph is like that; NotReadyError says what of it is not."""
+        seen = self.until(
+            lambda seconds: self.host.ready(self.master, conditions, max(seconds, stable), stable),
+            timeout,
+            f"waits until {what}",
+            least=stable + 2.0,
+        )
+        if seen.verdict != PASS:
+            raise NotReadyError(seen.reason)
+
+
+@contextlib.contextmanager
+def timed(clock: Clock, phases: dict[str, float], name: str) -> Iterator[None]:
+    """Add the seconds that this takes to those of the phase."""
+    began = clock.now()
+    try:
+        yield
+    finally:
+        phases[name] = round(phases.get(name, 0.0) + clock.now() - began, 3)
+
+
+def _worth_telling(change: Applied) -> bool:
+    """The record of updates changes with every step: its news is the outcome itself."""
+    return change.changed and change.ref.name != EVENTS_NAME

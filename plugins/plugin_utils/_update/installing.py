@@ -1,0 +1,100 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot on which no app is at work gets all that is new at once: applied, awaited, and the graph is as promised.
+
+There is nothing to go back to: what does not come up stays, and is told.
+"""
+
+from __future__ import annotations
+
+import contextlib
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING, members, promised
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import deployments_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import marked
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import UNFINISHED, Now, Turn
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
+    AwayError,
+    CancelledError,
+    LostError,
+    Object,
+)
+
+LOOK_SECONDS = 2.0  # of a look at what has had its time
+NO_MASTER = "run the stage master of rosops.fleet.site first"
+
+
+class Installing:
+    """The installation as a step of a turn."""
+
+    def __init__(self, turn: Turn, now: Now) -> None:
+        self.turn, self.now, self.step = turn, now, now.step
+        self.settings = turn.settings
+
+    def take(self) -> StepResult:
+        """All of it. Whatever goes wrong is its result, and no error."""
+        turn, now, step = self.turn, self.now, self.step
+        if not (turn.master or names.MASTER_NAME in step.apps):
+            return turn.result(now, FAILED, f"nothing was touched: {turn.robot.name} has no ROS master; {NO_MASTER}")
+        try:
+            with turn.phase(now, "apply"):
+                now.applied = not turn.check
+                turn.apply_all(marked(step.objects, str(int(now.started))) if now.applied else step.objects)
+            if turn.check:
+                return turn.result(now, UPDATED)
+            with turn.phase(now, "rollout"):
+                claims = storage_objects(turn.robot) if set(step.apps) - set(SERVING) else []
+                turn.cluster.wait([*claims, *step.workloads], self.settings.rollout_timeout)
+            with turn.phase(now, "verify"):
+                keeps_promise(turn, step.conditions, self.settings.verify_seconds)
+                turn.cluster.wait(step.workloads, 5.0, fail_on_restart=True)
+            result = turn.result(now, UPDATED)
+            turn.apply_all([*step.workloads, turn.events(None, [result])])
+            return result
+        except (AwayError, CancelledError, LostError) as error:
+            return turn.broken_off(now, error)
+        except FleetError as error:
+            return turn.result(now, FAILED, f"{error}; {UNFINISHED}{self._half()}")
+
+    def _half(self) -> str:
+        """Prove each app that came up all the same, so that it is at work from now on; what to say of that."""
+        turn, proven, seconds = self.turn, list[str](), self.settings.verify_seconds
+        try:
+            for app, workloads in members(self.step).items():
+                with contextlib.suppress(NotReadyError):
+                    turn.cluster.wait(workloads, LOOK_SECONDS)
+                    keeps_promise(turn, promised(turn.robot, [app]), seconds, seconds + LOOK_SECONDS)
+                    turn.apply_all(workloads)
+                    proven.append(app)
+        except FleetError as error:
+            turn.say(f"{self.step.name}: {error}")
+        return f"; up: {', '.join(proven)}" if proven else ""
+
+
+def all_ready(turn: Turn) -> None:
+    """All of the robot is rolled out, and its graph is what its apps promise, whether or not they were changed."""
+    wanted = [*storage_objects(turn.robot), *deployments_of(workload_objects(turn.robot, PARTS))]
+    turn.cluster.wait(wanted, turn.settings.rollout_timeout)
+    keeps_promise(turn, promised(turn.robot, [app.name for app in turn.robot.apps]), 0.0)
+
+
+def keeps_promise(turn: Turn, conditions: Object, stable: float, timeout: float | None = None) -> None:
+    """The graph is what the apps promised."""
+    turn.meet_master()
+    if not turn.master:
+        raise NotReadyError(f"{turn.robot.name} has no ROS master; {NO_MASTER}")
+    began, turn.graph_told = turn.clock.now(), {"verdict": FAIL}
+    limit = float(conditions["timeout"]) if timeout is None else timeout
+    try:
+        turn.ready(conditions, limit, "the graph is what the apps promised", stable)
+        turn.graph_told["verdict"] = PASS
+    finally:
+        turn.graph_told["elapsed"] = round(turn.clock.now() - began, 3)

@@ -1,0 +1,60 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot at rest: its actions are idle, and new goals are held back for as long as something is changed."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
+
+HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the change never comes to its end
+
+
+class BusyError(FleetError):
+    """The robot works, and the run does not wait any longer."""
+
+
+class Rest:
+    """Of one robot, for one change of it.
+
+    It has `seconds` to come to rest, from when an earlier look began to wait (`since`, by the clock's `now`), or from
+    the first call. `look` is how much of that may pass in this run; None: all of it.
+    """
+
+    def __init__(self, hands: Hands, seconds: float, look: float | None = None, since: float | None = None) -> None:
+        self._hands, self._seconds, self._look = hands, seconds, look
+        self.since = since
+        self.held: Sequence[Mapping[str, str]] = ()  # actions whose new goals are, or may be, held back
+        self.patient = False  # its time is not over
+
+    def idle(self, actions: Sequence[Mapping[str, str]], what: str) -> Seen:
+        """Wait until they are idle, and hold new goals, so that none comes before the change; in check mode only look.
+
+        `what` says who waits for what.
+        """
+        hands, now = self._hands, self._hands.clock.now()
+        self.since = now if self.since is None else self.since
+        end = self.since + self._seconds
+        left, keeper = max(end - now, 0.0), "" if hands.check else hands.keeper
+        self.held = () if hands.check else actions  # as long as nobody knows better: an answer may be lost
+        seen = hands.until(
+            lambda seconds: hands.host.hold(hands.master, keeper, actions, HOLD_SECONDS, seconds),
+            left if self._look is None else min(left, self._look),
+            what,
+            since=self.since,
+        )
+        self.patient = hands.clock.now() < end
+        self.held = [action for action in actions if action["name"] in seen.held]
+        return seen
+
+    def release(self) -> None:
+        """Let the goals go that are still held. If nobody can, the keeper does it by itself."""
+        if self.held:
+            held, self.held = self.held, ()
+            with contextlib.suppress(FleetError):
+                self._hands.host.release(self._hands.master, self._hands.keeper, held)

@@ -1,0 +1,49 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The way back of a step: to the version before it, under the proof that it is what it was."""
+
+from __future__ import annotations
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
+
+
+def hold_new(turn: Turn, now: Now) -> None:
+    """A version that goes may be at work, however bad it is. One that is dead is not, nor one that nobody finds."""
+    if turn.policy(now.step) == "force" or now.step.kind == "master":
+        return
+    try:
+        graph, pods = turn.host.graph(turn.master), turn.read().pods
+    except RosError:
+        return
+    actions = decide.new_actions(now.step, graph, pods)
+    if actions:
+        seen = turn.rest(now, actions, "its new version is idle, to take it back")
+        if seen.verdict == WAIT:
+            raise BusyError(f"the new version is at work, so it was not taken back: {seen.reason}")
+
+
+def go(turn: Turn, now: Now) -> None:
+    """The old version again, and its part of the graph."""
+    step, settings = now.step, turn.settings
+    old = sorted({*step.old_nodes.values()} - {""})
+    turn.say(f"{step.name}: taken back")
+    if turn.recorded and old:
+        # first, so that a service never points to nothing: the old server lives, and the new one's end cannot take
+        # away what is not its own any more
+        turn.host.register(turn.master, now.graph, old)
+    # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here
+    turn.apply_all(decide.marked(step.previous.values(), str(int(now.started))))
+    turn.cluster.delete(step.created)
+    turn.cluster.wait(list(step.previous.values()), settings.ready_timeout)
+    dead = sorted({*step.new_nodes.values()} - {"", *old})
+    if dead:
+        turn.host.reap(turn.master, dead)
+    if now.gate:
+        proof = decide.proof_of_old(step, now.gate.contracts, settings.rate_tolerance)
+        turn.ready(proof, settings.ready_timeout, f"{step.name} is as it was")
+    turn.apply_all(list(step.previous.values()))

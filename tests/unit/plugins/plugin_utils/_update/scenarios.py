@@ -1,0 +1,112 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Robots on an old version, what a step makes of them, and how a run of the engine went, for tests of its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+OLD = image("good", 0)
+
+
+APP_VERSIONS = (
+    "good", "crashes-once", "never-starts", "never-connects", "half-the-rate", "offers-less", "crashes-at-once",
+    "crashes-when-ready", "hangs",
+)  # fmt: skip
+
+
+MASTER_VERSIONS = ("good", "never-starts", "crashes-at-once", "crashes-when-ready")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A robot by the image of what is changed."""
+
+    robot: Callable[[str], Robot]
+    versions: Sequence[str] = APP_VERSIONS
+
+
+def one(name: str, **more: Any) -> Callable[[str], Robot]:
+    return lambda wanted: robot(app(name, wanted, placement="local", **more))
+
+
+def master(wanted: str) -> Robot:
+    container = {"name": "ros-master-container", "image": wanted}
+    overrides = {"spec": {"template": {"spec": {"containers": [container]}}}}
+    return robot(app("sensor", OLD), master={"image": OLD, "overrides": overrides})
+
+
+def keeper_and_master(wanted: str) -> Robot:
+    return robot(app("sensor", OLD), master={"image": wanted})
+
+
+def group(wanted: str) -> Robot:
+    update = {"group": "temperature"}
+    return robot(app("stats", wanted, depends_on=["sensor"], update=update), app("sensor", wanted, update=update))
+
+
+def two(wanted: str) -> Robot:
+    return robot(app("stats", wanted, depends_on=["sensor"]), app("sensor", wanted))
+
+
+def fleet(wanted: str) -> Robot:
+    return robot(app("chart", wanted, pattern="service", scope="fleet"), master={"mode": "shared", "image": OLD})
+
+
+SCENARIOS = {
+    "overlap": Scenario(one("sensor")),
+    "drain": Scenario(one("planner", pattern="action", readiness={"actions": ["plan"]})),
+    "replace": Scenario(one("driver", pattern=None)),
+    "master": Scenario(master, versions=MASTER_VERSIONS),
+    "keeper-and-master": Scenario(keeper_and_master, versions=MASTER_VERSIONS),
+    "group": Scenario(group),
+    "two-steps": Scenario(two),
+    "fleet": Scenario(fleet),
+}
+
+
+INFRASTRUCTURE = ("master", "keeper-and-master")  # whoever takes steps back for others
+
+
+def settings(**more: Any) -> Settings:
+    return Settings(**{"ready_timeout": 30.0, "verify_seconds": 5.0, "busy_timeout": 60.0, **more})
+
+
+def begin(name: str, version: str) -> tuple[Simulation, Robot]:
+    """A robot on its old version, and the one that is wanted."""
+    scenario, sim = SCENARIOS[name], Simulation()
+    sim.install(scenario.robot(OLD))
+    return sim, scenario.robot(image(version))
+
+
+def running(sim: Simulation, app: str) -> list[str]:
+    """The versions of an app that are part of the graph."""
+    return [
+        pod.template for pod in sim.pods if pod.app == app and pod.up and sim.registered.get(pod.node) is pod.process
+    ]
+
+
+def run_of(sim: Simulation, wanted: Robot, **more: Any) -> tuple[RobotOutcome, Engine]:
+    found = sim.run(wanted, settings(**more))
+    assert found is not None
+    return found, sim.engine
+
+
+def outcome_of(sim: Simulation, wanted: Robot, **more: Any) -> RobotOutcome:
+    found = sim.run(wanted, settings(**more))
+    assert found is not None
+    return found
+
+
+MATRIX = [(name, version) for name, scenario in SCENARIOS.items() for version in scenario.versions]

@@ -1,0 +1,74 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One step: what it needs and leaves, what it takes up again, whatever was changed or cut off before it."""
+
+from __future__ import annotations
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+    INFRASTRUCTURE,
+    OLD,
+    SCENARIOS,
+    begin,
+    outcome_of,
+    settings,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+
+@pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])
+def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
+    sim, wanted = begin(name, "good")
+    sim.run(wanted, settings())
+    for at in range(1, len(sim.calls) + 1):
+        sim, wanted = begin(name, "good")
+        sim.run(wanted, settings(), "half-killed", at)
+        step = [app.name for app in wanted.apps]
+        if any(sim.promised(place, app).get("proven") for _kind, place, _name in [*sim.objects] for app in step):
+            assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
+            if name != "two-steps":
+                assert not {"graph", "hold", "rollout", "ready"} & {*sim.calls}, (at, sim.calls)
+            break
+    else:
+        pytest.fail("no run was cut off there")
+
+
+@pytest.mark.parametrize("name", ["overlap", "drain", "replace", "group"])
+def test_another_version_after_a_run_that_was_cut_off(name: str) -> None:
+    """It has to do what the last proven one did, whatever the one between them left of the graph."""
+    for between in ("good", "half-the-rate"):
+        for at in range(1, 19):
+            sim, wanted = begin(name, between)
+            sim.run(wanted, settings(), "killed", at)
+            bad = SCENARIOS[name].robot(image("half-the-rate", 2))
+            assert outcome_of(sim, bad).outcome == "rolled-back", at
+
+
+def test_a_new_app_is_there_or_gone() -> None:
+    for version, word in (("good", "updated"), ("crashes-at-once", "rolled-back"), ("never-connects", "rolled-back")):
+        for fault, at in [("", 1), *(("killed", at) for at in range(1, 15)), *(("half", at) for at in range(1, 15))]:
+            sim, _wanted = begin("overlap", "good")
+            wanted = robot(app("sensor", OLD), app("driver", image(version), pattern=None))
+            sim.run(wanted, settings(), fault, at)
+            sim.restore()
+            last = [outcome_of(sim, wanted).outcome for _time in range(2)][-1]
+            assert last == ("unchanged" if word == "updated" else word), (version, fault, at)
+            assert bool(sim.deployment(("robot-robot1", "driver"))) == (word == "updated")
+
+
+@pytest.mark.parametrize("by_hand", ["image", "replicas"])
+@pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
+def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by_hand: str) -> None:
+    sim, wanted = begin(name, "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    (app_name,) = [one.name for one in wanted.apps]
+    sim.change_by_hand(("robot-robot1", app_name), by_hand)
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, f"{app_name} was changed by hand" in sim.said) == ("updated", True)
+    there = sim.deployment(("robot-robot1", app_name))
+    assert there is not None
+    assert there["spec"] == {item["metadata"]["name"]: item for item in wanted_deployments(wanted)}[app_name]["spec"]
+    assert outcome_of(sim, wanted).outcome == "unchanged"

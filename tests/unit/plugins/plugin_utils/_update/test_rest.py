@@ -1,0 +1,131 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot that works: it is waited for, and its goals are kept."""
+
+from __future__ import annotations
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+    OLD,
+    begin,
+    one,
+    outcome_of,
+    run_of,
+    settings,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+
+
+def busy(seconds: float) -> tuple[Simulation, Robot]:
+    sim, wanted = begin("drain", "good")
+    sim.goal("/plan", seconds)
+    sim.advance(1.0)
+    return sim, wanted
+
+
+def test_a_goal_is_waited_for_and_those_that_come_meanwhile_are_kept_for_the_next_server() -> None:
+    sim, wanted = busy(20.0)
+    later = sim.goal("/plan", 2.0, after=21.5)  # when it is held
+    found = outcome_of(sim, wanted)
+    assert found.outcome == "updated"
+    assert found.steps[0].phases["wait"] >= 15.0
+    assert sim.said[0].endswith("idle, for 9 s now: busy on /planner: 1 ACTIVE"), sim.said
+    sim.advance(10.0)
+    assert all(goal.ended for goal in sim.goals)
+    assert later.process is not None
+    assert later.process.uri != sim.goals[0].process.uri  # type: ignore[union-attr]
+
+
+def test_what_a_robot_sends_while_it_works_is_not_asked_of_one_at_rest() -> None:
+    sim, wanted = busy(20.0)
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert sim.promised("robot-robot1", "planner")["topics"]["/velocity"]["rate"] is None
+    assert sim.promised("robot-robot1", "planner")["topics"]["/load"]["rate"] == 100.0
+
+
+@pytest.mark.parametrize("pattern", ["action", "service", None])
+def test_actions_that_the_inventory_does_not_list_are_waited_for(pattern: str | None) -> None:
+    scenario, sim = one("planner", pattern=pattern), Simulation()
+    sim.install(scenario(OLD))
+    sim.goal("/plan", 20.0)
+    sim.advance(1.0)
+    found = outcome_of(sim, scenario(image("good")))
+    assert (found.outcome, found.steps[0].phases["wait"] >= 15.0) == ("updated", True)
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_server_that_tells_nothing_is_busy() -> None:
+    sim, wanted = busy(20.0)
+    sim.deaf_until = sim.time + 15.0
+    assert outcome_of(sim, wanted, on_busy="defer").outcome == "deferred-busy"
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_robot_that_does_not_become_idle_is_deferred_and_as_it_was() -> None:
+    sim, wanted = busy(200.0)
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, sim.touched) == ("deferred-busy", {("ConfigMap", "robot-robot1", "robot-updates")})
+    assert sim.time >= 60.0
+
+
+def test_a_run_comes_back_to_a_robot_that_works() -> None:
+    """Looks are short, so that others have their turn; the time for which it is waited goes on meanwhile."""
+    sim, wanted = busy(45.0)
+    since: dict[str, float] = {}
+    for look in range(9):
+        began = sim.time
+        found, engine = run_of(sim, wanted, look_timeout=4.0 if look else 0.0, since=since)
+        if found.outcome != "waiting":
+            break
+        assert sim.time - began < 12.0
+        since = engine.waiting
+        assert '"outcome": "running"' in sim.events()
+        sim.advance(5.0)  # others
+    assert (found.outcome, found.steps[0].phases["wait"] > 40.0) == ("updated", True)
+    assert all(goal.ended for goal in sim.goals)
+
+
+def test_a_robot_that_works_too_long_is_deferred_when_its_time_is_over() -> None:
+    sim, wanted = busy(300.0)
+    since: dict[str, float] = {}
+    words = []
+    for _look in range(20):
+        found, engine = run_of(sim, wanted, look_timeout=4.0, since=since)
+        words.append(found.outcome)
+        since = engine.waiting
+        sim.advance(5.0)
+        if found.outcome != "waiting":
+            break
+    assert words[-1] == "deferred-busy"
+    assert 4 <= len(words) <= 8
+    assert 60.0 <= found.steps[0].phases["wait"] < 75.0
+
+
+def test_whoever_defers_does_not_wait() -> None:
+    sim, wanted = busy(30.0)
+    began = sim.time
+    assert outcome_of(sim, wanted, on_busy="defer").outcome == "deferred-busy"
+    assert sim.time - began < 10.0
+
+
+def test_whoever_forces_leaves_the_goal_to_the_stop_hook() -> None:
+    sim, wanted = busy(15.0)
+    assert outcome_of(sim, wanted, on_busy="force").outcome == "updated"
+    assert all(goal.ended for goal in sim.goals)
+    assert "hold" not in sim.calls
+
+
+@pytest.mark.parametrize("fault", ["killed", "cancelled", "api-away", "robot-away", "lost-answer", "master-silent"])
+def test_no_goal_is_lost_whatever_happens(fault: str) -> None:
+    for at in range(1, 14):
+        sim, wanted = busy(7.0)
+        for after in (3.0, 10.0, 14.0, 30.0):
+            sim.goal("/plan", 3.0, after)
+        sim.run(wanted, settings(), fault, at)
+        sim.restore()
+        assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
+        sim.advance(90.0)
+        assert all(goal.ended for goal in sim.goals), (fault, at)
