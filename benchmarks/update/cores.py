@@ -21,12 +21,33 @@ def split(cores: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
     return tuple(range(half)), tuple(range(half, cores)) or tuple(range(cores))
 
 
-ROBOT_CORES, CONTROL_CORES = split(os.cpu_count() or 1)
+CORES = tuple(range(os.cpu_count() or 1))
+ROBOT_CORES, CONTROL_CORES = split(len(CORES))
 
 
 def listed(cores: Sequence[int]) -> str:
     """As taskset and podman write them."""
     return ",".join(map(str, cores))
+
+
+def kubelet_arguments(own: Sequence[int], every: Sequence[int]) -> list[str]:
+    """What a host's kubelet has to be told that may use some of the machine's cores only.
+
+    It takes those that the kernel shows for its own and writes them into its pods' cgroups, which a host on fewer
+    cores refuses. With the static policy it leaves the reserved ones out.
+
+    >>> kubelet_arguments((0,), (0, 1))[1]
+    'reserved-cpus=1'
+    >>> kubelet_arguments((0,), (0,))
+    []
+    """
+    if not (others := [core for core in every if core not in own]):
+        return []
+    return [
+        "cpu-manager-policy=static",
+        f"reserved-cpus={listed(others)}",
+        "cpu-manager-policy-options=strict-cpu-reservation=true",
+    ]
 
 
 def on_cores(cores: Sequence[int]) -> tuple[str, ...]:

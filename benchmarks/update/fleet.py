@@ -9,7 +9,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .cluster import ROBOT, Cluster
+from .cluster import EDGE, ROBOT, Cluster
+from .cores import CONTROL_CORES, CORES, ROBOT_CORES, kubelet_arguments
 from .errors import BenchError
 from .fleet_inventory import variables
 from .paths import CHECKOUT
@@ -39,7 +40,12 @@ class FleetArm:
         """The generated inventory: this lab's robot, and images of every version on every node."""
         groups = self._inventory / "group_vars"
         groups.mkdir(parents=True, exist_ok=True)
-        hosts: dict[str, Any] = {"robots": {"hosts": {ROBOT: {}}}}
+        cores = {ROBOT: ROBOT_CORES, EDGE: CONTROL_CORES}
+        own = {host: {"k3s_config": {"kubelet-arg": kubelet_arguments(cores[host], CORES)}} for host in cores}
+        hosts: dict[str, Any] = {
+            "edge": {"hosts": {EDGE: own[EDGE]}},
+            "robots": {"hosts": {ROBOT: own[ROBOT]}},
+        }
         (self._inventory / "hosts.yml").write_text(json.dumps(hosts, indent=2), encoding="utf-8")
         images = {"images_archives": [{"path": path} for path in archives]}
         (groups / "all.yml").write_text(json.dumps(images, indent=2), encoding="utf-8")
