@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 from update import page, pictures, series, svg
-from update.cores import split
+from update.cores import kubelet_arguments, split
 from update.measure import Measured
 from update.order import rounds
 from update.records import record
@@ -130,3 +130,8 @@ def test_the_documentation_is_what_the_trials_give() -> None:
     for path, content in page.files().items():
         assert path.read_text("utf-8") == content, path
     assert {path.name for path in page.PICTURES.glob("*")} == {path.name for path in page.files() if path != page.PAGE}
+
+
+def test_a_kubelet_leaves_the_cores_that_are_others_out() -> None:
+    assert "reserved-cpus=1,2" in kubelet_arguments((0, 3), range(4))
+    assert kubelet_arguments((0,), (0,)) == []
