@@ -13,12 +13,13 @@ from dataclasses import asdict
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import old_archives, plan
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals, unheard_refusal
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import source
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
@@ -33,12 +34,28 @@ class ActionModule(FleetAction):
     def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         variables = role_variables("k3s", self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
-        now = ActionHost(self, known).module("rosops.fleet.k3s_info", _look(variables, part, known["hostvars"]))
+        host = ActionHost(self, known)
+        now = host.module("rosops.fleet.k3s_info", _look(variables, part, known["hostvars"]))
         if now.get("failed") or now.get("unreachable"):
             return now
         joins = "" if part.init else join_url(variables, known["hostvars"], now)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"], joins)
-        return {"changed": False, **_plan(now, part, variables, known)}
+        found = _plan(now, part, variables, known)
+        if found["unsure"]:
+            self.say(known)("k3s is up and does not serve just now; that is waited for before anything is changed")
+            seen = host.module("rosops.fleet.k3s_ready", {"role": part.role, "timeout": variables["k3s_start_timeout"]})
+            if seen.get("unreachable") or "verdict" not in seen:
+                return seen
+            if refusal := unheard_refusal(seen, found, variables):
+                raise SpecError(f"{known['inventory_hostname']} was left as it is. {refusal}")
+            if seen["verdict"] == PASS:
+                found = _plan({**now, "ready": True}, part, variables, known)
+        if found["any"] and (found["down"] or found["unsure"]):
+            self.say(known)(
+                "k3s does not serve here, and there is a cluster's data: whatever works here cannot be asked, and k3s "
+                "is started with what the inventory says"
+            )
+        return {"changed": False, **found}
 
 
 def _look(variables: Mapping[str, Any], part: Wanted, hostvars: Mapping[str, Any]) -> dict[str, Any]:

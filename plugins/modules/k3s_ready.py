@@ -56,6 +56,10 @@ observed:
   description: What was seen last.
   returned: always
   type: str
+verdict:
+  description: V(pass), V(wait) where the time was over, V(fail) where waiting cannot help.
+  returned: always
+  type: str
 elapsed:
   description: Seconds that the wait took.
   returned: always
@@ -85,7 +89,7 @@ def main() -> None:
     began = time.time() - 5  # the start was asked for just before
     restarts = int(host.show(service).get("NRestarts") or 0)
     polled = poll(lambda: host.look(params["role"], params["member"], restarts), params["timeout"], params["interval"])
-    result = {"observed": str(polled.last), "elapsed": round(polled.elapsed, 2)}
+    result = {"verdict": polled.verdict, "observed": str(polled.last), "elapsed": round(polled.elapsed, 2)}
     if polled.verdict == PASS:
         module.exit_json(changed=False, **result)
     how = f"not ready after {params['timeout']:g} s" if polled.timed_out else "will not become ready"

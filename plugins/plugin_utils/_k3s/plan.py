@@ -50,7 +50,8 @@ def plan(
     """Everything that is to be done, and `any`: whether there is anything. No secret is in it.
 
     `version` is the binary's where its checksum is not known beforehand; `kubeconfig_right` is whether the one on the
-    control node is.
+    control node is. `unsure`: it would be changed, is up and has a cluster's data, but did not serve in this one look;
+    `down`: it has such data and is not up.
     """
     binary = now["files"][BINARY]["sha256"] != source.sha256 if source.sha256 else now["version"] != version
     tokens = missing_tokens(now, wanted.tokens, wanted.init)
@@ -60,6 +61,11 @@ def plan(
     start = changed or not up or not now["service"]["enabled"]
     unproven = bool(now["change"]["unproven"])
     works = bool(up and now["ready"] and now["data"])
+    told = {
+        "works": works,
+        "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven)),
+        "down": bool(now["data"] and not up),
+    }
     work: dict[str, Any] = {
         "binary": binary,
         "archive": bool(source.archive_name) and now["images"].get(source.archive_name) != source.archive_size,
@@ -69,13 +75,12 @@ def plan(
         "wait": start or unproven or not now["ready"],
         # what serves is changed with care, and what nobody has proven is proven or taken back
         "guarded": (works and changed) or unproven,
+        "unproven": unproven,
         "restart": changed,
-        "works": works,
         "kubeconfig": bool(wanted.kubeconfig) and (start or not kubeconfig_right),
     }
     # A unit that is up and only not enabled is not restarted for that.
-    some = any(value for name, value in work.items() if name != "works")
-    return {**work, "state": "restarted" if up and changed else "started", "any": some}
+    return {**work, **told, "state": "restarted" if up and changed else "started", "any": any(work.values())}
 
 
 def old_archives(now: Mapping[str, Any], source: Source) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
@@ -45,3 +46,17 @@ def refusals(now: Mapping[str, Any], variables: Mapping[str, Any], host: str) ->
         yield step.reason
     if now["machine"] not in MACHINES:
         yield f"There is no k3s for the architecture {now['machine']}."
+
+
+def unheard_refusal(seen: Mapping[str, Any], plan: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
+    """Why a k3s that was waited for is left as it is, or nothing.
+
+    `seen` is what k3s_ready found. A unit that keeps ending is down, and what nobody has proven is to be taken back.
+    """
+    if seen["verdict"] != WAIT or plan["unproven"] or variables["k3s_on_busy"] == "force":
+        return ""
+    return (
+        f"Its k3s is up and does not serve: {seen['observed']}, for {seen['elapsed']:.0f} s (k3s_start_timeout). What "
+        "it has started may well be at work, and cannot be asked. Mend it and run again, or stop it on the host "
+        "(systemctl stop) where nothing is at work; k3s_on_busy=force changes it as it is."
+    )

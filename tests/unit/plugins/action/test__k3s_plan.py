@@ -36,6 +36,10 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def plan(host: str, now: dict[str, Any], **variables: Any) -> dict[str, Any]:
         def module(_self: Any, name: str, args: dict[str, Any]) -> dict[str, Any]:
+            if name == "rosops.fleet.k3s_ready":
+                plan.waited.append(args["timeout"])  # type: ignore[attr-defined]
+                seen = {"observed": "/readyz: etcd failed", "elapsed": 300.2, "verdict": plan.ends}  # type: ignore[attr-defined]
+                return {**seen, "failed": plan.ends != "pass"}  # type: ignore[attr-defined]
             assert name == "rosops.fleet.k3s_info"
             plan.asked = args  # type: ignore[attr-defined]
             return {"files": dict.fromkeys([*args["files"], BINARY], GONE), **BARE, **now}
@@ -48,7 +52,16 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> Any:
         }  # fmt: skip
         return run(_k3s_plan, {}, given)
 
+    plan.waited, plan.ends = [], "pass"  # type: ignore[attr-defined]
     return plan
+
+
+UP: dict[str, Any] = {
+    "service": {**BARE["service"], "active": "active", "enabled": True, "installed": True},
+    "data": True,
+    "tokens": {"server": "same", "agent": "same"},
+    "version": "v1.34.1+k3s1",
+}
 
 
 def test_a_bare_host_is_installed_in_place(planned: Any) -> None:
@@ -59,9 +72,7 @@ def test_a_bare_host_is_installed_in_place(planned: Any) -> None:
 
 
 def test_one_that_works_is_staged(planned: Any) -> None:
-    works = {"service": {**BARE["service"], "active": "active", "enabled": True, "installed": True}, "ready": True}
-    tokens = {"server": "same", "agent": "same"}
-    found = planned("edge1", {**works, "data": True, "tokens": tokens, "version": "v1.34.1+k3s1"})
+    found = planned("edge1", {**UP, "ready": True})
     assert (found["guarded"], found["staged"], found["restart"], found["version"]) == (
         True, ".next", True, "v1.34.1+k3s1",
     )  # fmt: skip
@@ -85,3 +96,40 @@ def test_an_older_version_is_refused(planned: Any) -> None:
     assert found["failed"]
     assert "edge1 was left as it is." in found["msg"]
     assert "is older than v1.99.0+k3s1" in found["msg"]
+
+
+def test_one_slow_answer_makes_no_k3s_that_does_not_work(planned: Any) -> None:
+    found = planned("edge1", UP, k3s_start_timeout=300)
+    assert (found["guarded"], found["staged"], found["works"]) == (True, ".next", True)
+    assert planned.waited == [300]
+
+
+def test_one_that_is_up_and_never_serves_is_left_alone(planned: Any) -> None:
+    """What it has started may be at work."""
+    planned.ends = "wait"
+    found = planned("edge1", UP)
+    assert found["failed"]
+    assert "edge1 was left as it is. Its k3s is up and does not serve: /readyz: etcd failed, for 300 s" in found["msg"]
+    forced = planned("edge1", UP, k3s_on_busy="force")
+    assert (forced["any"], forced["guarded"]) == (True, False)
+
+
+def test_one_that_keeps_ending_is_mended_and_that_is_said(planned: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    planned.ends = "fail"
+    found = planned("edge1", UP)
+    assert (found["any"], found["guarded"]) == (True, False)
+    assert "whatever works here cannot be asked" in capsys.readouterr().out
+
+
+def test_what_nobody_has_proven_is_waited_for_and_never_refused(planned: Any) -> None:
+    unproven = {**UP, "change": {"unproven": True, "version": "v1.34.1+k3s1"}}
+    assert planned("edge1", unproven)["works"]
+    planned.ends = "wait"
+    found = planned("edge1", unproven)
+    assert (found["guarded"], found["works"]) == (True, False)
+
+
+def test_one_that_is_down_is_not_waited_for_and_that_is_said(planned: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    found = planned("edge1", {**UP, "service": {**UP["service"], "active": "failed"}})
+    assert (found["any"], found["guarded"], planned.waited) == (True, False, [])
+    assert "whatever works here cannot be asked" in capsys.readouterr().out
