@@ -9,7 +9,9 @@ from collections.abc import Iterable, Sequence
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, condition
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 
 SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
@@ -27,10 +29,16 @@ class KubeNodes(KubeCluster):
         return self._kube.nodes()
 
     def robots_on(self, node: str, robots: Iterable[Robot]) -> list[Robot]:
-        """Those of which a pod is there."""
+        """Those of which a pod is there, and those that need one of the whole fleet's which is."""
         pods = self._kube.objects("Pod", fields=f"spec.nodeName={node}")
         namespaces = {str(pod["metadata"]["namespace"]) for pod in pods}
-        return [robot for robot in robots if robot.namespace in namespaces]
+        return [robot for robot in robots if namespaces & _needed(robot)]
+
+
+def _needed(robot: Robot) -> set[str]:
+    """Where pods of this cluster are that the robot works with. A standalone one's fleet namespace is in its own."""
+    shared = needs_fleet_namespace(robot) and robot.mode != "standalone"
+    return {robot.namespace, *([names.FLEET_NAMESPACE] if shared else [])}
 
 
 def server_versions(nodes: Iterable[Object]) -> dict[str, str]:

@@ -48,6 +48,19 @@ def test_robots_with_pods_on_a_node(server: Server, cluster: KubeNodes) -> None:
     assert ("/api/v1/pods", {"fieldSelector": "spec.nodeName=edge1"}) in asked(server)
 
 
+def test_robots_that_need_what_is_the_whole_fleets(server: Server, cluster: KubeNodes) -> None:
+    """A shared master and apps of the fleet have their pods beside all robots' namespaces."""
+    fleet = {"name": "map", "scope": "fleet", "placement": "remote", "image": "x.org/map:1"}
+    robots = [
+        robot(name="robot1"),
+        robot(name="robot2", master={"mode": "shared"}),
+        robot(fleet, name="robot3"),
+        robot(fleet, name="robot4", mode="standalone"),
+    ]
+    server.lists["/api/v1/pods"] = [{"metadata": {"name": "ros-master-1", "namespace": "fleet"}}]
+    assert [one.name for one in cluster.robots_on("edge1", robots)] == ["robot2", "robot3"]
+
+
 def asked(server: Server) -> list[tuple[str, dict[str, str]]]:
     found = []
     while not server.requests.empty():
