@@ -130,6 +130,7 @@ class Kube:
         self._access = auth if isinstance(auth, Access) else access_from(auth)
         self._pool = self._access.pool
         self._patience, self._say, self._now, self._sleep = patience, say, now, sleep
+        self._permit: Callable[[], None] = lambda: None
         self._found: dict[tuple[str, str], Resource] = {}
 
     @property
@@ -147,6 +148,12 @@ class Kube:
         hurried = copy.copy(self)
         hurried._patience = patience
         return hurried
+
+    def allowed_by(self, permit: Callable[[], None]) -> Kube:
+        """The same connection; `permit` is called before every try of a write, and raises where it must not be made."""
+        asking = copy.copy(self)
+        asking._permit = permit
+        return asking
 
     def close(self) -> None:
         self._pool.clear()
@@ -259,7 +266,13 @@ class Kube:
 
     def _object(self, method: str, path: str, query: Mapping[str, Any], *body: Any, also: Sequence[int] = ()) -> Object:
         """The object that is the answer."""
-        answer = self._patiently(lambda: self._read(method, path, query, *body), also)
+
+        def ask() -> bytes:
+            if method != "GET":
+                self._permit()
+            return self._read(method, path, query, *body)
+
+        answer = self._patiently(ask, also)
         try:
             return dict(json.loads(answer))
         except (ValueError, TypeError) as exc:

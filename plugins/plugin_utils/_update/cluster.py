@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 LEASE = "robot-update"
 LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
 RENEW_SECONDS = 5.0
+SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 LOOK_SECONDS = 0.5
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
@@ -32,6 +33,7 @@ class KubeCluster:
 
     def __init__(self, kube: Kube, say: Callable[[str], None], holder: str) -> None:
         self._kube, self._say, self._holder = kube, say, holder
+        self._writer = kube.allowed_by(self.confirm)  # before every try: the Lease may end while the API is away
         self._claims: list[_Claim] = []
 
     def read(self, namespaces: Iterable[str]) -> Live:
@@ -76,12 +78,10 @@ class KubeCluster:
             hold = lease.acquire()
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        self.confirm()
-        return self._kube.apply(objects, dry_run)
+        return self._writer.apply(objects, dry_run)
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        self.confirm()
-        return self._kube.delete([ref_of(item) for item in objects], dry_run)
+        return self._writer.delete([ref_of(item) for item in objects], dry_run)
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         refs = parse_refs([dict(item) for item in objects])
@@ -117,10 +117,14 @@ class _Claim:
     def confirm(self) -> None:
         """LostError if it is another one's; KubeError where the API cannot say so.
 
-        One that could not be renewed for its whole time may be, so then the API is asked.
+        One that was not renewed for about its time may be, so then the API is asked.
         """
-        if not self._lost and self._now() - self._at >= LEASE_SECONDS:
-            self._renew()
+        if not self._lost and self._now() - self._at >= SURE_SECONDS:
+            try:
+                self._renew()
+            except ApiError as error:
+                text = f"This run's Lease on the robot may be over, nothing is written until it is renewed: {error}"
+                raise ApiError(text, error.status, error.transient) from error
         if self._lost:
             raise LostError(self._lost)
 
@@ -130,7 +134,9 @@ class _Claim:
                 self._renew()
 
     def _renew(self) -> None:
-        hold, self._at = self._lease.renew(), self._now()
+        sent = self._now()
+        hold = self._lease.renew()
+        self._at = sent  # the answer may have come long after it
         if not hold.mine:
             who = f"{hold.holder} has this robot since {hold.since}" if hold.holder else "another one had this robot"
             self._lost = f"{who}, as this run could not renew its Lease for {LEASE_SECONDS} s"

@@ -4,20 +4,29 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable, Iterator
+from typing import Any
+
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Hold
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import LEASE_SECONDS, _Claim
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import cluster
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import LEASE_SECONDS, SURE_SECONDS, _Claim
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import LostError
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 
 class Lease:
     def __init__(self) -> None:
         self.found: Hold | None = Hold(True, "us")
         self.renewed = 0
+        self.takes: Callable[[], None] = lambda: None
 
     def renew(self) -> Hold:
         self.renewed += 1
+        self.takes()
         if self.found is None:
             raise KubeError("the API cannot be reached")
         return self.found
@@ -30,9 +39,22 @@ def claim(lease: Lease, times: list[float]) -> _Claim:
 def test_within_its_time_nobody_else_can_have_it() -> None:
     lease, times = Lease(), [0.0]
     mine = claim(lease, times)
-    lease.found, times[0] = Hold(False, "other", "noon"), LEASE_SECONDS - 1.0
+    lease.found, times[0] = Hold(False, "other", "noon"), SURE_SECONDS - 0.1
     mine.confirm()
     assert lease.renewed == 0
+
+
+def test_its_time_began_when_the_renewal_was_sent() -> None:
+    """The answer may have come long after the API server wrote it."""
+    lease, times = Lease(), [0.0]
+    mine = claim(lease, times)
+    times[0] = SURE_SECONDS
+    lease.takes = lambda: times.__setitem__(0, times[0] + 8.0)
+    mine.confirm()
+    lease.takes = lambda: None
+    lease.found, times[0] = Hold(False, "other", "noon"), times[0] + SURE_SECONDS - 8.0
+    with pytest.raises(LostError, match="other"):
+        mine.confirm()
 
 
 def test_after_its_time_the_api_says_whose_it_is() -> None:
@@ -57,3 +79,86 @@ def test_one_that_was_taken_and_let_go_is_lost() -> None:
     lease.found, times[0] = Hold(False, ""), 600.0
     with pytest.raises(LostError, match="another one had this robot"):
         mine.confirm()
+
+
+# --- writes, and whose the robot is then ----------------------------------------------------------------------------
+
+MAP = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "a", "namespace": "r"}, "data": {}}
+MAP_PATH = "/api/v1/namespaces/r/configmaps/a"
+LEASE_PATH = "/apis/coordination.k8s.io/v1/namespaces/r/leases/robot-update"
+BACK = 40.0  # seconds until the API is there again
+
+
+class Clock:
+    """Time passes only while somebody sleeps."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+
+    def now(self) -> float:
+        return self.time
+
+    def sleep(self, seconds: float) -> None:
+        self.time += seconds
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+class Lapsing(Server):
+    """An API server that goes away for longer than a Lease lasts."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__()
+        self.lists["/api/v1/namespaces"] = [{"metadata": {"name": "r"}}]
+        self.clock, self.gone = clock, False
+        self.tried: list[tuple[str, float]] = []  # writes, and when
+        self.refuse = lambda _path: 503 if self.is_away() else 0
+
+    def is_away(self) -> bool:
+        return self.gone and self.clock.time < BACK
+
+    def write(self, method: str, path: str, query: dict[str, str], body: Any, content: str) -> tuple[int, Any]:
+        self.tried.append((path, self.clock.time))
+        return (503, "etcd is away") if self.is_away() else super().write(method, path, query, body, content)
+
+
+@pytest.fixture
+def lapsing(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lapsing]:
+    server = Lapsing(clock)
+    monkeypatch.setattr(cluster, "RENEW_SECONDS", 3600.0)  # nobody renews beside
+    monkeypatch.setattr(cluster, "_Claim", functools.partial(_Claim, now=clock.now))
+    yield server
+    server.stop()
+
+
+def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lapsing) -> None:
+    said = list[str]()
+    kube = Kube({"host": lapsing.url, "api_key": "t"}, say=said.append, now=clock.now, sleep=clock.sleep)
+    ours = cluster.KubeCluster(kube, said.append, "us")
+    with ours.claim("r"):
+        lapsing.gone = True
+        lapsing.lists["/api/v1/namespaces/r/configmaps"] = [MAP]
+        lapsing.refuse = lambda path: 503 if lapsing.is_away() and path != MAP_PATH else 0  # reads of it go on
+        ours.apply([{**MAP, "data": {"a": "1"}}])
+    when = [at for path, at in lapsing.tried if path == MAP_PATH]
+    assert when[0] < SURE_SECONDS
+    assert [at for at in when if at >= SURE_SECONDS] == when[-1:]  # the one after it was renewed
+    renewed = next(at for path, at in lapsing.tried if path == LEASE_PATH and at >= BACK)
+    assert renewed <= when[-1]
+    assert lapsing.find(MAP_PATH)["data"] == {"a": "1"}
+    assert "nothing is written until it is renewed" in " ".join(said)
+
+
+def test_a_write_that_comes_too_late_is_none(clock: Clock, lapsing: Lapsing) -> None:
+    kube = Kube({"host": lapsing.url, "api_key": "t"}, now=clock.now, sleep=clock.sleep)
+    ours = cluster.KubeCluster(kube, lambda _text: None, "us")
+    with ours.claim("r"):
+        lapsing.gone = True
+        mine = lapsing.find(LEASE_PATH)
+        lapsing.put(LEASE_PATH, {**mine, "spec": {**mine["spec"], "holderIdentity": "laptop"}})  # as it could reach it
+        with pytest.raises(LostError, match="laptop has this robot"):
+            ours.apply([MAP])
+    assert lapsing.find(MAP_PATH) is None
