@@ -169,7 +169,7 @@ class Engine(Turn):
         """Once for all steps. The update of a master that does not answer is how to mend it."""
         self.trace("record")
         try:
-            self.graph, self.recorded = self.host.graph(self.master), True
+            self.record()
         except (AwayError, CancelledError):
             raise
         except FleetError:

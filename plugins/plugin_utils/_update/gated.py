@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
@@ -60,12 +60,32 @@ class Gated:
 
     def _gate(self) -> decide.Gate:
         """Refuse what cannot go well, before anything is touched."""
+        turn = self.turn
+        known = turn.recorded or self.step.kind == "master" or turn.policy(self.step) == "force"
+        if not (known or turn.check):  # in check mode the master is not mended yet
+            self._record_late()
         gate = self._known()
         for warning in gate.warnings:
             self.say(f"WARNING: {self.step.name}: {warning}")
         if gate.problems:
             raise NotReadyError("; ".join(gate.problems))
         return gate
+
+    def _record_late(self) -> None:
+        """Only a master is changed while nobody knows the graph: it may be what is broken. It serves by now."""
+        turn = self.turn
+        later = turn.plan.steps[len(turn.results) :]
+        nodes = sorted({node for step in later for node in step.old_nodes.values()} - {""})
+        # the keeper gives the master what was registered; a node that does not come is recorded as it is
+        turn.until(
+            lambda seconds: turn.host.ready(turn.master, {"nodes": nodes}, seconds),
+            MASTER_SECONDS,
+            f"{self.step.name} waits until {', '.join(nodes)} is registered again",
+        )
+        try:
+            turn.record()
+        except RosError as error:
+            raise NotReadyError(f"the graph is not known: {error}") from error
 
     def _known(self) -> decide.Gate:
         """What the graph, as it is known now, says of the step."""

@@ -77,6 +77,10 @@ class Turn(Hands):
         rest = Rest(self, patience, settings.look_timeout, since)
         return Now(step, self.clock.wall() - waited, rest, {"wait": round(waited, 3)} if waited else {})
 
+    def record(self) -> None:
+        """The robot's graph as it is now; RosError."""
+        self.graph, self.recorded = self.host.graph(self.master), True
+
     def policy(self, step: Step) -> str:
         """What to do about a robot that works: wait, defer or force."""
         return step.on_busy or self.settings.on_busy

@@ -4,7 +4,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     INFRASTRUCTURE,
@@ -15,6 +19,10 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     settings,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+    SimulatedHost,
+    Simulation,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -72,3 +80,59 @@ def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by
     assert there is not None
     assert there["spec"] == {item["metadata"]["name"]: item for item in wanted_deployments(wanted)}[app_name]["spec"]
     assert outcome_of(sim, wanted).outcome == "unchanged"
+
+
+# --- beside a master that does not answer ---------------------------------------------------------------------------
+
+
+def with_master(name: str, version: str, number: int = 0, **more: Any) -> Robot:
+    """An app, and a master of a version of its own; the keeper stays."""
+    container = {"name": "ros-master-container", "image": image("good", number)}
+    overrides = {"spec": {"template": {"spec": {"containers": [container]}}}}
+    return robot(app(name, version, placement="local", **more), master={"image": OLD, "overrides": overrides})
+
+
+def silent(name: str, version: str, **more: Any) -> tuple[Simulation, Robot, int]:
+    """Both are to change; and the call in which the master has to stop answering: the graph is to be recorded."""
+    first, sim, wanted = Simulation(), Simulation(), with_master(name, image(version), 1, **more)
+    for one in (first, sim):
+        one.install(with_master(name, OLD, **more))
+    first.run(wanted, settings())
+    return sim, wanted, first.calls.index("graph") + 1
+
+
+@pytest.mark.parametrize(("version", "word"), [("half-the-rate", "rolled-back"), ("good", "updated")])
+def test_after_a_master_was_mended_an_app_is_held_to_what_it_was(version: str, word: str) -> None:
+    sim, wanted, at = silent("sensor", version)
+    found = sim.run(wanted, settings(), "master-silent", at)
+    assert found is not None
+    assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), ("sensor", word)]
+
+
+def test_after_a_master_was_mended_a_goal_is_waited_for() -> None:
+    sim, wanted, at = silent("planner", "good", pattern="action", readiness={"actions": ["plan"]})
+    goal = sim.goal("/plan", 60.0)
+    sim.advance(1.0)
+    found = sim.run(wanted, settings(), "master-silent", at)
+    assert found is not None
+    assert (found.outcome, goal.ended) == ("updated", True)
+
+
+@pytest.mark.parametrize(("policy", "word"), [("wait", "failed"), ("defer", "failed"), ("force", "updated")])
+def test_what_no_master_tells_of_is_not_changed(policy: str, word: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_unused: object) -> None:
+        raise RosError("the ROS master does not answer")
+
+    sim, wanted, _at = silent("sensor", "good")
+    monkeypatch.setattr(SimulatedHost, "graph", refuse)
+    found = outcome_of(sim, wanted, on_busy=policy)
+    assert [(step.name, step.outcome) for step in found.steps] == [("ros-master", "updated"), ("sensor", word)]
+    if policy != "force":
+        assert found.reason == "sensor: nothing was touched: the graph is not known: the ROS master does not answer"
+
+
+def test_check_mode_foresees_a_master_that_is_mended() -> None:
+    sim, wanted, at = silent("sensor", "good")
+    found = sim.run(wanted, settings(check=True), "master-silent", at)
+    assert found is not None
+    assert [step.outcome for step in found.steps] == ["updated", "updated"]
