@@ -8,8 +8,6 @@ What is to come lies beside its place already. The result's `outcome` is a word 
 
 from __future__ import annotations
 
-import os
-import socket
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -41,13 +39,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes im
     servers_down,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
 
 display = Display()
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
-LOOK_SECONDS, LOOKS = 8.0, 50  # of a look at a robot that works, at least; about as many looks as that, at most
 LEDGER = "rosops-fleet-k3s.jsonl"
 
 
@@ -118,15 +116,15 @@ class ActionModule(ClusterAction):
             if refusal:
                 return {"changed": False, "outcome": _outcome(UNCHANGED, refusal, None), "msg": refusal}
             with _cancellable():
-                found, waiting = self._change(params, variables, known)
+                found, since = self._change(params, variables, known)
         except (AwayError, ServersAwayError) as error:
             return _failure(OFFLINE, f"nothing was touched: {error}")
         except FleetError as error:
             if counted:
                 ledger.note(name, FAILED)
             return _failure(FAILED, f"nothing was touched: {error}")
-        if waiting is not None:
-            return {"changed": False, "waiting": waiting, "msg": found.reason}
+        if found.outcome == WAITING:
+            return {"changed": False, "waiting": since, "msg": found.reason}
         if counted:
             ledger.note(name, found.outcome)
         if found.outcome != UPDATED:
@@ -137,7 +135,7 @@ class ActionModule(ClusterAction):
     def _change(
         self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]
     ) -> tuple[StepResult, float | None]:
-        """What became of it; and where only this look is over, since when it has waited."""
+        """What became of it; and since when it has waited, where it is `waiting`."""
         plan = plain(params["plan"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables)
         exchange.look()
@@ -145,7 +143,7 @@ class ActionModule(ClusterAction):
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             return self._guarded(exchange, (), None, variables, known, params["since"]).run(), None
         with self.cluster(params, known) as kube:
-            cluster = KubeNodes(kube, self.say(known), f"{socket.gethostname()}, process {os.getppid()}")
+            cluster = KubeNodes(kube, self.say(known))
             pods_notice = _permitted(exchange, cluster.nodes(), variables)
             if pods_notice:
                 self.say(known)(
@@ -154,7 +152,7 @@ class ActionModule(ClusterAction):
                 )
             robots = _robots(cluster, variables["k3s_node_name"], known, pods_notice)
             guarded = self._guarded(exchange, robots, cluster, variables, known, params["since"])
-            return guarded.run(), guarded.waiting
+            return guarded.run(), guarded.since
 
     def _guarded(  # noqa: PLR0913 - what the task is about
         self,
@@ -180,8 +178,7 @@ class ActionModule(ClusterAction):
             on_busy=variables["k3s_on_busy"],
             busy_timeout=variables["k3s_busy_timeout"],
             ready_timeout=variables["k3s_start_timeout"],
-            # the first look takes no time: robots that rest have to be found before anybody waits
-            look=0.0 if since is None else max(LOOK_SECONDS, variables["k3s_busy_timeout"] / LOOKS),
+            look=look_seconds(variables["k3s_busy_timeout"], since is not None),
             since=since,
             check=check,
         )

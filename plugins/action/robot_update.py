@@ -12,8 +12,6 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import socket
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -55,7 +53,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import I
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import FLEET, Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, CancelledError, World
 
 display = Display()
@@ -84,7 +84,6 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "image_rate_limit": {"type": "str", "default": ""},
     "image_directory": {"type": "str", "default": DIRECTORY},
 }
-LOOK_SECONDS, LOOKS = 8.0, 50  # of a look at a robot that waits, at least; as many passes as that, about, at most
 TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
 
 
@@ -111,8 +110,8 @@ class RobotHost(ActionHost):
 
     @contextlib.contextmanager
     def _reached(self, what: str) -> Iterator[None]:
-        robot = self.task_vars["inventory_hostname"]
-        with _ticking(lambda seconds: display.display(f"[{robot}] {what} for {seconds:.0f} s now")):
+        robot, began = self.task_vars["inventory_hostname"], time.monotonic()
+        with ticking(TICK, lambda: display.display(f"[{robot}] {what} for {time.monotonic() - began:.0f} s now")):
             try:
                 yield
             except AnsibleConnectionFailure as error:
@@ -218,16 +217,13 @@ class ActionModule(ClusterAction):
         return None if engine.left else outcome
 
     def _look_timeout(self, params: Mapping[str, Any]) -> float | None:
-        """A look that is the first one takes no time: robots that do not work yet have to be looked at for it."""
         if not (params["come_back"] and params["own"]):
             return None
-        return max(LOOK_SECONDS, params["busy_timeout"] / LOOKS) if self._before.get("since") else 0.0
+        return look_seconds(params["busy_timeout"], bool(self._before.get("since")))
 
     def _world(self, kube: Kube, host: ModuleHost) -> World:
-        # the run, as another one's operator can find it
-        holder = f"{socket.gethostname()}, process {os.getppid()}"
         return World(
-            KubeCluster(kube, self._say, holder),
+            KubeCluster(kube, self._say),
             host,
             MonotonicClock(),
             self._say,
@@ -245,24 +241,6 @@ class ActionModule(ClusterAction):
             self._low_level_execute_command("true", sudoable=False)
         except AnsibleConnectionFailure as error:
             raise AwayError(str(error)) from error
-
-
-@contextlib.contextmanager
-def _ticking(tell: Any) -> Iterator[None]:
-    """Say every ten seconds that something still goes on."""
-    over, began = threading.Event(), time.monotonic()
-
-    def tick() -> None:
-        while not over.wait(TICK):
-            tell(time.monotonic() - began)
-
-    thread = threading.Thread(target=tick, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
 
 
 @contextlib.contextmanager

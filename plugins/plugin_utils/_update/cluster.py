@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import contextlib
-import threading
+import os
+import secrets
+import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import A
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object
 
 LEASE = "robot-update"
@@ -29,11 +32,14 @@ KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1
 
 
 class KubeCluster:
-    """`say` gets what is still open, every ten seconds of a wait; `holder` names the run to others."""
+    """`say` gets what is still open, every ten seconds of a wait."""
 
-    def __init__(self, kube: Kube, say: Callable[[str], None], holder: str) -> None:
-        self._kube, self._say, self._holder = kube, say, holder
+    def __init__(self, kube: Kube, say: Callable[[str], None]) -> None:
+        self._kube, self._say = kube, say
         self._writer = kube.allowed_by(self.confirm)  # before every try: the Lease may end while the API is away
+        # the run, as another one's operator can find it; containers may have host name and process in common, and two
+        # robots' workers have
+        self._holder = f"{socket.gethostname()}, process {os.getppid()} ({secrets.token_hex(4)})"
         self._claims: list[_Claim] = []
 
     def read(self, namespaces: Iterable[str]) -> Live:
@@ -103,14 +109,10 @@ class _Claim:
 
     @contextlib.contextmanager
     def renewed(self) -> Iterator[None]:
-        over = threading.Event()
-        thread = threading.Thread(target=self._go_on, args=(over,), daemon=True)
-        thread.start()
         try:
-            yield
+            with ticking(RENEW_SECONDS, self._go_on):
+                yield
         finally:
-            over.set()
-            thread.join()
             with contextlib.suppress(KubeError):  # then it ends by itself
                 self._lease.release()
 
@@ -128,9 +130,9 @@ class _Claim:
         if self._lost:
             raise LostError(self._lost)
 
-    def _go_on(self, over: threading.Event) -> None:
-        while not over.wait(RENEW_SECONDS) and not self._lost:
-            with contextlib.suppress(KubeError):  # the next time may do
+    def _go_on(self) -> None:
+        with contextlib.suppress(KubeError):  # the next time may do
+            if not self._lost:
                 self._renew()
 
     def _renew(self) -> None:

@@ -38,7 +38,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import timed
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.proof import Proof
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ward import Ward
@@ -64,7 +64,8 @@ class Guarded:
         self.phases: dict[str, float] = {}
         self.proof = Proof(change, node, limits, world)
         self.made = False
-        self.waiting: float | None = None  # since when it has waited, where only this look is over
+        self.since: float | None = None  # when it began to wait for a robot, by the clock's `now`
+        self.patient = False  # the time for which a busy robot is waited for is not over
         name, before, after = change.name, change.before, change.after
         self.result = StepResult(
             step_id(node, [name], self.clock.wall()),
@@ -137,12 +138,12 @@ class Guarded:
     def _hold(self) -> None:
         """Wait until all robots are idle, and hold new goals back until the change is over."""
         limits, now = self.limits, self.clock.now()
-        began = now if limits.since is None else limits.since
+        self.since = now if limits.since is None else limits.since
         for ward in self.wards if limits.on_busy != "force" else ():
             look = None if limits.look is None else max(limits.look - (self.clock.now() - now), 0.0)
-            busy = self._rest(ward, limits.busy_timeout if limits.on_busy == "wait" else 0.0, look, began)
+            busy = self._rest(ward, limits.busy_timeout if limits.on_busy == "wait" else 0.0, look, self.since)
             if busy:
-                self.waiting = began if ward.rest and ward.rest.patient else None
+                self.patient = ward.rest is not None and ward.rest.patient
                 raise BusyError(f"{ward.robot.name}: {busy}")
 
     def _rest(self, ward: Ward, seconds: float, look: float | None = None, since: float | None = None) -> str:
@@ -173,7 +174,7 @@ class Guarded:
                 self.change.proven()
             return self._ends(UPDATED)
         except BusyError as error:
-            return self._ends(BUSY, f"nothing was touched: {error}")
+            return self._ends(WAITING if self.patient else BUSY, f"nothing was touched: {error}")
         except AwayError as error:
             return self._ends(OFFLINE, self._left(f"the host went away: {error}"))
         except CancelledError as error:

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
 
+LOOK_SECONDS, LOOKS = 8.0, 50  # of one look at a robot that works, at least; about as many looks as that, at most
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the change never comes to its end
 
 
@@ -58,3 +59,8 @@ class Rest:
             held, self.held = self.held, ()
             with contextlib.suppress(FleetError):
                 self._hands.host.release(self._hands.master, self._hands.keeper, held)
+
+
+def look_seconds(busy_timeout: float, again: bool) -> float:
+    """Of one look, where a run comes back to robots that work. The first takes no time: those at rest come first."""
+    return max(LOOK_SECONDS, busy_timeout / LOOKS) if again else 0.0

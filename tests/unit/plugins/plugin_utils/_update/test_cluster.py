@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import functools
+import os
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -13,8 +15,13 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Hold
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import cluster
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import LEASE_SECONDS, SURE_SECONDS, _Claim
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import LostError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import (
+    LEASE_SECONDS,
+    SURE_SECONDS,
+    KubeCluster,
+    _Claim,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, unheard
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 
@@ -137,7 +144,7 @@ def lapsing(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lapsing]:
 def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lapsing) -> None:
     said = list[str]()
     kube = Kube({"host": lapsing.url, "api_key": "t"}, say=said.append, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, said.append, "us")
+    ours = cluster.KubeCluster(kube, said.append)
     with ours.claim("r"):
         lapsing.gone = True
         lapsing.lists["/api/v1/namespaces/r/configmaps"] = [MAP]
@@ -154,7 +161,7 @@ def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lap
 
 def test_a_write_that_comes_too_late_is_none(clock: Clock, lapsing: Lapsing) -> None:
     kube = Kube({"host": lapsing.url, "api_key": "t"}, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, lambda _text: None, "us")
+    ours = cluster.KubeCluster(kube, unheard)
     with ours.claim("r"):
         lapsing.gone = True
         mine = lapsing.find(LEASE_PATH)
@@ -162,3 +169,19 @@ def test_a_write_that_comes_too_late_is_none(clock: Clock, lapsing: Lapsing) -> 
         with pytest.raises(LostError, match="laptop has this robot"):
             ours.apply([MAP])
     assert lapsing.find(MAP_PATH) is None
+
+
+def test_two_runs_of_one_host_name_and_one_process_number_are_two(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in two containers of one image, and as two workers of one run are."""
+    server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
+        one, other = KubeCluster(kube, unheard), KubeCluster(kube, unheard)
+        with one.claim("robot-robot1"):
+            (mine,) = one._claims
+            monkeypatch.setattr(time, "sleep", lambda _seconds: mine._renew())
+            told = f"process {os.getppid()} .* changes this robot"
+            with pytest.raises(HeldError, match=told), other.claim("robot-robot1"):
+                pytest.fail("both have it")
+            one.confirm()
