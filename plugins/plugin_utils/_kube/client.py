@@ -19,7 +19,7 @@ import copy
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, TypeVar
 from urllib.parse import urlencode
@@ -29,6 +29,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import with
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Access, access_from, forget_key_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import HIDDEN, Applied, applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import (
+    foreign_fields,
+    taken_over,
+    without_fields,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import (
     RESOURCES,
@@ -49,6 +54,7 @@ READ_SECONDS = 30.0
 PATIENCE = 60.0  # a server that is just restarting is back by then, also on a small computer
 SAID_FROM, SAID_EVERY = 5.0, 20.0  # a wait that takes longer is said
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
+RACES = 5  # somebody else may write an object between our look at it and our write
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
 # Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
 # that is how a label taken out of the inventory leaves the node.
@@ -320,9 +326,16 @@ class Kube:
     # --- writing ----------------------------------------------------------------------------------------------------
 
     def apply(
-        self, objects: Iterable[Mapping[str, Any]], dry_run: bool = False, manager: str = MANAGER
+        self,
+        objects: Iterable[Mapping[str, Any]],
+        dry_run: bool = False,
+        manager: str = MANAGER,
+        whole: Collection[str] = (),
     ) -> list[Applied]:
         """Server-side apply of full definitions, in their order; the inventory is the truth, so conflicts are won.
+
+        Fields that others own and the definition does not name are kept, but for the kinds of `whole`: of them the spec
+        is ours alone, and what others put beside it goes.
 
         With `dry_run` the API server says what it would do. It cannot do so in a namespace that is not there: what
         belongs there would be new. An error names in its details, as `applied`, what was written before it.
@@ -334,8 +347,13 @@ class Kube:
         for ref, obj in wanted:
             try:
                 before = present.get(ref) if ref in present else self.get(ref)
+                foreign = foreign_fields(before, obj, manager) if before and ref.kind in whole else {}
+                if foreign and not dry_run:
+                    self._take_over(ref, obj, manager)
                 # Two robots that create the same object at once: one of them is told 409, and finds it there then.
                 after = self._object("PATCH", self._path(ref), query, obj, APPLY, also=(409,))
+                if foreign and dry_run:  # which cannot foresee it
+                    after = without_fields(after, foreign_fields(after, obj, manager))
             except ApiError as exc:
                 if not (dry_run and exc.status == 404 and self._namespace_is_new(ref)):
                     exc.details["applied"] = [str(one.ref) for one in done if one.changed]
@@ -345,6 +363,26 @@ class Kube:
                 before, after = None, dict(obj)
             done.append(applied(ref, before, after))
         return done
+
+    def _take_over(self, ref: Ref, wanted: Mapping[str, Any], manager: str) -> None:
+        """Make what others put into the object the manager's, so that it goes when the manager does not apply it."""
+        for tries in range(1, RACES + 1):
+            there = self.get(ref)
+            foreign = foreign_fields(there, wanted, manager) if there else {}
+            if there is None or not foreign:
+                return
+            there = {"apiVersion": ref.api_version, **there}
+            taken = {
+                "managedFields": taken_over(there, foreign, manager),
+                "resourceVersion": there["metadata"]["resourceVersion"],
+            }
+            try:
+                self._object("PATCH", self._path(ref), {"fieldManager": manager}, {"metadata": taken}, MERGE)
+            except ApiError as exc:
+                if exc.status != 409 or tries == RACES:
+                    raise
+            else:
+                return
 
     def delete(self, refs: Iterable[Ref], dry_run: bool = False) -> list[Applied]:
         """Delete these, what they own in the background; what is not there is fine."""

@@ -28,6 +28,7 @@ LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
 RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 LOOK_SECONDS = 0.5
+OURS_ALONE = ("Deployment", "Service")  # nobody else has a say in their spec
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
 
@@ -84,7 +85,7 @@ class KubeCluster:
             hold = lease.acquire()
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        return self._writer.apply(objects, dry_run)
+        return self._writer.apply(objects, dry_run, whole=OURS_ALONE)
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         return self._writer.delete([ref_of(item) for item in objects], dry_run)

@@ -1,10 +1,11 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What somebody changed by hand: a Deployment that says it is the wanted one, and is not. Pure.
+"""What somebody changed by hand: a Deployment that says it is the wanted one, and is not; a Service that is gone. Pure.
 
 `kubectl set image` and `kubectl scale` leave the annotations with our hashes as they are. The API server adds defaults
 and writes quantities its own way, so what differs here is a suspicion; a dry run of the apply says whether it is one.
+What was put beside our fields (`kubectl set env`, a second container, a pause) is seen by who owns it.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 IDENTITIES = ("name", "mountPath", "containerPort", "key")  # by which the API server knows the entries of a list
 
@@ -27,8 +29,26 @@ def suspects(wanted: Iterable[Object], live: Iterable[Object]) -> list[Object]:
         if (found := there.get(_key(item))) is not None
         and _hash(found) == _hash(item)
         and names.ANNOTATION_UPDATING not in found["metadata"]["annotations"]  # a step applies it again anyway
-        and not _is_in(item["spec"], found["spec"])
+        and _is_changed(item, found)
     ]
+
+
+def lost_services(wanted: Iterable[Object], live: Live) -> list[Object]:
+    """Of the Services that are wanted those of running Deployments that are not there, or are not what was applied.
+
+    No pod works by one that is gone: to apply it again disturbs nobody.
+    """
+    running, there = {_key(item) for item in live.deployments}, {_key(item): item for item in live.services}
+    return [
+        item
+        for item in wanted
+        if item["kind"] == "Service" and _key(item) in running
+        if (found := there.get(_key(item))) is None or _is_changed(item, found)
+    ]
+
+
+def _is_changed(wanted: Object, there: Object) -> bool:
+    return not _is_in(wanted["spec"], there["spec"]) or bool(foreign_fields(there, wanted, names.MANAGER))
 
 
 def _is_in(wanted: Any, there: Any) -> bool:

@@ -41,8 +41,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UPDATED,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import removed_claims
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import NAMESPACE, PARTS, READY, ground_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import suspects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
+    NAMESPACE,
+    PARTS,
+    READY,
+    ground_objects,
+    workload_objects,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.gated import Gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL, claim_users, with_install
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.installing import Installing, all_ready
@@ -163,7 +169,12 @@ class Engine(Turn):
         if gated:  # what is installed has its images pulled by the node, all at the same time
             self.host.bring(sorted({image for step in gated for image in local_images(step)}))
         there = self.plan.steps and not self.check  # the namespace, by now
-        self.apply_all(self._ground([part for part in PARTS if part != NAMESPACE or not there]))
+        services = lost_services(workload_objects(self.robot, self.settings.parts), self.live)
+        for item in services:
+            self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
+        self.apply_all([*self._ground([part for part in PARTS if part != NAMESPACE or not there]), *services])
+        if services:
+            self.meet_master()
 
     def _record(self) -> None:
         """Once for all steps. The update of a master that does not answer is how to mend it."""

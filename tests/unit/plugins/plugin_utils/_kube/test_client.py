@@ -266,6 +266,44 @@ def test_a_kind_that_is_looked_up_and_one_that_is_unknown(server: Server, kube: 
             kube.apply([{**monitor, "kind": "Misspelt", "apiVersion": version}])
 
 
+PAUSED = {"manager": "kubectl-rollout", "operation": "Update", "fieldsV1": {"f:spec": {"f:paused": {}}}}
+
+
+def paused(server: Server) -> dict[str, Any]:
+    """A Deployment that somebody paused; what is wanted of it."""
+    wanted = {**config_map("app"), "apiVersion": "apps/v1", "kind": "Deployment", "spec": {"replicas": 1}}
+    server.put(f"{NAMESPACES}/robot-robot1", NAMESPACE)
+    spec = {"replicas": 1, "paused": True}
+    server.put(
+        f"{DEPLOYMENTS}/app", {**wanted, "spec": spec, "metadata": {**wanted["metadata"], "managedFields": [PAUSED]}}
+    )
+    return wanted
+
+
+def test_what_others_put_beside_ours_is_taken_over_before_we_apply(server: Server, kube: Kube) -> None:
+    wanted = paused(server)
+    server.write_refusals += [(409, "the object has been modified")]  # as its status is written all the time
+    kube.apply([wanted], whole=("Deployment",))
+    assert server.writes == [f"PATCH {DEPLOYMENTS}/app"] * 3
+    (entry,) = server.find(f"{DEPLOYMENTS}/app")["metadata"]["managedFields"]
+    assert (entry["manager"], entry["operation"]) == ("rosops.fleet", "Apply")
+    assert entry["fieldsV1"] == PAUSED["fieldsV1"]
+
+
+def test_a_dry_run_foresees_that_it_goes_and_takes_nothing_over(server: Server, kube: Kube) -> None:
+    wanted = paused(server)
+    (change,) = kube.apply([wanted], dry_run=True, whole=("Deployment",))
+    assert change.changed
+    assert change.after is not None and change.after["spec"] == {"replicas": 1}
+    assert server.find(f"{DEPLOYMENTS}/app")["metadata"]["managedFields"] == [PAUSED]
+
+
+def test_of_other_kinds_what_others_put_there_stays(server: Server, kube: Kube) -> None:
+    (change,) = kube.apply([paused(server)])
+    assert not change.changed
+    assert server.find(f"{DEPLOYMENTS}/app")["spec"]["paused"]
+
+
 @pytest.mark.parametrize("bad", [{}, {"kind": "Pod"}, {"apiVersion": "v1", "kind": "Pod", "metadata": {}}])
 def test_no_definition(kube: Kube, bad: dict[str, Any]) -> None:
     with pytest.raises(KubeError, match="no full definition"):

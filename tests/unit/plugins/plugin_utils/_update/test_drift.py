@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import suspects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app, applied
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -23,6 +25,130 @@ def found(change: Callable[[dict[str, Any]], Any]) -> list[str]:
     sensor = next(item for item in live if item["metadata"]["name"] == "sensor")
     change(sensor)  # type: ignore[arg-type]
     return [item["metadata"]["name"] for item in suspects(wanted_deployments(ROBOT), live)]
+
+
+def by(item: dict[str, Any], manager: str, fields: dict[str, Any], subresource: str = "") -> None:
+    """An update as the API server keeps it: fields below `spec` in FieldsV1's form."""
+    entry = {"manager": manager, "operation": "Update", "apiVersion": "apps/v1", "time": "2026-11-22T10:00:00Z"}
+    more = {"subresource": subresource} if subresource else {}
+    item["metadata"]["managedFields"].append(
+        {**entry, "fieldsType": "FieldsV1", "fieldsV1": {"f:spec": fields}, **more}
+    )
+
+
+def in_pod(fields: dict[str, Any]) -> dict[str, Any]:
+    return {"f:template": {"f:spec": fields}}
+
+
+def in_container(fields: dict[str, Any]) -> dict[str, Any]:
+    return in_pod({"f:containers": {'k:{"name":"ros-app"}': fields}})
+
+
+WHOLE: dict[str, Any] = {".": {}}
+VARIABLE = {"f:env": {'k:{"name":"DEBUG"}': {".": {}, "f:name": {}, "f:value": {}}}}
+SIDECAR = {"f:containers": {'k:{"name":"shell"}': {".": {}, "f:image": {}, "f:name": {}, "f:resources": {}}}}
+
+
+@pytest.mark.parametrize(
+    ("manager", "fields", "change"),
+    [
+        (
+            "kubectl-set",
+            in_container(VARIABLE),
+            lambda item: container(item)["env"].append({"name": "DEBUG", "value": "1"}),
+        ),
+        (
+            "kubectl-edit",
+            in_pod(SIDECAR),
+            lambda item: item["spec"]["template"]["spec"]["containers"].append({"name": "shell", "image": "busybox"}),
+        ),
+        ("kubectl-rollout", {"f:paused": {}}, lambda item: item["spec"].update(paused=True)),
+        (
+            "kubectl-patch",
+            in_pod({"f:hostNetwork": {}}),
+            lambda item: item["spec"]["template"]["spec"].update(hostNetwork=True),
+        ),
+        (
+            "rancher",  # a selector of nodes is one field
+            in_pod({"f:nodeSelector": {}}),
+            lambda item: item["spec"]["template"]["spec"]["nodeSelector"].update(disk="ssd"),
+        ),
+        (
+            "kubectl-label",
+            {"f:template": {"f:metadata": {"f:labels": {"f:team": {}}}}},
+            lambda item: item["spec"]["template"]["metadata"]["labels"].update(team="a"),
+        ),
+    ],
+)
+def test_what_somebody_put_beside_it_is_suspected(
+    manager: str, fields: dict[str, Any], change: Callable[[dict[str, Any]], Any]
+) -> None:
+    assert found(lambda item: (change(item), by(item, manager, fields))) == ["sensor"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        # what is ours is compared by its value, whoever has set it to what it is
+        lambda item: by(
+            item, "kubectl-set", in_container({"f:image": {}, "f:env": {'k:{"name":"A"}': {"f:value": {}}}})
+        ),
+        lambda item: by(item, "k3s", {"f:replicas": {}}, "scale"),  # an autoscaler
+        lambda item: by(item, "kubectl-edit", in_container({"f:env": WHOLE})),  # of entries that are gone again
+        lambda item: by(
+            item,
+            "kubectl-rollout",  # restart
+            {"f:template": {"f:metadata": {"f:annotations": {"f:kubectl.kubernetes.io/restartedAt": {}}}}},
+        ),
+        lambda item: item["metadata"]["managedFields"].append(
+            {
+                "manager": "k3s",
+                "operation": "Update",
+                "subresource": "status",
+                "fieldsV1": {
+                    "f:metadata": {"f:annotations": {"f:deployment.kubernetes.io/revision": {}}},
+                    "f:status": {"f:availableReplicas": {}, "f:conditions": {".": {}}},
+                },
+            }
+        ),
+    ],
+)
+def test_what_controllers_write_and_what_is_well_again_is_not(change: Callable[[dict[str, Any]], Any]) -> None:
+    assert found(change) == []
+
+
+def services(change: Callable[[dict[str, Any]], Any]) -> list[str]:
+    """Names of Services to apply again; the change is of `ros-master`, or of the lists of what is there."""
+    wanted = workload_objects(ROBOT, PARTS)
+    there = {
+        item["metadata"]["name"]: {
+            **item,
+            "metadata": {**item["metadata"], "managedFields": []},
+            "spec": {**copy.deepcopy(item["spec"]), "clusterIP": "10.43.0.1", "sessionAffinity": "None"},
+        }
+        for item in wanted
+        if item["kind"] == "Service"
+    }
+    change(there)
+    live = Live(applied(ROBOT).deployments, (), list(there.values()))
+    return [item["metadata"]["name"] for item in lost_services(wanted, live)]
+
+
+def test_a_service_that_is_gone_or_leads_elsewhere_is_lost() -> None:
+    assert services(lambda _there: None) == []
+    assert services(lambda there: there.pop("ros-master")) == ["ros-master"]
+    assert services(lambda there: there["ros-master"]["spec"]["selector"].clear()) == ["ros-master"]
+    assert services(lambda there: there["ros-keeper"]["spec"]["ports"][0].update(port=1)) == ["ros-keeper"]
+
+    def selects_less(there: dict[str, Any]) -> None:
+        there["ros-master"]["spec"]["selector"]["by"] = "hand"
+        by(there["ros-master"], "kubectl-edit", {"f:selector": {}})
+
+    assert services(selects_less) == ["ros-master"]
+
+
+def test_services_of_what_does_not_run_come_with_it() -> None:
+    assert lost_services(workload_objects(ROBOT, PARTS), Live()) == []
 
 
 def container(item: dict[str, Any]) -> dict[str, Any]:

@@ -94,3 +94,15 @@ def test_images_are_there_before_anything_is_touched() -> None:
     assert outcome_of(sim, wanted).outcome == "updated"
     assert sim.calls[:7] == ["there", "read", "apply", "claim", "read", "bring", "apply"]
     assert sim.brought == [image("good")]
+
+
+@pytest.mark.parametrize("wanted_image", [OLD, image("good")])
+def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image: str) -> None:
+    sim, _wanted = begin("overlap", "good")
+    wanted, key = robot(app("sensor", wanted_image)), ("Service", "robot-robot1", "ros-master")
+    there = sim.objects.pop(key)
+    found = outcome_of(sim, wanted)
+    assert found.outcome == "updated"
+    assert sim.objects[key]["spec"] == there["spec"]
+    assert "Service ros-master is gone or was changed by hand" in sim.said
+    assert outcome_of(sim, wanted).outcome == "unchanged"

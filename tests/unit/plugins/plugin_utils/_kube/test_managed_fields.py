@@ -1,0 +1,155 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What others put into an object of ours, and how it becomes ours to take away."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import (
+    applied_part,
+    foreign_fields,
+    taken_over,
+    without_fields,
+)
+
+US = "rosops.fleet"
+APP, SIDECAR, EXTRA = 'k:{"name":"app"}', 'k:{"name":"shell"}', 'k:{"name":"DEBUG"}'
+PORT = 'k:{"containerPort":80,"protocol":"TCP"}'
+WANTED: dict[str, Any] = {
+    "apiVersion": "apps/v1",
+    "kind": "Deployment",
+    "metadata": {"name": "a", "namespace": "r"},
+    "spec": {
+        "replicas": 1,
+        "template": {
+            "spec": {
+                "containers": [
+                    {
+                        "name": "app",
+                        "image": "i:1",
+                        "env": [{"name": "A", "value": "1"}],
+                        "ports": [{"containerPort": 80}],
+                    }
+                ],
+                "nodeSelector": {"kind": "robot"},
+            }
+        },
+    },
+}
+OURS = {
+    "manager": US,
+    "operation": "Apply",
+    "apiVersion": "apps/v1",
+    "fieldsType": "FieldsV1",
+    "fieldsV1": {
+        "f:spec": {
+            "f:replicas": {},
+            "f:template": {
+                "f:spec": {
+                    "f:containers": {
+                        APP: {
+                            ".": {}, "f:name": {}, "f:image": {},
+                            "f:env": {'k:{"name":"A"}': {".": {}, "f:name": {}, "f:value": {}}},
+                            "f:ports": {PORT: {".": {}, "f:containerPort": {}}},
+                        }
+                    },
+                    "f:nodeSelector": {},
+                }
+            },
+        }
+    },
+}  # fmt: skip
+STATUS = {
+    "manager": "k3s",
+    "operation": "Update",
+    "subresource": "status",
+    "fieldsV1": {"f:status": {"f:replicas": {}}},
+}
+
+
+def there(*entries: dict[str, Any], **spec: Any) -> dict[str, Any]:
+    """The object with defaults, one more container and variable, and who owns what."""
+    found = copy.deepcopy(WANTED)
+    found["metadata"] |= {"managedFields": [OURS, STATUS, *entries], "resourceVersion": "7"}
+    pod = found["spec"]["template"]["spec"]
+    pod["dnsPolicy"] = "ClusterFirst"
+    pod["containers"][0] |= {"env": [{"name": "A", "value": "1"}, {"name": "DEBUG", "value": "1"}]}
+    pod["containers"][0]["ports"] = [{"containerPort": 80, "protocol": "TCP"}]
+    pod["containers"].append({"name": "shell", "image": "busybox", "terminationMessagePath": "/dev/termination-log"})
+    found["spec"] |= spec
+    return found
+
+
+def update(manager: str, spec: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"manager": manager, "operation": "Update", "fieldsV1": {"f:spec": spec}, **more}
+
+
+def pod(fields: dict[str, Any]) -> dict[str, Any]:
+    return {"f:template": {"f:spec": fields}}
+
+
+VARIABLE = {EXTRA: {".": {}, "f:name": {}, "f:value": {}}}
+BY_SET = update("kubectl-set", pod({"f:containers": {APP: {"f:image": {}, "f:env": VARIABLE}}}))
+BY_EDIT = update(
+    "kubectl-edit", {"f:paused": {}, **pod({"f:containers": {SIDECAR: {".": {}, "f:image": {}, "f:name": {}}}})}
+)
+FOREIGN = {
+    "f:spec": {
+        "f:paused": {},
+        **pod({"f:containers": {APP: {"f:env": VARIABLE}, SIDECAR: {".": {}, "f:image": {}, "f:name": {}}}}),
+    }
+}
+
+
+def test_what_others_put_beside_ours() -> None:
+    assert foreign_fields(there(BY_SET, BY_EDIT, paused=True), WANTED, US) == FOREIGN
+
+
+def test_what_we_name_the_server_fills_in_or_controllers_write_is_none_of_it() -> None:
+    scaled = update("k3s", {"f:replicas": {}}, subresource="scale")
+    image = update("kubectl-set", pod({"f:containers": {APP: {"f:image": {}, "f:ports": {PORT: {".": {}}}}}}))
+    restarted = update("kubectl-rollout", {"f:template": {"f:metadata": {"f:annotations": {"f:restartedAt": {}}}}})
+    assert foreign_fields(there(scaled, image, restarted), WANTED, US) == {}
+
+
+def test_a_mapping_that_is_one_field_has_to_be_the_wanted_one() -> None:
+    selector = update("kubectl-edit", pod({"f:nodeSelector": {}}))
+    found = there(selector)
+    assert foreign_fields(found, WANTED, US) == {}
+    found["spec"]["template"]["spec"]["nodeSelector"]["disk"] = "ssd"
+    assert foreign_fields(found, WANTED, US) == {"f:spec": pod({"f:nodeSelector": {}})}
+
+
+def test_taken_over_it_is_as_if_we_had_applied_it() -> None:
+    found = there(BY_SET, BY_EDIT, paused=True)
+    taken = taken_over(found, FOREIGN, US)
+    assert [entry["manager"] for entry in taken] == [US, "k3s", "kubectl-set"]  # of kubectl-edit nothing is left
+    assert taken[2]["fieldsV1"] == {"f:spec": pod({"f:containers": {APP: {"f:image": {}}}})}
+    now = {**found, "metadata": {**found["metadata"], "managedFields": taken}}
+    part = applied_part(now, US)
+    assert part is not None
+    assert part["spec"]["paused"] is True
+    assert [one["name"] for one in part["spec"]["template"]["spec"]["containers"]] == ["app", "shell"]
+    assert foreign_fields(now, WANTED, US) == {}
+
+
+def test_what_was_never_applied_is_taken_over_too() -> None:
+    """An object that somebody made anew out of a copy: the defaults are his, too."""
+    copied = update("velero", {"f:replicas": {}, "f:paused": {}, "f:progressDeadlineSeconds": {}})
+    found = {**there(copied), "metadata": {"name": "a", "namespace": "r", "managedFields": [copied]}}
+    foreign = foreign_fields(found, WANTED, US)
+    assert foreign == {"f:spec": {"f:paused": {}, "f:progressDeadlineSeconds": {}}}
+    own, rest = taken_over(found, foreign, US)
+    assert (own["manager"], own["operation"], own["apiVersion"]) == (US, "Apply", "apps/v1")
+    assert (own["fieldsV1"], rest["fieldsV1"]) == (foreign, {"f:spec": {"f:replicas": {}}})
+
+
+def test_without_them_it_is_what_it_was() -> None:
+    left = without_fields(there(BY_SET, BY_EDIT, paused=True), FOREIGN)
+    assert "paused" not in left["spec"]
+    assert left["spec"]["template"]["spec"]["containers"] == [
+        {**WANTED["spec"]["template"]["spec"]["containers"][0], "ports": [{"containerPort": 80, "protocol": "TCP"}]}
+    ]
+    assert left["spec"]["template"]["spec"]["dnsPolicy"] == "ClusterFirst"
