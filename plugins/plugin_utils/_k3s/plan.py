@@ -47,7 +47,7 @@ def missing_tokens(now: Mapping[str, Any], names: Sequence[str], init: bool) -> 
 def plan(
     now: Mapping[str, Any], wanted: Wanted, source: Source, version: str, kubeconfig_right: bool
 ) -> dict[str, Any]:
-    """Everything that is to be done, and `any`: whether there is anything. No secret is in it.
+    """Everything that is to be done, and whether there is anything (`any`), but a wait (`undone`). No secret is in it.
 
     `version` is the binary's where its checksum is not known beforehand; `kubeconfig_right` is whether the one on the
     control node is. `unsure`: it would be changed, is up and has a cluster's data, but did not serve in this one look;
@@ -80,7 +80,8 @@ def plan(
         "kubeconfig": bool(wanted.kubeconfig) and (start or not kubeconfig_right),
     }
     # A unit that is up and only not enabled is not restarted for that.
-    return {**work, **told, "state": "restarted" if up and changed else "started", "any": any(work.values())}
+    told |= {"any": any(work.values()), "undone": any(value for name, value in work.items() if name != "wait")}
+    return {**work, **told, "state": "restarted" if up and changed else "started"}
 
 
 def old_archives(now: Mapping[str, Any], source: Source) -> list[str]:
