@@ -8,14 +8,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, written
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, look_once, wait_for_rollout
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import node_object, taints_patch
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import (
+    evicted,
+    evicting,
+    node_object,
+    taints_patch,
+    unplaced,
+)
 
 RACES = 5  # Kubernetes puts on and takes off taints of its own meanwhile
 
@@ -38,7 +46,10 @@ class ActionModule(ClusterAction):
             # Applying a node that is not there would create one: the wait comes first.
             if not check and look_once(kube, [ref])["objects"][0]["verdict"] != PASS:
                 wait_for_rollout(kube, [ref], Settings(timeout=params["timeout"], say=self.say(known)))
+            _refuse_to_evict(kube, ref, params["taints"])
             done = kube.apply([*self._identity(known), node], check)
+            for pod in _left_by_labels(kube, done[-1]):
+                self.say(known)(f"{pod} works on, and is not started again on {ref.name} with the labels that it gets")
             return written([*done, *_taint(kube, ref, params["taints"], check)])
 
     def _identity(self, known: Mapping[str, Any]) -> list[Object]:
@@ -56,6 +67,31 @@ class ActionModule(ClusterAction):
 
 def _node(params: Mapping[str, Any]) -> Object:
     return node_object(params["name"], params["placement"], params["robot"], params["labels"])
+
+
+def _pods(kube: Kube, node: str) -> list[Object]:
+    """Ours that run there."""
+    ours = f"app.kubernetes.io/managed-by={names.MANAGER}"
+    return kube.objects("Pod", labels=ours, fields=f"spec.nodeName={node},status.phase=Running")
+
+
+def _refuse_to_evict(kube: Kube, ref: Ref, taints: Sequence[Mapping[str, Any]]) -> None:
+    """SpecError where Kubernetes would end pods of ours at once, whatever they do."""
+    new = evicting(kube.get(ref) or {}, taints) if any(taint["effect"] == "NoExecute" for taint in taints) else []
+    if new and (ending := evicted(_pods(kube, ref.name), new)):
+        names_of_them = ", ".join(str(taint["key"]) for taint in new)
+        raise SpecError(
+            f"{ref} was left as it is: the taint {names_of_them} with NoExecute would end {', '.join(ending)} at once, "
+            "at work or not. Take the effect NoSchedule, which lets what runs stay, or give them a toleration first "
+            "(overrides in their specification), which an update brings with the care of a step."
+        )
+
+
+def _left_by_labels(kube: Kube, change: Applied) -> list[str]:
+    """Pods of ours that run on, though the node is none of theirs any more."""
+    before, after = ((one or {}).get("metadata", {}).get("labels") or {} for one in (change.before, change.after))
+    went = any(after.get(name) != value for name, value in before.items())
+    return unplaced(_pods(kube, change.ref.name), before, after) if went else []
 
 
 def _taint(kube: Kube, ref: Ref, taints: Sequence[Mapping[str, Any]], dry_run: bool) -> list[Applied]:

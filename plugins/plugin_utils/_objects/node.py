@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -47,6 +47,46 @@ def taints_patch(node: Mapping[str, Any], taints: Sequence[Mapping[str, Any]]) -
         "metadata": {"resourceVersion": version, "annotations": {TAINTS_ANNOTATION: annotation}},
         "spec": {"taints": after or None},
     }
+
+
+def evicting(node: Mapping[str, Any], taints: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Of the taints that are wanted those that end pods and are not on the node yet."""
+    there = [_whole(taint) for taint in (node.get("spec") or {}).get("taints") or []]
+    return [taint for taint in taints if taint["effect"] == "NoExecute" and _whole(taint) not in there]
+
+
+def evicted(pods: Iterable[Mapping[str, Any]], taints: Sequence[Mapping[str, Any]]) -> list[str]:
+    """`namespace/name` of the pods that do not tolerate all of these taints for as long as they run."""
+    found = []
+    for pod in pods:
+        tolerations = pod["spec"].get("tolerations") or []
+        if not all(any(_tolerates(one, taint) for one in tolerations) for taint in taints):
+            found.append(_name(pod))
+    return sorted(found)
+
+
+def unplaced(pods: Iterable[Mapping[str, Any]], before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    """`namespace/name` of the pods that select nodes by a label which this one had and has no more."""
+    gone = {name: value for name, value in before.items() if after.get(name) != value}
+    return sorted(
+        _name(pod)
+        for pod in pods
+        if any(gone.get(name) == value for name, value in (pod["spec"].get("nodeSelector") or {}).items())
+    )
+
+
+def _tolerates(toleration: Mapping[str, Any], taint: Mapping[str, Any]) -> bool:
+    """Whether a pod with it stays, as Kubernetes decides it."""
+    if toleration.get("effect") not in (None, "", taint["effect"]) or toleration.get("tolerationSeconds") is not None:
+        return False
+    if toleration.get("operator") == "Exists":
+        return toleration.get("key") in (None, "", taint["key"])
+    same = (str(taint["key"]), str(taint.get("value") or ""))
+    return (str(toleration.get("key") or ""), str(toleration.get("value") or "")) == same
+
+
+def _name(pod: Mapping[str, Any]) -> str:
+    return f"{pod['metadata']['namespace']}/{pod['metadata']['name']}"
 
 
 def _whole(taint: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from ansible_collections.rosops.fleet.plugins.action import _node_apply
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import conditions, obj
@@ -36,6 +37,38 @@ def test_labels_and_taints_once(server: Server, api: dict[str, Any]) -> None:
     node = server.find(PATH)
     assert "a" not in node["metadata"]["labels"]
     assert not node["spec"].get("taints")
+
+
+def runs(server: Server, **spec: Any) -> None:
+    """A pod of ours runs on the node."""
+    server.lists["/api/v1/pods"] = [{"metadata": {"name": "arm-1", "namespace": "robot-robot1"}, "spec": spec}]
+
+
+def test_a_taint_that_would_end_what_works_there_is_refused(server: Server, api: dict[str, Any]) -> None:
+    ready(server)
+    runs(server)
+    ends = {**TAINT, "effect": "NoExecute"}
+    for check_mode in (True, False):
+        refused = apply(api, check_mode, taints=[ends])
+        assert refused["failed"]
+        assert "with NoExecute would end robot-robot1/arm-1 at once" in refused["msg"]
+    assert not server.writes
+    runs(server, tolerations=[{"key": "gripper", "operator": "Exists"}])
+    assert apply(api, taints=[ends])["changed"]
+    runs(server)
+    assert not apply(api, taints=[ends])["changed"]  # it is there: whoever came since is Kubernetes' matter
+
+
+def test_pods_that_lose_their_node_by_a_label_are_told(
+    server: Server, api: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    ready(server)
+    apply(api)
+    runs(server, nodeSelector={"deploymentType": "local"})
+    apply(api, labels={"a": "b"})
+    assert "works on" not in capsys.readouterr().out
+    assert apply(api, placement="remote")["changed"]
+    assert "robot-robot1/arm-1 works on, and is not started again on robot1" in capsys.readouterr().out
 
 
 def test_what_changes_meanwhile_is_looked_at_again(server: Server, api: dict[str, Any]) -> None:

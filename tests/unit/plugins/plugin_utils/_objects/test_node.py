@@ -8,7 +8,13 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import node_object, taints_patch
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import (
+    evicted,
+    evicting,
+    node_object,
+    taints_patch,
+    unplaced,
+)
 
 OURS = {"key": "ours", "value": "a", "effect": "NoSchedule"}
 OTHER = {"key": "ours", "value": "b", "effect": "NoSchedule"}  # for Kubernetes the same taint with another value
@@ -62,3 +68,44 @@ def test_changes(before: Any, wanted: Any, taints: Any, recorded: Any) -> None:
 )
 def test_as_it_should_be(before: Any, wanted: Any) -> None:
     assert taints_patch(before, wanted) is None
+
+
+ENDS = {"key": "ours", "value": "a", "effect": "NoExecute"}
+
+
+def pod(**spec: Any) -> dict[str, Any]:
+    return {"metadata": {"namespace": "r", "name": "p"}, "spec": spec}
+
+
+def test_only_new_taints_that_end_pods_count() -> None:
+    assert evicting(node([]), [OURS, ENDS]) == [ENDS]
+    assert evicting(node([ENDS]), [ENDS]) == []
+    assert evicting(node([{**ENDS, "value": "b"}]), [ENDS]) == [ENDS]
+
+
+@pytest.mark.parametrize(
+    ("toleration", "stays"),
+    [
+        ({"operator": "Exists"}, True),
+        ({"key": "ours", "operator": "Exists"}, True),
+        ({"key": "ours", "operator": "Exists", "effect": "NoExecute"}, True),
+        ({"key": "ours", "value": "a"}, True),
+        ({"key": "ours", "operator": "Equal", "value": "a", "effect": "NoExecute"}, True),
+        ({"key": "ours", "value": "b"}, False),
+        ({"key": "other", "operator": "Exists"}, False),
+        ({"key": "ours", "operator": "Exists", "effect": "NoSchedule"}, False),
+        ({"operator": "Exists", "tolerationSeconds": 300}, False),
+    ],
+)
+def test_who_is_evicted(toleration: dict[str, Any], stays: bool) -> None:
+    assert evicted([pod(tolerations=[toleration])], [ENDS]) == ([] if stays else ["r/p"])
+    assert evicted([pod(tolerations=[toleration])], [ENDS, {"key": "x", "effect": "NoExecute"}]) == (
+        [] if toleration == {"operator": "Exists"} else ["r/p"]
+    )
+
+
+def test_who_loses_its_node() -> None:
+    selects = pod(nodeSelector={"deploymentType": "local"})
+    before = {"deploymentType": "local", "a": "b"}
+    assert unplaced([selects, pod()], before, {"deploymentType": "remote", "a": "b"}) == ["r/p"]
+    assert unplaced([selects, pod()], before, {"deploymentType": "local"}) == []
