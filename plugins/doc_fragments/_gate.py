@@ -40,7 +40,7 @@ options:
       connected:
         description:
           - Every subscriber must be connected to every publisher, by the publishers' word.
-          - There must be at least one of each. One that is registered and does not answer (it died, or sleeps) does not
+          - There must be at least one of each. One that died, or has been silent for five seconds (it sleeps), does not
             count, and is named in the reason.
         type: bool
         default: false
@@ -102,8 +102,9 @@ options:
         required: true
       peer:
         description:
-          - Which of the two may leave by itself. If it is not registered any more or does not answer, the connection
-            passes, with a note in its reason. If both are up and not connected, it is waited for.
+          - Which of the two may leave by itself. If it is not registered any more, died, or has been silent in each
+            look for five seconds, the connection passes, with a note in its reason. If both are up and not connected,
+            it is waited for.
         type: str
         choices: [publisher, subscriber]
   absent:

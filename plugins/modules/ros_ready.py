@@ -151,6 +151,7 @@ from ..module_utils._common.poll import PASS, Polled, Seen, poll
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import GATE_ARGS, WAIT_ARGS, conditions_from
 from ..module_utils._ros.gate import Look, look
+from ..module_utils._ros.silence import Silence
 
 
 def result_of(ended: Polled) -> dict[str, Any]:
@@ -184,10 +185,10 @@ def main() -> None:
     params = module.params
     try:
         conditions = conditions_from(params)
-        ros = Ros1Client(params["master_uri"], params["node_timeout"])
+        ros, silence = Ros1Client(params["master_uri"], params["node_timeout"]), Silence()
 
         def probe() -> Seen:
-            seen = look(ros, conditions)
+            seen = look(ros, conditions, silence)
             return Seen(seen.verdict, seen)
 
         ended = poll(

@@ -16,13 +16,10 @@ from .._common.poll import FAIL, PASS, WAIT
 from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
 from .._ros.conditions import TopicCondition
 from .._ros.contract import is_tool, least_rate_of
-from .._ros.graph import ANY_TYPE, Graph, MasterState, Node, Questions, Rate, action_of
+from .._ros.graph import ANY_TYPE, PATIENCE, Graph, MasterState, Node, Questions, Rate, action_of
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
 UNCOUNTED = frozenset({"/rosout"})
-# s for a peer that does not answer (a laptop asleep, a process that hangs) and for one that the version before was not
-# connected to. A peer that is only slow, or has only just come, connects within a fraction of that.
-PATIENCE = 5.0
 
 
 @dataclass(frozen=True)
@@ -72,11 +69,11 @@ def gaps(state: MasterState, graph: Graph, node: str) -> list[Gap]:
 def forgiven(gap: Gap, graph: Graph, wanted: Wanted, seconds: float) -> str:
     """Why a connection that has been missing for so long need not be waited for; nothing where it has to be.
 
-    `graph` has the peer as it was asked. A peer that lives and had the version before must have this one, too.
+    `graph` has the peer as it was asked. A peer that lives and had the version before must have this one, too, however
+    long ago the connection began to be missing: it is the peer itself that has to be gone.
     """
-    peer = graph.nodes.get(gap.peer, Node(gap.peer))
     away = left(graph, gap.topic, gap.peer, gap.role)
-    if away and (peer.refused or seconds >= PATIENCE):
+    if away:
         return away
     ends = (gap.peer, wanted.node) if gap.role == "publisher" else (wanted.node, gap.peer)
     edge = [ends[0], gap.topic, ends[1]]

@@ -20,6 +20,7 @@ from .._ros.backend import Backend
 from .._ros.checks import Check
 from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions
+from .._ros.silence import Silence
 from .command import run_command
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
 from .own_node import is_here, ros_of, service_uris, state_of
@@ -84,6 +85,7 @@ class Starting:
         self.registered: Any = None
         self.since = 0.0
         self.missing: dict[Gap, float] = {}  # since when
+        self.silence = Silence(now)
 
     def __call__(self) -> list[Check]:
         # first the command: what the app registered before it agreed is in the graph that is looked at then
@@ -104,11 +106,12 @@ class Starting:
             return [Check("node", node, WAIT, "not registered with the master")]
         # read at every look: an update's contract may come to the pod after it has started
         wanted = Wanted(node, load_contract(os.environ), self.settings["min_rates"])
+        began = self.now()
         graph = self.ros.ask(state, first_questions(state, node))
         own = graph.nodes[node]
         if own.reachable and not is_here(own.uri):
             return [Check("node", node, WAIT, f"registered from {own.uri}, which is not this pod")]
-        graph = self._peers(state, graph, node)
+        graph = self.silence.noted(self._peers(state, graph, node), began)
         checks = judge(graph, state, wanted, self._forgiving(state, graph, wanted))
         checks += self._settled(own) if not (wanted.contract or self.settings["command"]) else []
         if whole and all(check.verdict == PASS for check in checks):

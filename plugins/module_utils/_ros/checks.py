@@ -55,9 +55,8 @@ def living(graph: Graph, names: Iterable[str]) -> tuple[list[str], list[str]]:
     return alive, dead
 
 
-def is_down(graph: Graph, name: str) -> bool:
-    node = graph.nodes.get(name)
-    return node is not None and node.asked and not node.reachable
+def is_gone(graph: Graph, name: str) -> bool:
+    return graph.nodes.get(name, Node(name)).gone
 
 
 def check_node(graph: Graph, name: str) -> Check:
@@ -185,8 +184,8 @@ def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
         lacking = "publisher" if not topic.publishers else "subscriber"
         return WAIT, f"not connected: no {lacking} is registered", []
     ends = {"publisher": topic.publishers, "subscriber": topic.subscribers}
-    alive = {role: [name for name in names if not is_down(graph, name)] for role, names in ends.items()}
-    down = [name for names in ends.values() for name in names if is_down(graph, name)]
+    alive = {role: [name for name in names if not is_gone(graph, name)] for role, names in ends.items()}
+    down = [name for names in ends.values() for name in names if is_gone(graph, name)]
     for role, names in ends.items():
         if not alive[role]:
             told = listed(f"{name} ({graph.nodes[name].error})" for name in names)
@@ -213,7 +212,7 @@ def _check_connected_to(graph: Graph, topic: Topic, publisher: str) -> tuple[str
     missing = graph.unreached(topic.name, publisher)
     if missing is None:
         return WAIT, _unknown(graph, publisher), list(topic.subscribers)
-    dead = [name for name in missing if is_down(graph, name)]
+    dead = [name for name in missing if is_gone(graph, name)]
     missing = [name for name in missing if name not in dead]
     alive = len(topic.subscribers) - len(dead)
     note = f"; down, so not counted: {listed(dead)}" if dead else ""
@@ -285,6 +284,13 @@ def left(graph: Graph, topic: str, name: str, role: str) -> str:
 
     What this forgives to others is the same before a version takes over and afterwards.
     """
+    node = graph.nodes.get(name)
+    late = node is not None and not node.reachable and not node.gone
+    return "" if late else _unseen(graph, topic, name, role)
+
+
+def _unseen(graph: Graph, topic: str, name: str, role: str) -> str:
+    """The same of this one look, in which it may only have been late."""
     node, found = graph.nodes.get(name), graph.topics.get(topic, Topic(topic))
     if node is None:
         return f"{name} is not registered with the master"
@@ -302,9 +308,10 @@ def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
     if ends in topic.connections:
         return Check("edge", name, PASS, "connected", {"connected": True})
     roles = {"publisher": wanted.publisher, "subscriber": wanted.subscriber}
-    away = {role: why for role, end in roles.items() if (why := left(graph, wanted.topic, end, role))}
-    if wanted.peer in away:
-        why = f"passes unconnected, as its peer left: {away[wanted.peer]}"
+    away = {role: why for role, end in roles.items() if (why := _unseen(graph, wanted.topic, end, role))}
+    peer_left = left(graph, wanted.topic, roles[wanted.peer], wanted.peer) if wanted.peer else ""
+    if peer_left:
+        why = f"passes unconnected, as its peer left: {peer_left}"
         return Check("edge", name, PASS, why, {"connected": False})
     publisher = graph.nodes.get(wanted.publisher, Node(wanted.publisher))
     if away:

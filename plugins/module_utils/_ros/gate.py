@@ -18,6 +18,7 @@ from .backend import Backend
 from .checks import Check, check_absent, check_action, check_edge, check_node, check_rate, check_service, check_topic
 from .conditions import Conditions, TopicCondition
 from .graph import Graph, MasterState, Questions, Rate
+from .silence import Silence
 
 # Gate and startup probe count for the same time, so that what one of them lets pass is no surprise to the other. In a
 # second, a publisher that is 10 ms late is within checks.RATE_TOLERANCE; a slow one needs longer.
@@ -117,24 +118,27 @@ def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[
     return seconds, {name: names for name, names in whose.items() if all(names)}
 
 
-def look(ros: Backend, conditions: Conditions) -> Look:
+def look(ros: Backend, conditions: Conditions, silence: Silence | None = None) -> Look:
     """Ask and judge. Rates are measured only when all else passes: that takes a window, the rest does not.
 
     After the window all else is asked again, so that what the look says was true at its beginning and at its end.
+    `silence` is what the looks before found of peers that do not answer; a single look waits for each of them.
     """
+    silence = silence or Silence()
     answers = Check("master", ros.uri, PASS, "answers")
     seconds, only = rate_plan(conditions)
     try:
-        graph = _ask(ros, conditions)
+        graph = _ask(ros, conditions, silence)
         checks = [answers, *evaluate(graph, conditions)]
         if seconds and all(check.verdict == PASS for check in checks if check.kind != "rate"):
             rates = ros.rates(graph, seconds, only)
-            checks = [answers, *evaluate(_ask(ros, conditions), conditions, rates)]
+            checks = [answers, *evaluate(_ask(ros, conditions, silence), conditions, rates)]
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)
     return Look(overall([check.verdict for check in checks]), checks)
 
 
-def _ask(ros: Backend, conditions: Conditions) -> Graph:
+def _ask(ros: Backend, conditions: Conditions, silence: Silence) -> Graph:
     state = ros.state(types=any(topic.type for topic in conditions.topics))
-    return ros.ask(state, questions(state, conditions))
+    began = silence.now()
+    return silence.noted(ros.ask(state, questions(state, conditions)), began)

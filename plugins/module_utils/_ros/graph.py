@@ -13,6 +13,9 @@ from functools import cached_property
 from typing import Any, Iterable, Mapping
 
 ANY_TYPE = "*"  # what a node says that takes any message type
+# s for a peer that does not answer (a laptop asleep, a process that hangs). One that is only slow, or has only just
+# come, answers within a fraction of that.
+PATIENCE = 5.0
 
 # actionlib_msgs/GoalStatus. The first four are a goal that the server still owes an answer.
 GOAL_STATES = {
@@ -167,11 +170,17 @@ class Node:
     own_types: Mapping[str, str] = field(default_factory=dict)
     connections: tuple[Connection, ...] | None = None  # None: not asked, or no answer
     refused: bool = False  # nothing listens at its address
+    silent: float = 0.0  # seconds for which it has answered in no look (silence.Silence)
 
     @property
     def reachable(self) -> bool:
         """It answered under its registered address. A registration alone outlives its process."""
         return self.pid is not None
+
+    @property
+    def gone(self) -> bool:
+        """Nothing listens where it was, or it has been silent for long. One answer that is late says nothing."""
+        return self.asked and not self.reachable and (self.refused or self.silent >= PATIENCE)
 
 
 @dataclass(frozen=True)

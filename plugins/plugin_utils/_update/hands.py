@@ -84,7 +84,7 @@ class Hands:
             lambda seconds: self.host.ready(self.master, conditions, max(seconds, stable), stable),
             timeout,
             f"waits until {what}",
-            least=stable + 2.0,
+            least=stable + SLICE,  # a peer that hangs is known to after some seconds, and the stable ones begin then
         )
         if seen.verdict != PASS:
             raise NotReadyError(seen.reason)

@@ -44,7 +44,7 @@ def recorded_answers() -> dict[str, NodeAnswer]:
         )
         for name, replies in recorded("nodes").items()
     }
-    answers[DEAD] = NodeAnswer("http://127.0.0.1:9/", error="nothing listens at http://127.0.0.1:9/")
+    answers[DEAD] = NodeAnswer("http://127.0.0.1:9/", error="nothing listens at http://127.0.0.1:9/", refused=True)
     return answers
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState, Rate, ServiceProbe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE, MasterState, Rate, ServiceProbe
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.silence import Silence
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     OWN,
     PUBLISHER,
@@ -24,13 +25,14 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
 
 
 def judged(world: World, owed: dict[str, Any] | None = None, seconds: float = 0.0) -> tuple[str, str]:
-    """Verdict, and the reasons of what is not as it should be; `seconds` for which it has been so."""
+    """Verdict, and the reasons of what is not as it should be; `seconds` for which all of it has been so."""
     state, wanted = world.state(types=True), probe.Wanted(OWN, owed)
     graph = world.ask(state, probe.first_questions(state, OWN))
     missing = probe.gaps(state, graph, OWN)
     unasked = {gap.peer for gap in missing if not graph.nodes[gap.peer].asked}
     peers = world.ask(state, probe.Questions({name: frozenset() for name in unasked})).nodes
-    asked = replace(graph, nodes={**graph.nodes, **{name: peers[name] for name in unasked}})
+    silence = Silence(lambda: seconds)
+    asked = silence.noted(replace(graph, nodes={**graph.nodes, **{name: peers[name] for name in unasked}}), 0.0)
     forgiving = {gap: probe.forgiven(gap, asked, wanted, seconds) for gap in missing}
     checks = probe.judge(asked, state, wanted, forgiving)
     return overall([check.verdict for check in checks]), "; ".join(str(c) for c in checks if c.verdict != PASS)
@@ -130,7 +132,7 @@ def test_what_blocks_nobody(change: Callable[[World], None]) -> None:
     assert judged(world) == (PASS, "")
 
 
-LONG = probe.PATIENCE
+LONG = PATIENCE
 
 
 @pytest.mark.parametrize("change", [_publisher_is_late, _subscriber_is_late])

@@ -11,7 +11,16 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as started_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
-from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import OWN, URI, World, bus, contract
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
+from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
+    OWN,
+    PUBLISHER,
+    SUBSCRIBER,
+    URI,
+    World,
+    bus,
+    contract,
+)
 
 SETTINGS = {"node": OWN, "expect_node": True, "command": None, "min_rates": {}}
 
@@ -159,6 +168,38 @@ def test_a_contract_that_comes_later_counts(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(started_command, "load_contract", lambda *_: owed[0])
     clock.when = [(0.2, lambda: owed.__setitem__(0, contract(services={"/gone": {}})))]  # type: ignore[call-overload]
     assert started(World(), clock) == f"not ready: node {OWN}: as the version before: does not offer the service /gone"
+
+
+@pytest.mark.parametrize("peer", [SUBSCRIBER, PUBLISHER])
+def test_one_late_answer_of_a_peer_lets_nobody_in(peer: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long the connection has been missing: it is the peer itself that has to be gone."""
+    owe(monkeypatch)
+    world, clock = World(), Clock()
+    world.replies(OWN, bus=bus())
+    world.replies(PUBLISHER, bus=bus())
+    answer = world.answers[peer]
+
+    def answers_late() -> None:
+        world.replies(peer, error="no answer within 2 s")
+
+    def answers() -> None:
+        world.answers[peer] = answer
+
+    clock.when = [(2.0, answers_late), (6.5, answers), (8.0, answers_late)]
+    assert started(world, clock).startswith("not ready: ")
+
+
+@pytest.mark.parametrize("peer", [SUBSCRIBER, PUBLISHER])
+def test_a_peer_that_never_answers_is_waited_for_until_that_is_certain(
+    peer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    owe(monkeypatch)
+    world, clock = World(), Clock()
+    if peer == SUBSCRIBER:
+        world.replies(OWN, bus=bus())
+    world.replies(peer, error="no answer within 2 s")
+    assert started(world, clock) == ""
+    assert clock.at == pytest.approx(PATIENCE, abs=0.2)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import evaluate, look, questions, rate_window
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    PATIENCE,
     Graph,
     MasterState,
     Questions,
@@ -27,6 +28,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     StatusReading,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.silence import Silence
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 
 HUNG = NodeAnswer("http://h:1/", error="no answer from http://h:1/ within 2 s")
@@ -270,15 +272,28 @@ def test_a_row_that_says_not_connected_is_no_connection() -> None:
     assert (check.verdict, check.observed["missing"]) == (WAIT, ["/listener_relay"])
 
 
+def long_silent(of: Graph) -> Graph:
+    """The graph as it is told once nobody of these has answered in any look for long."""
+    return Silence(lambda: PATIENCE).noted(of, 0.0)
+
+
 def test_whoever_hangs_is_not_counted_but_one_of_each_has_to_live() -> None:
-    check = topic(graph({"/talker_b": HUNG}, gone=DEAD), connected=True)
+    check = topic(long_silent(graph({"/talker_b": HUNG}, gone=DEAD)), connected=True)
     words = "3 subscribers connected to 1 publisher; down, so not counted: /talker_b"
     assert (check.verdict, check.reason) == (PASS, words)
-    nobody = topic(graph({"/talker_a": HUNG, "/talker_b": HUNG}, gone=DEAD), connected=True)
+    nobody = topic(long_silent(graph({"/talker_a": HUNG, "/talker_b": HUNG}, gone=DEAD)), connected=True)
     assert (nobody.verdict, "every publisher is registered, but down: /talker_a (no" in nobody.reason) == (WAIT, True)
     listeners = dict.fromkeys(("/listener_a", "/listener_b", "/relay"), HUNG)
-    unheard = topic(graph(listeners, gone=DEAD), connected=True)
+    unheard = topic(long_silent(graph(listeners, gone=DEAD)), connected=True)
     assert (unheard.verdict, "every subscriber is registered, but down" in unheard.reason) == (WAIT, True)
+
+
+def test_whoever_is_late_once_is_counted() -> None:
+    late = topic(graph({"/talker_b": HUNG}, gone=DEAD), connected=True)
+    assert (late.verdict, "the connections of /talker_b are not known (no answer" in late.reason) == (WAIT, True)
+    lost = {**rows_without("/talker_a", "/listener_a"), "/listener_a": HUNG}
+    assert topic(graph(lost, gone=DEAD), connected=True).verdict == WAIT
+    assert topic(graph(lost, gone=DEAD), connected=True, publisher="/talker_a").verdict == WAIT
 
 
 def test_a_publisher_that_does_not_know_getbusinfo_is_not_taken_as_connected() -> None:
@@ -453,8 +468,8 @@ def test_connected_to_one_publisher_whatever_the_others_do() -> None:
 def test_a_dead_subscriber_does_not_keep_one_publisher_from_being_connected() -> None:
     check = topic(graph(), connected=True, publisher="/talker_a")
     assert (check.verdict, f"down, so not counted: {DEAD}" in check.reason) == (PASS, True)
-    late = graph({**rows_without("/talker_a", "/listener_a"), "/listener_a": HUNG})
-    assert topic(late, connected=True, publisher="/talker_a").verdict == PASS
+    hung = long_silent(graph({**rows_without("/talker_a", "/listener_a"), "/listener_a": HUNG}))
+    assert topic(hung, connected=True, publisher="/talker_a").verdict == PASS
 
 
 def test_one_publisher_that_does_not_tell_its_connections_is_not_taken_as_connected() -> None:
@@ -548,7 +563,7 @@ def forgotten() -> Graph:
     [
         (graph(), "registered, but down: nothing listens at"),
         (forgotten(), "is not registered with the master"),
-        (graph({DEAD: HUNG}), "registered, but down: no answer from"),
+        (long_silent(graph({DEAD: HUNG})), "registered, but down: no answer from"),
     ],
 )
 def test_a_peer_that_left_by_itself_is_noted_and_any_other_is_missing(of: Graph, words: str) -> None:
@@ -560,6 +575,29 @@ def test_a_peer_that_left_by_itself_is_noted_and_any_other_is_missing(of: Graph,
         assert (check.verdict, words in check.reason) == (WAIT, True)
     assert connection(of, DEAD, "/relay", "publisher").verdict == PASS
     assert connection(of, DEAD, "/relay", "subscriber").verdict == WAIT
+
+
+def test_a_peer_that_is_late_once_has_not_left() -> None:
+    check = connection(graph({DEAD: HUNG}), "/talker_a", DEAD, "subscriber")
+    assert (check.verdict, "registered, but down: no answer from" in check.reason) == (WAIT, True)
+
+
+def test_from_look_to_look_a_peer_has_to_be_silent_throughout() -> None:
+    """A bad version, not connected to a peer that lives, and answers late now and then."""
+    lost = {**rows_without("/talker_a", "/listener_a")}
+    late = graph({**lost, "/listener_a": HUNG})
+    wanted = Conditions(edges=(EdgeCondition("/talker_a", "/chatter", "/listener_a", "subscriber"),))
+    at = [0.0]
+    silence = Silence(lambda: at[0])
+
+    def seen(of: Graph, seconds: float) -> str:
+        at[0] = seconds
+        return look(FakeRos(of), wanted, silence).verdict
+
+    assert [seen(late, second) for second in (0, 3, PATIENCE - 0.1)] == [WAIT] * 3
+    assert seen(graph(lost), PATIENCE) == WAIT
+    assert [seen(late, PATIENCE + second) for second in (1, 5)] == [WAIT] * 2
+    assert seen(late, 2 * PATIENCE + 1) == PASS
 
 
 def test_an_edges_publisher_that_does_not_tell_its_connections() -> None:
@@ -600,7 +638,7 @@ class FakeRos:
     def rates(
         self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
     ) -> dict[str, Rate]:
-        assert graph is self.graph
+        assert graph.topics is self.graph.topics
         self.sampled, self.only = dict(seconds), dict(only or {})
         return dict.fromkeys(seconds, self.rate or Rate(error="none"))
 
