@@ -52,15 +52,18 @@ def state_of(node: Node, services: Mapping[str, str]) -> dict[str, Any]:
     return {"node": node.name, "uri": node.uri, "pid": node.pid, "services": dict(services)}
 
 
-def find_node(settings: Mapping[str, Any]) -> tuple[OwnNode | None, str]:
-    """The own node where an earlier call found it, else where the master says; or why there is none."""
+def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
+    """The own node where an earlier call found it, else where the master says; or why there is none.
+
+    `seconds` is for each that is asked.
+    """
     name = settings["node"]
     known = load_state(name)
     if known.get("uri"):
         node = OwnNode(name, known["uri"], known.get("services") or {})
-        if node.process() == known.get("pid"):
+        if node.process(seconds) == known.get("pid"):
             return node, ""
-    ros = ros_of(os.environ)
+    ros = ros_of(os.environ, seconds)
     try:
         state = ros.state()
         if name not in state.nodes():
@@ -79,9 +82,9 @@ def find_node(settings: Mapping[str, Any]) -> tuple[OwnNode | None, str]:
     return OwnNode(name, found.uri, uris), ""
 
 
-def nodes_here(settings: Mapping[str, Any]) -> tuple[list[OwnNode], str]:
+def nodes_here(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
     """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
-    ros, space = ros_of(os.environ), settings.get("space", "").rstrip("/")
+    ros, space = ros_of(os.environ, seconds), settings.get("space", "").rstrip("/")
     try:
         state = ros.state()
         names = [name for name in state.nodes() if name.startswith(f"{space}/")]
@@ -123,13 +126,13 @@ class OwnNode:
         self.uri = uri
         self.services = services
 
-    def _api(self) -> Api:
-        return Api(self.uri, CALLER, Deadline(TIMEOUT))
+    def _api(self, seconds: float) -> Api:
+        return Api(self.uri, CALLER, Deadline(seconds))
 
-    def process(self) -> int | None:
+    def process(self, seconds: float = TIMEOUT) -> int | None:
         """Its process id; None if it does not answer as a node does."""
         try:
-            with self._api() as api:
+            with self._api(seconds) as api:
                 return api.process()
         except Exception:  # whatever answers there is not our node
             return None
@@ -160,32 +163,32 @@ class OwnNode:
         except Exception as error:
             return StatusReading(error=reason(error, self.uri, ros.timeout))
 
-    def isolate(self, action: str) -> None:
+    def isolate(self, action: str, seconds: float = TIMEOUT) -> None:
         """Cut it off from everybody who sends it goals: as if the master had said that nobody does."""
-        tell_publishers(self.uri, f"{action}/goal", [], TIMEOUT, CALLER)
+        tell_publishers(self.uri, f"{action}/goal", [], seconds, CALLER)
 
-    def calls(self) -> int:
+    def calls(self, seconds: float = TIMEOUT) -> int:
         """Calls of its services that are under way; where the kernel does not tell, all open connections count."""
         ports = {urlsplit(uri).port or 0 for uri in self.services.values()}
         try:
             return calls_under_way(ports) if ports else 0
         except OSError:
-            return self.connections(ports)
+            return self.connections(ports, seconds)
 
-    def connections(self, ports: set[int]) -> int:
+    def connections(self, ports: set[int], seconds: float) -> int:
         """Open connections of clients to its services, which come to the same port as its topics' subscribers."""
-        with self._api() as api:
+        with self._api(seconds) as api:
             edges = connections(api.call("getBusInfo"))
         streams = sum(edge.direction == "o" and edge.transport == "TCPROS" for edge in edges)
         return max(0, established(_tables(Path("/proc")), ports) - streams)
 
-    def shut_down(self) -> None:
+    def shut_down(self, seconds: float = TIMEOUT) -> None:
         """Ask it to end, and do not wait: rospy answers when it has ended, or never.
 
         Whoever ends within a process 1 that ends takes part in its end: Kubernetes would say that the hook has failed.
         """
         body = xmlrpc.client.dumps((CALLER, "stopped by rosops.fleet"), "shutdown").encode()
-        with contextlib.suppress(OSError), self._api() as api:
+        with contextlib.suppress(OSError), self._api(seconds) as api:
             api.http.request("POST", api.path, body, {"Content-Type": "text/xml"})
             select.select([api.http.sock], [], [], REPLY)
 

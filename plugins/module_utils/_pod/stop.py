@@ -10,40 +10,80 @@ ends them in its own way. Nothing here may keep a pod from being stopped.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
 import time
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Mapping, Protocol, Sequence
+from typing import Any, Callable, Protocol, Sequence
 
 from .._common.poll import PASS, WAIT, Seen, poll
+from .._ros import keeper_client
 from .._ros.graph import BUSY_STATES, GOAL_STATES, StatusReading
-from .._ros.keeper_client import KeeperCalls
-from .own_node import CALLER, OwnNode, find_node, nodes_here, ros_of
+from .._ros.rpc import in_parallel
+from .own_node import CALLER, TIMEOUT, OwnNode, find_node, nodes_here, ros_of
 from .state import load_settings
 
 LEAVING = 3.0  # of the stop's time for the node to end by itself, or a third of it where there is less
+FINDING = 8  # calls of whoever hangs that fit into the stop's time while the node is looked for
+LEAST = 0.05  # s for a call when the time is over: a node that answers does so within that
 HOLD = 300.0  # for the next server to come: goals are held so long
 CALL_TICK = 0.05
 
+Hold = Callable[[str, str, float, float], str]  # action, server, seconds to hold, seconds to answer -> why not
+
 
 class Stopped(Protocol):
-    """What is done to the own node; OwnNode with a ROS backend does it."""
+    """What is done to the own node, each within so many seconds; OwnNode with a ROS backend does it."""
 
     name: str
 
-    def actions(self) -> list[str]: ...
+    def actions(self, seconds: float) -> list[str]: ...
 
-    def status(self, action: str) -> StatusReading: ...
+    def status(self, action: str, seconds: float) -> StatusReading: ...
 
-    def isolate(self, action: str) -> None: ...
+    def isolate(self, action: str, seconds: float) -> None: ...
 
-    def calls(self) -> int: ...
+    def calls(self, seconds: float) -> int: ...
 
-    def unregister(self) -> None: ...
+    def unregister(self, seconds: float) -> None: ...
 
-    def shut_down(self) -> None: ...
+    def shut_down(self, seconds: float) -> None: ...
+
+
+def together(tasks: Sequence[Callable[[], Any]], seconds: float) -> list[Any]:
+    """What each of them returned; what went wrong in place of that. Who hangs holds up nobody else."""
+    found = in_parallel(dict(enumerate(tasks)), seconds, lambda _key, error: error)
+    return [found[number] for number in range(len(tasks))]
+
+
+@dataclass(frozen=True)
+class Time:
+    """The clock, and how several things are done at once: the price of tests that never wait."""
+
+    now: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+    together: Callable[[Sequence[Callable[[], Any]], float], list[Any]] = together
+
+    def left(self, end: float, most: float = TIMEOUT) -> float:
+        """Seconds for a call that may last until `end`."""
+        return max(LEAST, min(most, end - self.now()))
+
+
+@dataclass(frozen=True)
+class Ends:
+    """When each part of a stop is over, by the clock. Kubernetes ends the pod not long after the last."""
+
+    quiet: float  # what is under way may end until then,
+    late: float  # a look at it that began before,
+    away: float  # the master's answers,
+    all: float
+
+
+def ends_of(began: float, total: float) -> Ends:
+    leaving = min(LEAVING, total / 3)
+    end = began + total
+    return Ends(end - leaving, end - leaving * 2 / 3, end - leaving / 3, end)
 
 
 def main(_words: list[str]) -> int:
@@ -58,86 +98,118 @@ def main(_words: list[str]) -> int:
 
 
 def _main() -> list[str]:
+    began = time.monotonic()
     settings = load_settings(os.environ)
+    total = float(settings["stop_deadline"])
+    seconds = min(TIMEOUT, total / FINDING)
     if settings["expect_node"]:
-        node, reason = find_node(settings)
+        node, reason = find_node(settings, seconds)
         nodes = [node] if node else []
     else:
-        nodes, reason = nodes_here(settings)
+        nodes, reason = nodes_here(settings, seconds)
     if not nodes:
         return [f"left to SIGTERM: {reason}"]
-    keeper = KeeperCalls(settings["keeper"], CALLER).hold if settings["keeper"] else None
-    return stop([_Stopped(node, settings["actions"]) for node in nodes], settings, keeper)
+    keeper = keeper_client.KeeperCalls(settings["keeper"], CALLER).hold if settings["keeper"] else None
+    found = [_Stopped(node, settings["actions"]) for node in nodes]
+    return stop(found, settings["expect_node"], keeper, ends_of(began, total))
 
 
 def stop(
     nodes: Sequence[Stopped],
-    settings: Mapping[str, Any],
-    hold: Callable[[str, str, float], str] | None,
-    now: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
+    expect_node: bool,
+    hold: Hold | None,
+    ends: Ends,
+    clock: Time = Time(),  # noqa: B008 - it is frozen
 ) -> list[str]:
-    """Stop the nodes within their deadline; remarks on what was not as it should be."""
-    total = float(settings["stop_deadline"])
-    end = now() + total - min(LEAVING, total / 3)
+    """Stop the nodes before it `ends`; remarks on what was not as it should be."""
     try:
-        remarks = drain(nodes, hold, end - now(), now, sleep)
+        remarks = drain(nodes, hold, ends, clock)
     except Exception as error:  # a node that cannot be drained has to be stopped all the same
-        remarks = [f"not drained: {type(error).__name__}: {error}"]
-    remarks += let_calls_end(nodes, end - now(), now, sleep)
-    if not settings["expect_node"]:
+        remarks = [f"not drained: {_why(error)}"]
+    remarks += let_calls_end(nodes, ends, clock)
+    if not expect_node:
         return remarks  # roslaunch takes the end of a node for its failure, and starts it again or ends the others
     for node in nodes:
         try:
-            node.unregister()
+            node.unregister(clock.left(ends.away))
         except Exception as error:  # a master that is away will know nothing of the node when it comes back
             remarks.append(f"not unregistered: {error}")
         # a call may have come meanwhile; from now on nobody finds the node any more
-        remarks += let_calls_end([node], end - now(), now, sleep)
+        remarks += let_calls_end([node], ends, clock)
         # It unregisters by itself, too, but rospy does so in a thread that ends with the process, and the main thread
         # sees the shutdown first: on a busy machine half of it stayed registered.
-        node.shut_down()
+        node.shut_down(clock.left(ends.all))
     return list(dict.fromkeys(remarks))
 
 
-def let_calls_end(
-    nodes: Sequence[Stopped], seconds: float, now: Callable[[], float], sleep: Callable[[float], None]
-) -> list[str]:
+def let_calls_end(nodes: Sequence[Stopped], ends: Ends, clock: Time) -> list[str]:
     """Wait until no service call is under way; a client that only stays connected is not waited for."""
-    ended = poll(lambda: _quiet(nodes), max(seconds, 0.0), CALL_TICK, now=now, sleep=sleep)
+
+    def probe() -> Seen:
+        seconds = clock.left(ends.late)
+        found = clock.together([partial(node.calls, seconds) for node in nodes], seconds)
+        # none where neither the kernel nor the node tells: it serves nobody any more
+        calls = sum(one for one in found if isinstance(one, int))
+        return Seen(WAIT if calls else PASS, calls)
+
+    ended = poll(probe, max(ends.quiet - clock.now(), 0.0), CALL_TICK, now=clock.now, sleep=clock.sleep)
     return [] if ended.verdict == PASS else [f"stopped with {ended.last} service calls under way"]
 
 
-def drain(
-    nodes: Sequence[Stopped],
-    hold: Callable[[str, str, float], str] | None,
-    seconds: float,
-    now: Callable[[], float],
-    sleep: Callable[[float], None],
-) -> list[str]:
+def drain(nodes: Sequence[Stopped], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
     """Wait until no goal is open. New ones are held back where a keeper does that, so that this has an end."""
-    remarks, held = [], []
-    actions = [(node, action) for node in nodes for action in node.actions()]
-    for node, action in actions:
-        reason = hold(action, node.name, seconds + HOLD) if hold else "there is no keeper"
+    seconds = clock.left(ends.quiet)
+    served = clock.together([partial(node.actions, seconds) for node in nodes], seconds)
+    remarks = [f"not drained: {_why(names)}" for names in served if isinstance(names, BaseException)]
+    found = [(node, names) for node, names in zip(nodes, served) if not isinstance(names, BaseException)]
+    actions = [(node, action) for node, names in found for action in names]
+    if not actions:
+        return remarks
+    held = []
+    for (node, action), reason in zip(actions, _hold(actions, hold, ends, clock)):
         if reason:
             remarks.append(f"goals of {action} are not held: {reason}")
         else:
             held.append((node, action))
+    uncut: dict[str, str] = {}
 
     def probe() -> Seen:
-        for node, action in held:  # at every look: the master tells the server of each new client
-            node.isolate(action)
-        open_goals = [word for node, action in actions for word in busy(action, node.status(action))]
+        seconds = clock.left(ends.late) / 2
+        # at every look: the master tells the server of each new client
+        cut = clock.together([partial(node.isolate, action, seconds) for node, action in held], seconds)
+        uncut.update({action: _why(error) for (_node, action), error in zip(held, cut) if error is not None})
+        seconds = clock.left(ends.late)
+        read = clock.together([partial(node.status, action, seconds) for node, action in actions], seconds)
+        open_goals = [word for (_node, action), status in zip(actions, read) for word in busy(action, _reading(status))]
         return Seen(WAIT if open_goals else PASS, open_goals)
 
     # Twice: a look may begin with a status from before the isolation, and a goal on its way stands in none yet.
-    ended = poll(probe, seconds, 0.1, consecutive=2, now=now, sleep=sleep) if actions else None
-    if ended and ended.verdict != PASS:
+    wait = max(ends.quiet - clock.now(), 0.0)
+    ended = poll(probe, wait, 0.1, consecutive=2, now=clock.now, sleep=clock.sleep)
+    remarks += [f"clients of {action} were not cut off from it: {why}" for action, why in uncut.items()]
+    if ended.verdict != PASS:
         remarks.append(
             f"stopped with open goals after {ended.elapsed:.0f} s: {', '.join(ended.last) or 'idle once only'}"
         )
     return remarks
+
+
+def _hold(actions: Sequence[tuple[Stopped, str]], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
+    """Why the goals of each are not held. All are asked for at once: a keeper that hangs takes its time only once."""
+    if hold is None:
+        return ["there is no keeper"] * len(actions)
+    left = ends.quiet - clock.now()
+    seconds = max(LEAST, min(keeper_client.TIMEOUT, left / 2))
+    tasks = [partial(hold, action, node.name, max(left, 0.0) + HOLD, seconds) for node, action in actions]
+    return [_why(one) if isinstance(one, BaseException) else one for one in clock.together(tasks, seconds)]
+
+
+def _reading(status: StatusReading | BaseException) -> StatusReading:
+    return status if isinstance(status, StatusReading) else StatusReading(error=_why(status))
+
+
+def _why(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}"
 
 
 def busy(action: str, status: StatusReading) -> list[str]:
@@ -146,15 +218,6 @@ def busy(action: str, status: StatusReading) -> list[str]:
     if states:
         return [f"{action} {GOAL_STATES[states[-1]]}"]
     return [] if len(status.readings) > 1 else [f"{action} unknown ({status.error or 'no second status'})"]
-
-
-def _quiet(nodes: Sequence[Stopped]) -> Seen:
-    """How many calls are under way; none where neither the kernel nor the node tells: it serves nobody any more."""
-    calls = 0
-    for node in nodes:
-        with contextlib.suppress(Exception):
-            calls += node.calls()
-    return Seen(WAIT if calls else PASS, calls)
 
 
 def tell(line: str) -> None:
@@ -170,18 +233,20 @@ def tell(line: str) -> None:
 
 
 class _Stopped:
-    """The own node and the ROS backend that reads it."""
+    """The own node, read and told through a ROS backend."""
 
     def __init__(self, node: OwnNode, expected: list[str]) -> None:
-        self.node, self.expected, self.ros = node, expected, ros_of(os.environ)
+        self.node, self.expected = node, expected
         self.name = node.name
         self.isolate = node.isolate
-        self.unregister = partial(node.unregister, self.ros)
         self.calls = node.calls
         self.shut_down = node.shut_down
 
-    def actions(self) -> list[str]:
-        return self.node.actions(self.ros, self.expected)
+    def actions(self, seconds: float) -> list[str]:
+        return self.node.actions(ros_of(os.environ, seconds), self.expected)
 
-    def status(self, action: str) -> StatusReading:
-        return self.node.status(self.ros, action)
+    def status(self, action: str, seconds: float) -> StatusReading:
+        return self.node.status(ros_of(os.environ, seconds), action)
+
+    def unregister(self, seconds: float) -> None:
+        self.node.unregister(ros_of(os.environ, seconds / 2))  # a question, and what follows from it

@@ -21,13 +21,13 @@ class KeeperCalls:
         self.uri = uri
         self.caller = caller
 
-    def hold(self, action: str, server: str, seconds: float) -> str:
-        """Why it does not hold the action's goals, or nothing if it does."""
-        return self._problem("hold", action, server, seconds)
+    def hold(self, action: str, server: str, seconds: float, within: float = TIMEOUT) -> str:
+        """Why it does not hold the action's goals, or nothing if it does; it has so many seconds to answer."""
+        return self._problem(within, "hold", action, server, seconds)
 
     def release(self, action: str) -> str:
         """Why it may not have let the action's goals go, or nothing if it has."""
-        return self._problem("release", action)
+        return self._problem(TIMEOUT, "release", action)
 
     def held(self) -> dict[str, Any]:
         """Action -> what is held of it. Raises what went wrong."""
@@ -35,12 +35,12 @@ class KeeperCalls:
             found: dict[str, Any] = api.raw("state")[2]
         return found
 
-    def _problem(self, method: str, *params: Any) -> str:
+    def _problem(self, seconds: float, method: str, *params: Any) -> str:
         try:
-            with Api(self.uri, self.caller, Deadline(TIMEOUT)) as api:
+            with Api(self.uri, self.caller, Deadline(seconds)) as api:
                 reply = api.raw(method, *params)
         except Exception as error:
-            return reason(error, self.uri, TIMEOUT)
+            return reason(error, self.uri, seconds)
         try:
             unwrap(reply)
         except RosError as error:

@@ -31,6 +31,10 @@ HANDOFF_BY_PATTERN: dict[str | None, str] = {
 }
 
 
+# s of a grace period beyond the stop hook's own time: for the hook to start on a busy robot, and for the app to end
+STOP_MARGIN = 5
+
+
 @dataclass(frozen=True)
 class Volume:
     """An item of persistent_storage.volumes. Its keys, `mountPath` among them, are those of the dissertation."""
@@ -122,6 +126,12 @@ class App:
     host_network: bool = False
     host_paths: tuple[HostPath, ...] = ()
     overrides: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def stop_deadline(self) -> float:
+        """Seconds that the stop hook has. Where nobody asked for draining, the grace period may be shorter."""
+        grace = self.termination_grace_period
+        return min(self.drain_deadline, max(grace - STOP_MARGIN, grace / 2))
 
     def alone(self) -> list[str]:
         """Why two pods of it cannot be up at once, volumes aside."""

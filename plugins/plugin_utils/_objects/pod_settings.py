@@ -36,7 +36,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "node": context.graph_node(app, robot),
         "expect_node": readiness.nodes,
         "actions": [full(action["name"]) for action in readiness.actions],
-        "stop_deadline": min(app.termination_grace_period, app.drain_deadline),
+        "stop_deadline": app.stop_deadline,
         "command": probe_command(command) if command else None,
         "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
         "keeper": keeper_url(robot),

@@ -8,6 +8,7 @@ Every check takes the completed app, the app as the operator wrote it, the robot
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -151,13 +152,23 @@ def _scope(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
 
 def _grace(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Kubernetes kills the pod when the grace period ends, drained or not."""
-    drains = app.handoff == "drain" or "drain_deadline" in raw
-    if drains and app.termination_grace_period < app.drain_deadline:
-        yield Problem(
-            f"{path}.termination_grace_period",
-            f"is {app.termination_grace_period} s, shorter than the drain deadline of {app.drain_deadline} s",
-            f"{app.drain_deadline} or more, or a shorter drain_deadline",
-        )
+    drains, least = app.handoff == "drain" or "drain_deadline" in raw, app.drain_deadline + context.STOP_MARGIN
+    spec = ("spec", "template", "spec", "terminationGracePeriodSeconds")
+    for where, grace in (
+        ("termination_grace_period", app.termination_grace_period),
+        (join_path("overrides", *spec), functools.reduce(_inside, spec, app.overrides)),
+    ):
+        if drains and isinstance(grace, int) and grace < least:
+            yield Problem(
+                f"{path}.{where}",
+                f"is {grace} s, less than the drain deadline of {app.drain_deadline} s "
+                f"and {context.STOP_MARGIN} s to end",
+                f"{least} or more, or a shorter drain_deadline",
+            )
+
+
+def _inside(value: Any, key: str) -> Any:
+    return value.get(key) if isinstance(value, Mapping) else None
 
 
 def _volumes(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:

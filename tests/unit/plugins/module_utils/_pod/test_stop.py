@@ -4,18 +4,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as stop_command
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import OwnNode
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import StatusReading
 
 IDLE, ACTIVE, DONE = StatusReading(((), ())), StatusReading(((1,),)), StatusReading(((3,), (3,)))
 
 
 class Node:
-    """What is done to it stands in `done`, with the time."""
+    """What is done to it stands in `done`, with the time. What is in `hanging` takes all the time that it is given."""
 
     def __init__(self, statuses: dict[str, list[StatusReading]] | None = None) -> None:
         self.name = "/server"
@@ -24,6 +28,7 @@ class Node:
         self.under_way: list[int] = []
         self.done: list[tuple[str, float]] = []
         self.raising: set[str] = set()
+        self.hanging: set[str] = set()
 
     def now(self) -> float:
         return self.at
@@ -31,51 +36,72 @@ class Node:
     def sleep(self, seconds: float) -> None:
         self.at += seconds
 
-    def _note(self, what: str) -> None:
+    def together(self, tasks: Sequence[Callable[[], Any]], seconds: float) -> list[Any]:
+        """All begin at the same time, and none is waited for longer than said."""
+        began, ended, found = self.at, self.at, []
+        for task in tasks:
+            self.at = began
+            try:
+                found.append(task())
+            except OSError as error:
+                found.append(error)
+            ended = max(ended, self.at)
+        assert ended <= began + max(seconds, 0.2) + 1e-6
+        self.at = ended
+        return found
+
+    def _note(self, what: str, seconds: float = 0.0) -> None:
         self.done.append((what, round(self.at, 3)))
         if what.split()[0] in self.raising:
             raise OSError("it is gone")
+        if what.split()[0] in self.hanging:
+            self.at += seconds
+            raise TimeoutError("timed out")
 
     @property
     def order(self) -> list[str]:
         """Without repetitions."""
         return list(dict.fromkeys(what for what, _at in self.done))
 
-    def actions(self) -> list[str]:
-        self._note("actions")
+    def actions(self, seconds: float) -> list[str]:
+        self._note("actions", seconds)
         return list(self.statuses)
 
-    def status(self, action: str) -> StatusReading:
+    def status(self, action: str, seconds: float) -> StatusReading:
+        if "status" in self.hanging:
+            self.at += seconds
+            return StatusReading(error="timed out")
         self.at += 0.2  # servers say it five times a second
         readings = self.statuses[action]
         return readings.pop(0) if len(readings) > 1 else readings[0]
 
-    def isolate(self, action: str) -> None:
-        self._note(f"isolate {action}")
+    def isolate(self, action: str, seconds: float) -> None:
+        self._note(f"isolate {action}", seconds)
 
-    def calls(self) -> int:
-        self._note("calls")
+    def calls(self, seconds: float) -> int:
+        self._note("calls", seconds)
         return self.under_way.pop(0) if self.under_way else 0
 
-    def unregister(self) -> None:
-        self._note("unregister")
+    def unregister(self, seconds: float) -> None:
+        self._note("unregister", seconds)
 
-    def shut_down(self) -> None:
-        self._note("shutdown")
+    def shut_down(self, seconds: float) -> None:
+        with contextlib.suppress(TimeoutError):
+            self._note("shutdown", seconds)
 
 
 def stop(
-    node: Node, hold: Callable[[str, str, float], str] | None = None, expect_node: bool = True, deadline: float = 30
+    node: Node, hold: stop_command.Hold | None = None, expect_node: bool = True, deadline: float = 30
 ) -> list[str]:
-    settings = {"expect_node": expect_node, "stop_deadline": deadline}
-    return stop_command.stop([node], settings, hold, node.now, node.sleep)
+    clock = stop_command.Time(node.now, node.sleep, node.together)
+    return stop_command.stop([node], expect_node, hold, stop_command.ends_of(node.at, deadline), clock)
 
 
-def held(node: Node) -> Callable[[str, str, float], str]:
-    def hold(action: str, server: str, seconds: float) -> str:
+def held(node: Node) -> stop_command.Hold:
+    def hold(action: str, server: str, seconds: float, within: float) -> str:
         assert server == "/server"
-        assert seconds > 300
-        node._note(f"hold {action}")
+        assert seconds >= 300
+        node._note(f"hold {action}", within)
         return ""
 
     return hold
@@ -162,6 +188,74 @@ def test_the_deadline_holds_and_says_what_was_cut_short(total: float, share: flo
     assert node.at <= total
 
 
+EVERYTHING = ("actions", "hold", "isolate", "status", "calls", "unregister", "shutdown")
+
+
+@pytest.mark.parametrize("hanging", [*((one,) for one in EVERYTHING), EVERYTHING, EVERYTHING[1:]])
+@pytest.mark.parametrize("deadline", [30.0, 6.0, 2.0])
+def test_whoever_hangs_the_stop_ends_in_time(hanging: tuple[str, ...], deadline: float) -> None:
+    """The kubelet kills the node otherwise, in the middle of a goal of another action."""
+    node = Node({f"/action{number}": [ACTIVE] for number in range(12)})
+    node.hanging = {*hanging}
+    stop(node, held(node), deadline=deadline)
+    assert "shutdown" in node.order
+    assert node.at <= deadline + 0.3
+
+
+def test_a_keeper_that_hangs_takes_its_time_only_once() -> None:
+    """Six actions held one after the other were more than most drain deadlines."""
+    node = Node({f"/action{number}": [IDLE] for number in range(6)})
+    node.hanging = {"hold"}
+    remarks = stop(node, held(node))
+    assert [remark.partition(":")[0] for remark in remarks] == [
+        f"goals of /action{number} are not held" for number in range(6)
+    ]
+    assert node.at < 6
+
+
+def test_who_cannot_be_cut_off_is_drained_all_the_same() -> None:
+    node = Node({"/move": [ACTIVE, ACTIVE, IDLE, IDLE]})
+    node.raising = {"isolate"}
+    assert stop(node, held(node)) == ["clients of /move were not cut off from it: OSError: it is gone"]
+    assert node.statuses["/move"] == [IDLE]
+
+
+def test_what_is_done_together_waits_for_nobody_who_hangs() -> None:
+    ended = threading.Event()
+
+    def fails() -> None:
+        raise OSError("it is gone")
+
+    began = time.monotonic()
+    found = stop_command.together([lambda: 1, fails, lambda: ended.wait(30)], 0.2)
+    ended.set()
+    assert time.monotonic() - began < 5
+    assert (found[0], str(found[1]), type(found[2])) == (1, "it is gone", type(TimeoutError()))
+
+
+def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight calls of whoever hangs, two seconds each, were not counted."""
+    asked: list[float] = []
+
+    def find(_settings: Any, seconds: float) -> Any:
+        asked.append(seconds)
+        return OwnNode("/x", "http://127.0.0.1:9/", {}), ""
+
+    def stopped(_nodes: Any, _expect: bool, _hold: Any, ends: stop_command.Ends) -> list[str]:
+        asked.append(ends.all)
+        return []
+
+    wanted = {"expect_node": True, "node": "/x", "stop_deadline": 4, "keeper": None, "actions": []}
+    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: wanted)
+    monkeypatch.setattr(stop_command, "find_node", find)
+    monkeypatch.setattr(stop_command, "stop", stopped)
+    began = time.monotonic()
+    assert stop_command.main([]) == 0
+    seconds, end = asked
+    assert seconds == pytest.approx(0.5)
+    assert began + 4 <= end <= time.monotonic() + 4
+
+
 def test_a_status_that_cannot_be_read_is_no_idleness() -> None:
     assert stop_command.busy("/a", StatusReading(((),), "timed out")) == ["/a unknown (timed out)"]
     assert stop_command.busy("/a", StatusReading(((0,), (3,)))) == ["/a PENDING"]
@@ -187,12 +281,13 @@ def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     monkeypatch.setattr(stop_command, "load_settings", broken)
     assert stop_command.main([]) == 0
     assert told == ["rosops.fleet: stop hook: RuntimeError: no such thing"]
-    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {"expect_node": False})
-    monkeypatch.setattr(stop_command, "nodes_here", lambda _settings: ([], "no node is registered from here"))
+    nameless = {"expect_node": False, "stop_deadline": 30}
+    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: nameless)
+    monkeypatch.setattr(stop_command, "nodes_here", lambda *_: ([], "no node is registered from here"))
     assert stop_command.main([]) == 0
     assert told.pop() == "rosops.fleet: left to SIGTERM: no node is registered from here"
-    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {"expect_node": True, "node": "/x"})
-    monkeypatch.setattr(stop_command, "find_node", lambda _settings: (None, "node /x: not registered with the master"))
+    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {**nameless, "expect_node": True, "node": "/x"})
+    monkeypatch.setattr(stop_command, "find_node", lambda *_: (None, "node /x: not registered with the master"))
     assert stop_command.main([]) == 0
     assert told[1:] == ["rosops.fleet: left to SIGTERM: node /x: not registered with the master"]
     assert capsys.readouterr().out == ""

@@ -89,7 +89,8 @@ def test_names_are_full_but_for_private_ones_of_a_revision() -> None:
         ({"pattern": "action", "drain_deadline": 100, "termination_grace_period": 120}, 100),
         ({"pattern": "pubsub"}, 30),  # service calls under way
         ({"pattern": "pubsub", "drain_deadline": 100, "termination_grace_period": 120}, 100),
-        ({"termination_grace_period": 2}, 2),
+        ({"termination_grace_period": 30}, 25),  # what is left is for the app to end
+        ({"termination_grace_period": 2}, 1),
     ],
 )
 def test_the_stop_fits_in_the_grace_period(changes: dict[str, Any], expected: int) -> None:

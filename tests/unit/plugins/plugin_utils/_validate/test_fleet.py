@@ -94,7 +94,7 @@ def test_all_errors_at_once() -> None:
             {},
         ),
         ({"devices": ["/dev/ttyUSB0", "/dev/bus/usb/"]}, {}),
-        ({"pattern": "action", "drain_deadline": 45, "termination_grace_period": 45}, {}),
+        ({"pattern": "action", "drain_deadline": 45, "termination_grace_period": 50}, {}),
         ({"pattern": "pubsub", "termination_grace_period": 5}, {}),
         ({"pattern": "action", "handoff": "replace"}, {}),
         ({"args": ["roslaunch", "a", "b.launch"], "readiness": {"nodes": False}}, {}),
