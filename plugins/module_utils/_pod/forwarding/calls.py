@@ -19,6 +19,7 @@ from . import rules
 from .forwarder import TICK, Forwarder
 from .rules import Hold
 
+RETRY = 1.0  # seconds between attempts to write a record that could not be written
 FIRST = 3.0  # seconds for all clients to be connected before a hold is confirmed
 OFF = "goal forwarding is switched off (ros_master_goal_forwarding)"
 
@@ -71,19 +72,38 @@ class GoalForwarding:
         self.ros, self.slave, self.log, self.stays = ros, slave, log, stays
         self.name, self.write = slave.name, save
         self.forwarders: dict[str, Forwarder] = {}
+        self.unsaved = False
+        self.retry: threading.Timer | None = None  # writes the record again
         self.lock = threading.RLock()
 
     def resume(self, recorded: Sequence[Mapping[str, Any]]) -> None:
         """Go on after a restart."""
         for item in recorded:
-            one = Forwarder(rules.from_dict(item), item["header"], self)
+            one = Forwarder(rules.from_dict(item, time.monotonic()), item["header"], self)
             self.forwarders[one.hold.action] = one
             one.log(f"{len(one.hold.goals)} goals are still held")
             one.start()
 
     def save(self) -> None:
+        """Write the record; where that fails (the disk is full), say so and try again until it is written.
+
+        Also that there is nothing to hold any more: what stands on an old record would be forwarded a second time.
+        """
         with self.lock:
-            self.write([{**one.hold.as_dict(), "header": one.header} for one in self.forwarders.values()])
+            now, was_unsaved = time.monotonic(), self.unsaved
+            try:
+                self.write([{**one.hold.as_dict(now), "header": one.header} for one in self.forwarders.values()])
+                self.unsaved = False
+            except OSError as error:
+                self.unsaved = True
+                if not was_unsaved:
+                    self.log(f"what is held is not on record, and lost if the keeper is started again: {error}")
+                if not was_unsaved or threading.current_thread() is self.retry:
+                    self.retry = threading.Timer(RETRY, self.save)
+                    self.retry.daemon = True
+                    self.retry.start()
+            if was_unsaved and not self.unsaved:
+                self.log("what is held is on record again")
 
     def ended(self, forwarder: Forwarder) -> None:
         with self.lock:
@@ -98,7 +118,7 @@ class GoalForwarding:
             old_uri = self.ros.addresses([server])[0].get(server, "")
         except RosError as error:
             return [0, str(error), 0]
-        until = time.time() + float(seconds)
+        until = time.monotonic() + float(seconds)
         with self.lock:
             one = self.forwarders.get(action)
             if one is None or one.over:
@@ -136,7 +156,7 @@ class GoalForwarding:
         if one is None:
             return [1, f"no goals of {action} are held", 0]
         with one.lock:
-            one.hold.release(time.time())
+            one.hold.release(time.monotonic())
         one.wake.set()
         one.join(FIRST)
         kept = f"{len(one.hold.goals)} goals are kept" if one.is_alive() else ""
@@ -144,7 +164,7 @@ class GoalForwarding:
 
     def state(self) -> list[Any]:
         """What is held, for how long yet, and the server that goals go to."""
-        now = time.time()
+        now = time.monotonic()
         with self.lock:
             holds = [one.hold for one in self.forwarders.values()]
         found = {

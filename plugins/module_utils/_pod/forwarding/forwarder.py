@@ -36,6 +36,7 @@ TRIAL = 0.3  # between looks whether a server's version is still on trial
 CONNECT = 2.0
 AGAIN = 0.3  # between attempts to connect to the same publisher
 AWAY = 1.0  # before the next look at a master that does not answer
+RECORD = 5.0  # between records of a hold of which nothing is new but the seconds to go
 INTRODUCE = 1.0  # between tellings of a server whose clients are still missing
 FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
@@ -77,7 +78,7 @@ class Forwarder(threading.Thread):
         self.scene: Participants | None = None
         self.advertised = False
         self.over = self.dirty = False
-        self.introduced = self.asked = 0.0
+        self.introduced = self.asked = self.recorded = 0.0
         self.stayer = ""  # the address of the server that stays
         self.senders: frozenset[str] = frozenset()  # clients that the server of now is connected to
 
@@ -142,7 +143,7 @@ class Forwarder(threading.Thread):
 
     def _received(self, role: str, uri: str, body: bytes) -> None:
         """A message: decoded before the lock is taken, as a busy server's status is long."""
-        now = time.time()
+        now = time.monotonic()
         try:
             if role == STATUS:
                 listed = decode_status(body)
@@ -250,7 +251,7 @@ class Forwarder(threading.Thread):
         elif todo.kind == rules.SEND and goal is not None:
             reached = self.slave.publish(f"{action}/goal", goal.body)
             if reached:
-                self.log(f"forwarded {goal.id}, {time.time() - goal.arrived:.2f} s after it came")
+                self.log(f"forwarded {goal.id}, {time.monotonic() - goal.arrived:.2f} s after it came")
             else:
                 goal.sent = None
         elif todo.kind == rules.WARN:
@@ -282,12 +283,15 @@ class Forwarder(threading.Thread):
             except RosError as error:
                 self.log(f"the master is away: {error}")
                 time.sleep(AWAY)
+            except Exception as error:  # whatever one look brings: without us nobody gives the goals back
+                self.log(f"error: {type(error).__name__}: {error}")
+                time.sleep(AWAY)
         self.finish()
 
     def tick(self) -> None:
         with self.lock:
             self.connect()
-        now = time.time()
+        now = time.monotonic()
         sight = self.sight(now)
         with self.lock:
             if sight.server != self.hold.server:
@@ -296,8 +300,8 @@ class Forwarder(threading.Thread):
             self.senders = sight.senders
             for todo in self.hold.step(sight, now):
                 self.do(todo)
-            if self.dirty:
-                self.dirty = False
+            if self.dirty or now - self.recorded > RECORD:
+                self.dirty, self.recorded = False, now
                 self.keeper.save()
         if self.hold.opened and not sight.direct and time.monotonic() - self.introduced > INTRODUCE:
             self._introduce(self.hold.server)

@@ -3,6 +3,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What becomes of an action's goals while its server is replaced. Pure: what happens is told to it, with the time.
 
+That is a monotonic clock's, which nobody sets: how long a hold lasts must not follow a wall clock that is put right. It
+begins anew with its computer, so the record has seconds to go and ages in its place.
+
 From the hold on, every goal is seen here. One that a server lists in its status is that server's. The others are kept
 until a server is up that was not the one at the beginning, and will stay; then forwarded to it in their order.
 actionlib's servers ignore a goal whose id they list already, so forwarding to one that got the goal directly a moment
@@ -230,19 +233,19 @@ class Hold:
 
     # ---- for the record
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self, now: float) -> dict[str, Any]:
         return {
             "action": self.action,
             "node": self.node,
             "old_uri": self.old_uri,
-            "until": self.until,
+            "seconds": self.until - now,
             "forwarded": self.forwarded,
             "goals": [
                 {
                     "id": goal.id,
                     "stamp": list(goal.stamp),
                     "body": base64.b64encode(goal.body).decode("ascii"),
-                    "arrived": goal.arrived,
+                    "age": now - goal.arrived,
                     "cancelled": goal.cancelled,
                 }
                 for goal in self.goals.values()
@@ -250,11 +253,15 @@ class Hold:
         }
 
 
-def from_dict(data: Mapping[str, Any]) -> Hold:
-    """The reverse of Hold.as_dict(), after a restart: the server is looked for anew, and lists what it has again."""
-    hold = Hold(data["action"], data["node"], data["old_uri"], data["until"], forwarded=data["forwarded"])
+def from_dict(data: Mapping[str, Any], now: float) -> Hold:
+    """The reverse of Hold.as_dict(), after a restart: the server is looked for anew, and lists what it has again.
+
+    An older version recorded moments instead of seconds: its goals go to whatever server is there.
+    """
+    hold = Hold(data["action"], data["node"], data["old_uri"], now + data.get("seconds", 0.0))
+    hold.forwarded = data["forwarded"]
     for item in data["goals"]:
         stamp = (int(item["stamp"][0]), int(item["stamp"][1]))
         body = base64.b64decode(item["body"])
-        hold.goals[item["id"]] = Goal(item["id"], stamp, body, item["arrived"], cancelled=item["cancelled"])
+        hold.goals[item["id"]] = Goal(item["id"], stamp, body, now - item.get("age", 0.0), cancelled=item["cancelled"])
     return hold

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -195,6 +196,75 @@ def test_a_keeper_that_is_started_anew_goes_on(stage: Stage) -> None:
     new = stage.replace()
     until(lambda: not stage.keeper.state()[2])
     assert new.got == ["one"]
+
+
+def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calls, "RETRY", 0.02)
+    full, write = [True], stage.keeper.write
+    tried: list[Any] = []
+
+    def no_space(content: Any) -> None:
+        tried.append(content)
+        if full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(content)
+
+    stage.keeper.write = no_space
+    assert stage.keeper.hold(ACTION, SERVER, 60.0) == [1, "", 1]
+    stage.client.send("one")
+    until(lambda: stage.held() == ["one"])
+    new = stage.replace()
+    until(lambda: not stage.keeper.state()[2])
+    assert new.got == ["one"]
+    told = [line for line in stage.said if "not on record" in line]
+    assert len(told) == 1
+    assert "No space left on device" in told[0]
+    assert stage.record == []
+    until(lambda: tried[-5:] == [[]] * 5)  # that it is all over is owed, too
+    full.clear()
+    until(lambda: stage.record == [[]])
+    assert stage.said[-1] == "what is held is on record again"
+
+
+def test_a_look_that_fails_ends_no_hold(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage.keeper.hold(ACTION, SERVER, 60.0)
+    stage.client.send("one")
+    until(lambda: stage.held() == ["one"])
+
+    def broken(_now: float) -> Any:
+        raise MemoryError("no more")
+
+    one = stage.keeper.forwarders[ACTION]
+    with monkeypatch.context() as broken_look:
+        broken_look.setattr(one, "sight", broken)
+        until(lambda: "goals of /work: error: MemoryError: no more" in stage.said)
+    new = stage.replace()
+    until(lambda: not stage.keeper.state()[2])
+    assert new.got == ["one"]
+
+
+@pytest.mark.parametrize("jump", [-86400.0, 86400.0])
+def test_a_wall_clock_that_jumps_neither_ends_a_hold_nor_makes_it_last(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch, jump: float
+) -> None:
+    stage.keeper.hold(ACTION, SERVER, 60.0)
+    stage.client.send("one")
+    until(lambda: stage.held() == ["one"])
+    wall = time.time
+    monkeypatch.setattr(time, "time", lambda: wall() + jump)
+    assert 50 < stage.keeper.state()[2][ACTION]["seconds"] <= 60
+    assert stage.keeper.release(ACTION) == [1, "", 1]
+    assert stage.server.got == ["one"]
+
+
+def test_the_seconds_to_go_are_on_record_although_nothing_happens(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A keeper that is started again and again would hold for ever otherwise."""
+    monkeypatch.setattr(forwarder, "RECORD", 0.02)
+    stage.keeper.hold(ACTION, SERVER, 60.0)
+    first = stage.record[-1][0]["seconds"]
+    until(lambda: stage.record[-1][0]["seconds"] < first - 0.05)
 
 
 def test_a_master_that_is_away_for_a_moment(stage: Stage) -> None:
