@@ -26,7 +26,8 @@ _QUESTION = struct.Struct("=BBBxL48x")
 _MESSAGE = struct.Struct("!4x2H40x4x")  # the ports; after them come expires, rqueue, wqueue, uid, inode
 _QUEUE = struct.Struct("=4xL12x")
 _ATTRIBUTE = struct.Struct("=HH")
-_SPOKE = struct.Struct("=44xL4xL96x2L")  # ms since the last data went and came; segments of data that came and went
+# ms since the last data went, and came, and since the peer last acknowledged any; segments of data that came and went
+_SPOKE = struct.Struct("=44xL4x2L92x2L")
 TIMEOUT = 1.0  # s for the kernel's answer
 
 
@@ -45,11 +46,15 @@ def _is_asking(info: bytes, unread: int) -> bool:
         return True
     if len(info) < _SPOKE.size:
         raise OSError("the kernel tells too little of its connections")
-    since_sent, since_received, segments_in, segments_out = _SPOKE.unpack_from(info)
+    since_sent, since_received, since_acknowledged, segments_in, segments_out = _SPOKE.unpack_from(info)
     if since_sent != since_received:
         return bool(since_received < since_sent)
-    # within one tick of the kernel's clock: a header or a small message is one segment, and each is answered by one
-    return bool(segments_in > segments_out)
+    # Within one tick of the kernel's clock. What the peer acknowledged later than it last spoke is our answer.
+    if since_acknowledged < since_received:
+        return False
+    # Small messages are one segment each. Who got large ones may have asked again at once, so is waited for; except a
+    # topic's subscriber, who sends its header and nothing more.
+    return bool(segments_in > segments_out or 1 < segments_in < segments_out)
 
 
 def _connections(family: int) -> Iterator[tuple[int, int, bytes]]:

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import socket
+import struct
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -76,6 +78,54 @@ def test_every_connection_counts(listener: socket.socket) -> None:
     finally:
         for client in clients:
             client.close()
+
+
+def spoke(sent: int, received: int, acknowledged: int, segments: tuple[int, int]) -> bytes:
+    """A struct tcp_info: ms since each, and segments of data that came and went."""
+    return struct.pack("=44xL4x2L92x2L", sent, received, acknowledged, *segments)
+
+
+@pytest.mark.parametrize(
+    ("sent", "received", "acknowledged", "segments", "asking"),
+    [
+        (9, 8, 8, (2, 1), True),
+        (8, 9, 4, (2, 2), False),
+        # all within one tick of the kernel's clock
+        (104, 104, 104, (6, 5), True),
+        (104, 104, 60, (6, 6), False),  # the answer was acknowledged, 40 ms later as is usual
+        (0, 0, 0, (6, 6), False),
+        (104, 104, 60, (34, 6), False),  # it asks with an image and rests: it was waited for as long as it was there
+        (168, 168, 168, (34, 5), True),
+        (168, 168, 168, (1, 1), False),
+        (168, 168, 168, (1, 34), False),  # a subscriber of a latched map
+        (4, 4, 4, (6, 29), True),  # it got a map, and asked again at once: that call was cut off
+    ],
+)
+def test_who_spoke_last(sent: int, received: int, acknowledged: int, segments: tuple[int, int], asking: bool) -> None:
+    assert calls._is_asking(spoke(sent, received, acknowledged, segments), 0) is asking
+    assert calls._is_asking(spoke(sent, received, acknowledged, segments), 1)
+    with pytest.raises(OSError, match="too little"):
+        calls._is_asking(b"", 0)
+
+
+def test_who_asks_again_as_soon_as_a_large_answer_is_there_is_asking(listener: socket.socket) -> None:
+    client, size = Client(listener), 300_000
+
+    def answer() -> None:
+        client.server.recv(100)
+        client.server.sendall(b"m" * size)
+        client.server.recv(100)
+
+    server = threading.Thread(target=answer)
+    server.start()
+    try:
+        client.end.sendall(b"question")
+        client.end.recv(size, socket.MSG_WAITALL)
+        client.end.sendall(b"question")
+        server.join(10)
+        assert calls_under_way({listener.getsockname()[1]}) == 1
+    finally:
+        client.close()
 
 
 def test_what_the_kernel_refuses_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
