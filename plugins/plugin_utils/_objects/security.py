@@ -25,8 +25,11 @@ _MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
 def harden(container: Object, drop: Sequence[str]) -> None:
     """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is."""
     given: dict[str, Any] = dict(container.get("securityContext") or {})
-    capabilities = {"drop": list(drop), **(given.get("capabilities") or {})}
-    if given.get("privileged") or _MIGHTY & set(capabilities.get("add") or ()):
+    asked = given.get("capabilities") or {}
+    added = {*(asked.get("add") or ())}
+    # container runtimes add first and drop then, but for ALL, which they drop before: what is asked for by name is kept
+    capabilities = {"drop": [one for one in drop if one not in added and "ALL" not in added], **asked}
+    if given.get("privileged") or _MIGHTY & added:
         return
     container["securityContext"] = {
         "allowPrivilegeEscalation": False,

@@ -69,6 +69,27 @@ def test_overrides_come_last() -> None:
     assert found["ros-master"] == found["ros-keeper"] == expected
 
 
+def in_the_container(context: dict[str, Any], before: set[str]) -> set[str]:
+    """What containerd makes of capabilities: ALL first, then what is added, then what is dropped."""
+    asked = context["capabilities"]
+    add, drop = set(asked.get("add", ())), set(asked.get("drop", ()))
+    all_of_them = {*before, "SYS_NICE", "IPC_LOCK"}
+    start = set() if "ALL" in drop else all_of_them if "ALL" in add else before
+    return (start | add) - drop - {"ALL"}
+
+
+@pytest.mark.parametrize("wanted", [["NET_RAW"], ["NET_RAW", "SYS_NICE"], ["MKNOD"], ["ALL"]])
+def test_a_capability_that_is_asked_for_is_there(wanted: list[str]) -> None:
+    """Raw sockets of a driver (EtherCAT, ping): added, and dropped right after."""
+    usual = {"CHOWN", "KILL", "MKNOD", "NET_RAW", "SYS_CHROOT"}
+    asked = overrides({"capabilities": {"add": wanted}})
+    found = in_the_container(contexts({**APP, "overrides": asked})["a"], usual)
+    assert found >= ({"SYS_NICE", "IPC_LOCK", *usual} if wanted == ["ALL"] else {*wanted, "CHOWN", "KILL"})
+    assert wanted == ["ALL"] or "SYS_CHROOT" not in found
+    ours = contexts(master={"overrides": overrides({"capabilities": {"add": ["SYS_NICE"]}}, "ros-master-container")})
+    assert in_the_container(ours["ros-master"], usual) == {"SYS_NICE"}
+
+
 def test_only_what_is_set_right_changes_the_revision() -> None:
     same = {"allowPrivilegeEscalation": False}
     one, other = app_objects(robot(APP))[0], app_objects(robot({**APP, "overrides": overrides(same)}))[0]
