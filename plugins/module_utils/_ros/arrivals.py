@@ -11,7 +11,7 @@ messages. What is sent when something happens (a goal, a detection, a joystick) 
 from __future__ import annotations
 
 LEAST_INTERVALS = 5  # of so many that are alike by chance, one in some hundred streams without a beat
-PATIENCE = 1.25  # seconds to wait for the next message while no rate is known yet: whoever is slower has none
+PATIENCE = 1.25  # seconds to wait for the next message while no rate is known yet: whoever is slower has none, ever
 # How much of a rate two looks may tell differently. Less than what an update lets a topic become slower by (0.1), so
 # that a publisher that goes on as it did is found to.
 EVEN = 0.08
@@ -84,6 +84,8 @@ class Arrivals:
         if intervals < LEAST_INTERVALS or beat[-1] <= beat[0]:
             return None
         mean = (beat[-1] - beat[0]) / intervals
+        if mean > PATIENCE:
+            return None  # some seconds hold too few of them, however long the record was
         if max(beat[0] - start - mean, end - beat[-1]) > 1.5 * mean + 0.05:
             return None  # it has only begun, or it is over
         stray = max(abs(at - beat[0] - number * mean) for number, at in enumerate(beat)) / mean

@@ -30,7 +30,6 @@ Contract = Dict[str, Any]
 Edge = Tuple[str, str, str]  # publisher, topic, subscriber
 
 TOLERANCE = 0.1
-LEAST_RATE = 1.0  # Hz; below it a window of two seconds holds too few messages to tell a rate
 
 _LOGGERS = ("/get_loggers", "/set_logger_level")
 _ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
@@ -85,7 +84,6 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
     revision: str = "",
     tolerance: float = TOLERANCE,
     intended: Intended = Intended(),  # noqa: B008 - it is frozen
-    least_rate: float = LEAST_RATE,
 ) -> Contract:
     """What `nodes` (their names now) are to the graph, in the names that hold after the update.
 
@@ -93,7 +91,7 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
     that does not answer now leaves nothing to restore. A topic that none but nodes of the step use may change its
     definition with them: its type is not asked for, as they connect only if they agree. `members` are the step's nodes.
     """
-    taken = _Recorder(graph, nodes, renames or {}, intended, least_rate)
+    taken = _Recorder(graph, nodes, renames or {}, intended)
     own = [taken.new(name) for name in nodes]
     return {
         "revision": revision,
@@ -116,9 +114,8 @@ class _Recorder:
         nodes: Sequence[str],
         renames: Mapping[str, str],
         intended: Intended,
-        least_rate: float,
     ) -> None:
-        self.graph, self.renames, self.intended, self.least_rate = graph, renames, intended, least_rate
+        self.graph, self.renames, self.intended = graph, renames, intended
         self.names = {**intended.renamed, **renames}
         self.alive = [name for name in nodes if self.answers(name)]
         self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in _ACTION_TOPICS}
@@ -182,8 +179,7 @@ class _Recorder:
     def publisher(self, topic: str, entry: Mapping[str, Any], name: str) -> dict[str, Any]:
         rate, least = (entry.get("rates") or {}).get(name), self.intended.rate(self.new(topic))
         # an action's topics carry what its goals make them carry; its server is judged by its status
-        steady = rate is not None and rate >= self.least_rate and topic not in self.action_topics
-        return {"rate": rate if steady else None, **({} if least is None else {"least": least})}
+        return {"rate": None if topic in self.action_topics else rate, **({} if least is None else {"least": least})}
 
     def follows(self, topic: str, node: str) -> bool:
         """Whether a node goes on using the topic under the name that it will have."""

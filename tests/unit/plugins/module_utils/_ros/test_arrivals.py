@@ -194,6 +194,7 @@ def test_what_waited_to_be_read_tells_no_rate() -> None:
         ([1.0 + 0.1 * i for i in range(1, 11)], 2.05),  # it has only begun
         ([0.1 * i for i in range(1, 6)], 0.55),  # too few
         ([0.5] * 20, 0.6),  # all at once
+        ([2.0 * i for i in range(1, 11)], 21.0),  # a look would have to last too long
         ([0.002 * i for i in range(1, 100)] + [0.7 + 0.002 * i for i in range(1, 150)], 1.0),  # with a pause
     ],
 )
