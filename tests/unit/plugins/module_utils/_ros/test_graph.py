@@ -257,7 +257,7 @@ def test_the_graph_as_json() -> None:
         "pid": None,
         "reachable": False,
         "error": "nothing listens at http://127.0.0.1:9/",
-        "refused": False,
+        "refused": True,
         "publications": ["/rosout"],
         "subscriptions": ["/chatter"],
         "services": [f"{DEAD}/get_loggers", f"{DEAD}/set_logger_level"],
