@@ -41,7 +41,8 @@ options:
         description:
           - Every subscriber must be connected to every publisher, by the publishers' word.
           - There must be at least one of each. One that died, or has been silent for five seconds (it sleeps), does not
-            count, and is named in the reason.
+            count, and is named in the reason. Nor does a tool that somebody has open (rqt, rostopic, an anonymous
+            name) beside others.
         type: bool
         default: false
       min_rate:

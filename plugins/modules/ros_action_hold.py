@@ -211,7 +211,7 @@ def main() -> None:
         if params["state"] == "released":
             result = release(KeeperCalls(params["keeper_uri"], CALLER), names, module.check_mode)
         else:
-            wanted = {**params, "actions": [{"name": name, "state": "idle"} for name in names]}
+            wanted = {**params, "actions": [{**action, "state": "idle"} for action in params["actions"]]}
             robot = Robot(params, conditions_from(wanted))
             only_look = module.check_mode or not params["keeper_uri"]
             ended = hold_when_idle(robot, {} if only_look else servers, params["timeout"], params["interval"])

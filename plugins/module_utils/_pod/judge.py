@@ -32,11 +32,15 @@ class Wanted:
 
 
 def first_questions(state: MasterState, node: str) -> Questions:
-    """The own node in full, its services, and what the publishers of its subscriptions are connected to."""
+    """The own node in full, its services, and what the publishers of its subscriptions are connected to.
+
+    Not tools, which do not count: one that hangs would make every look as long as its time-out.
+    """
     nodes = {node: frozenset({"bus", "types"})}
     for topic in state.of(node, state.subscribers):
         for publisher in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
-            nodes.setdefault(publisher, frozenset({"bus"}))
+            if not is_tool(publisher):
+                nodes.setdefault(publisher, frozenset({"bus"}))
     return Questions(nodes, state.of(node, state.services))
 
 
@@ -61,7 +65,7 @@ def gaps(state: MasterState, graph: Graph, node: str) -> list[Gap]:
         found += [Gap(topic, name, "subscriber") for name in (counted if missing is None else missing)]
     for topic in state.of(node, state.subscribers):
         for name in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
-            if graph.unreached(topic, name, [node]) != [] and not is_tool(name):
+            if not is_tool(name) and graph.unreached(topic, name, [node]) != []:
                 found.append(Gap(topic, name, "publisher"))
     return [gap for gap in found if gap.topic not in UNCOUNTED]
 

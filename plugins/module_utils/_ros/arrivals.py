@@ -55,14 +55,17 @@ class Arrivals:
         """Messages per second between `start` and `end`.
 
         Taken between arrivals, which is exact where a window holds only a few messages. A silence at the end counts: it
-        is no part of a steady stream. One at the beginning, after which a publisher that was held up sends all at once
-        what it owes, does not make it faster: it is never more than what the whole window holds.
+        is no part of a steady stream, and one as long as all before it is its end. One at the beginning, after which a
+        publisher that was held up sends all at once what it owes, does not make it faster: it is never more than what
+        the whole window holds.
         """
         counted = self.counted
         if len(counted) < LOOK_INTERVALS:
             return len(counted) / (end - start) if end > start else 0.0
         intervals, most = len(counted) - 1, (len(self.times) + 1) / (end - start)
         first, last = counted[0], counted[-1]
+        if 2 * (end - last) > end - start:
+            most = min(most, LOOK_INTERVALS / (end - last))
         if end - last > 2 * (last - first) / intervals + 0.05:
             return min(most, intervals / (end - first))
         if last <= first:

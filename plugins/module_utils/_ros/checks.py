@@ -9,10 +9,11 @@ Pure. `wait` is the verdict for everything that time may mend; `fail` only for w
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any, Iterable
+from typing import Any, Iterable, Sequence
 
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
+from .contract import is_tool
 from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Node, Rate, StatusReading, Topic
 
 RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher at just min_rate must not flap
@@ -74,8 +75,10 @@ def check_absent(graph: Graph, name: str) -> Check:
     if node is None:
         return Check("absent", name, PASS, "gone from the graph")
     observed = {"uri": node.uri, "pid": node.pid}
-    if node.asked and not node.reachable:
+    if node.gone:
         return Check("absent", name, PASS, f"gone, what is registered is stale: {node.error}", observed)
+    if not node.reachable:
+        return Check("absent", name, WAIT, f"still registered, and may only be late: {node.error}", observed)
     return Check("absent", name, WAIT, "still registered, and answers", observed)
 
 
@@ -104,6 +107,8 @@ def _idle(server: str, status: StatusReading) -> tuple[str, str]:
         states = [GOAL_STATES[state] for state in last]
         told = ", ".join(f"{states.count(state)} {state}" for state in dict.fromkeys(states))
         return WAIT, f"busy on {server}: {told}"
+    if not status.readings:
+        return WAIT, f"not known whether {server} is idle: {status.error}"
     if len(status.readings) < 2:
         return WAIT, f"idle on {server}, seen once only: {status.error or 'a second status is due'}"
     return PASS, f"idle on {server}, seen twice"
@@ -129,7 +134,8 @@ def check_action(graph: Graph, wanted: ActionCondition) -> Check:
         told = listed(f"{name} ({status.error})" for name, status in read.items())
         return Check("action", wanted.name, WAIT, f"no status can be read: {told}", observed)
     if wanted.state == "idle":
-        seen = [_idle(name, read[name]) for name in alive]
+        counted = [name for name in read if name in alive or (name == wanted.server and not read[name].refused)]
+        seen = [_idle(name, read[name]) for name in counted]
         verdict = overall([one for one, _reason in seen])
         return Check(
             "action", wanted.name, verdict, "; ".join(reason for one, reason in seen if one == verdict), observed
@@ -175,6 +181,11 @@ def _check_publisher(graph: Graph, topic: Topic, name: str) -> tuple[str, str]:
     return PASS, f"published by {name}"
 
 
+def _counted(names: Sequence[str]) -> Sequence[str]:
+    """Without tools, which come and go; where there is nobody else, an app has such a name."""
+    return [name for name in names if not is_tool(name)] or names
+
+
 def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
     """Every subscriber that lives must be a destination of every publisher that lives, and there must be one of each.
 
@@ -183,7 +194,8 @@ def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
     if not topic.publishers or not topic.subscribers:
         lacking = "publisher" if not topic.publishers else "subscriber"
         return WAIT, f"not connected: no {lacking} is registered", []
-    ends = {"publisher": topic.publishers, "subscriber": topic.subscribers}
+    registered = {"publisher": topic.publishers, "subscriber": topic.subscribers}
+    ends = {role: _counted(names) for role, names in registered.items()}
     alive = {role: [name for name in names if not is_gone(graph, name)] for role, names in ends.items()}
     down = [name for names in ends.values() for name in names if is_gone(graph, name)]
     for role, names in ends.items():
@@ -209,12 +221,13 @@ def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
 
 def _check_connected_to(graph: Graph, topic: Topic, publisher: str) -> tuple[str, str, list[str]]:
     """Every subscriber that lives must be a destination of this publisher; what died is no fault of it."""
-    missing = graph.unreached(topic.name, publisher)
+    counted = _counted(topic.subscribers)
+    missing = graph.unreached(topic.name, publisher, counted)
     if missing is None:
-        return WAIT, _unknown(graph, publisher), list(topic.subscribers)
+        return WAIT, _unknown(graph, publisher), list(counted)
     dead = [name for name in missing if is_gone(graph, name)]
     missing = [name for name in missing if name not in dead]
-    alive = len(topic.subscribers) - len(dead)
+    alive = len(counted) - len(dead)
     note = f"; down, so not counted: {listed(dead)}" if dead else ""
     if missing:
         have = f"{alive - len(missing)} of {count(alive, 'subscriber')}"

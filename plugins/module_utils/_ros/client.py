@@ -60,7 +60,7 @@ class Ros1Client(Master):
                 return NodeAnswer(where, error=why, refused=isinstance(error, ConnectionRefusedError))
             if kind == "service":
                 return ServiceProbe(where, error=why)
-            return StatusReading(error=why)
+            return StatusReading(error=why, refused=isinstance(error, ConnectionRefusedError))
 
         results = in_parallel(tasks, self.timeout, failed)
         statuses: dict[str, dict[str, StatusReading]] = {name: {} for name in actions}

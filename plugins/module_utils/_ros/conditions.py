@@ -100,8 +100,11 @@ class TopicCondition:
 
 @dataclass(frozen=True)
 class ActionCondition:
+    """`server`: the node whose idleness counts whatever others serve the action; one that tells nothing may be busy."""
+
     name: str
     state: str = "up"
+    server: str = ""
 
 
 @dataclass(frozen=True)
@@ -178,7 +181,8 @@ def conditions_from(params: Mapping[str, Any]) -> Conditions:
         state = item.get("state") or "up"
         if state not in ("up", "idle"):
             errors.append(f"actions[{i}].state: {state!r} is neither up nor idle")
-        actions.append(ActionCondition(named(f"actions[{i}].name", item.get("name")), state))
+        server = named(f"actions[{i}].server", item["server"]) if item.get("server") else ""
+        actions.append(ActionCondition(named(f"actions[{i}].name", item.get("name")), state, server))
     edges = [_edge(f"edges[{i}]", item, named, errors) for i, item in enumerate(params.get("edges") or ())]
     found = Conditions(
         names("nodes"), tuple(topics), tuple(services), tuple(actions), names("absent"), tuple(edges)

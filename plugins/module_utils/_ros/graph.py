@@ -107,6 +107,7 @@ class StatusReading:
 
     readings: tuple[tuple[int, ...], ...] = ()
     error: str = ""
+    refused: bool = False  # nothing listens at its address
 
 
 @dataclass(frozen=True)

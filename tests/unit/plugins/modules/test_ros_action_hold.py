@@ -49,7 +49,7 @@ class Run:
         monkeypatch.setattr(ros_action_hold.Robot, "isolate", lambda *_: None)
 
     def look(self, _ros: Any, conditions: Any) -> Look:
-        self.looked.append([(action.name, action.state) for action in conditions.actions])
+        self.looked.append([(action.name, action.state, action.server) for action in conditions.actions])
         return Look(self.verdict, [Check("action", "/work", self.verdict, "1 goal active")])
 
     def __call__(self, **params: Any) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def test_all_have_to_be_idle_and_those_with_a_server_are_held(run: Run) -> None:
     result = run(keeper_uri=KEEPER, seconds=7)
     assert (result["changed"], result["verdict"], result["held"]) == (True, PASS, ["/work"])
     assert FakeKeeper.calls == [("hold", "/work", "/worker", 7.0)]
-    assert run.looked[0] == [("/work", "idle"), ("/drive", "idle")]
+    assert run.looked[0] == [("/work", "idle", "/worker"), ("/drive", "idle", "")]
 
 
 def test_busy_is_an_answer_and_no_failure(run: Run) -> None:

@@ -183,6 +183,17 @@ def test_a_subscription_is_owed_only_while_somebody_publishes_the_topic() -> Non
     assert "does not subscribe to /clicked_point" in judged(world, owed)[1]
 
 
+def test_a_tool_that_hangs_holds_up_no_look() -> None:
+    """rviz publishes, too."""
+    world = World()
+    _tools(world)
+    state = world.state()
+    asked = probe.first_questions(state, OWN)
+    assert not [name for name in asked.nodes if name.startswith("/rostopic")]
+    assert PUBLISHER in asked.nodes
+    assert probe.gaps(state, world.ask(state, asked), OWN) == []
+
+
 def test_rosout_is_not_waited_for() -> None:
     world = World()
     state = world.state()

@@ -147,6 +147,8 @@ def arrivals(*times: float, latching: bool | None = None) -> Arrivals:
         ([0.0, 0.3, 1.3, 2.3, 3.3], 4.0, 1.0),
         # 10 Hz that stopped half-way is not 10 Hz
         ([0.1 * i for i in range(1, 11)], 2.0, 8 / 1.8),
+        # what it owed all at once, and then nothing any more
+        ([0.001 * i for i in range(1, 101)], 1.0, 2 / 0.9),
         # held up for half the window, then twice as fast to catch up
         ([0.5 + 0.001 * i for i in range(1, 500)], 1.0, 500.0),
         # all at once, in one read

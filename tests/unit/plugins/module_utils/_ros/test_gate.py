@@ -176,6 +176,12 @@ def test_a_topic_nobody_registered() -> None:
     assert (check.verdict, check.reason) == (WAIT, "nobody has registered it with the master")
 
 
+def test_an_absent_node_that_is_late_once_is_not_gone() -> None:
+    late = only(Conditions(absent=("/relay",)), graph({"/relay": HUNG}))
+    assert (late.verdict, "may only be late: no answer" in late.reason) == (WAIT, True)
+    assert only(Conditions(absent=("/relay",)), long_silent(graph({"/relay": HUNG}))).verdict == PASS
+
+
 def test_a_topic_by_name_needs_a_living_publisher() -> None:
     assert topic(healthy()).verdict == PASS
     one = topic(graph({"/talker_a": HUNG}))
@@ -296,6 +302,22 @@ def test_whoever_is_late_once_is_counted() -> None:
     assert topic(graph(lost, gone=DEAD), connected=True, publisher="/talker_a").verdict == WAIT
 
 
+@pytest.mark.parametrize("tool", ["/rqt_plot", "/rostopic_4711_1700000000000", "/rviz_1700000000000000000"])
+def test_a_tool_that_somebody_opened_and_that_cannot_connect_does_not_count(tool: str) -> None:
+    """It lives on a laptop that has no way to the pods, or takes another type."""
+    laptop = NodeAnswer("http://192.0.2.9:4711/", 9, bus=[])
+    state, answers = without(recorded_state(), DEAD), {**recorded_answers(), tool: laptop}
+    for part in ("publishers", "subscribers"):
+        seen = {**getattr(state, part), "/chatter": (*getattr(state, part)["/chatter"], tool)}
+        beside = build(replace(state, **{part: seen}), answers)
+        assert topic(beside, connected=True).verdict == PASS
+        assert topic(beside, connected=True, publisher="/talker_a").verdict == PASS
+    alone = replace(state, subscribers={**state.subscribers, "/chatter": (tool,)})  # an app may have such a name, too
+    words = f"missing {tool}"
+    assert words in topic(build(alone, answers), connected=True).reason
+    assert words in topic(build(alone, answers), connected=True, publisher="/talker_a").reason
+
+
 def test_a_publisher_that_does_not_know_getbusinfo_is_not_taken_as_connected() -> None:
     bare = replace(recorded_answers()["/talker_b"], bus=None)
     check = topic(graph({"/talker_b": bare}, gone=DEAD), connected=True)
@@ -404,11 +426,28 @@ def test_two_servers_of_one_action_are_wrong() -> None:
     assert (check.verdict, check.reason) == (WAIT, "2 servers take the same goals: /relay, /worker")
 
 
+@pytest.mark.parametrize(
+    ("ours", "refused", "verdict"),
+    [("/relay", False, WAIT), ("/relay", True, PASS), ("/worker", False, PASS), ("", False, PASS)],
+)
+def test_who_tells_nothing_is_idle_only_if_it_is_somebody_elses(ours: str, refused: bool, verdict: str) -> None:
+    """A second server that rests says nothing of the one that is to be replaced, and hangs."""
+    state, two = recorded_state(), ("/relay", "/worker")
+    of = graph(
+        statuses={"/work": {"/worker": IDLE, "/relay": StatusReading(error="no answer", refused=refused)}},
+        publishers={**state.publishers, "/work/status": two},
+        subscribers={**state.subscribers, "/work/goal": two, "/work/cancel": two},
+    )
+    check = only(Conditions(actions=(ActionCondition("/work", "idle", ours),)), of)
+    assert check.verdict == verdict
+    assert ("not known whether /relay is idle: no answer" in check.reason) == (verdict == WAIT)
+
+
 def test_a_dead_second_server_does_not_count() -> None:
     state = recorded_state()
     two = (DEAD, "/worker")
     check = action(
-        {"/worker": IDLE, DEAD: StatusReading(error="nothing listens")},
+        {"/worker": IDLE, DEAD: StatusReading(error="nothing listens", refused=True)},
         "idle",
         publishers={**state.publishers, "/work/status": two},
         subscribers={**state.subscribers, "/work/goal": two, "/work/cancel": two},
