@@ -79,6 +79,13 @@ apps:
   returned: success
   type: list
   elements: dict
+went_back:
+  description:
+    - "What the keeper took back, as the run that began the step had gone: name, namespace, robot, from, to, at, reason."
+    - C(from) and C(to) are revisions, C(at) is RFC 3339. It stands there until the next step.
+  returned: success
+  type: list
+  elements: dict
 claims:
   description: "Name, namespace, robot, bound, phase, storage_class, size, used_bytes."
   returned: success

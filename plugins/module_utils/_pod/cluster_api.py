@@ -28,6 +28,12 @@ KEPT = "rosops.fleet/kept=true"
 OURS = "app.kubernetes.io/managed-by=rosops.fleet"
 SECONDS = 5.0
 REFRESH = 300.0  # between looks for robots that were added
+GROUPS = {
+    "ConfigMap": "api/v1",
+    "Deployment": "apis/apps/v1",
+    "Lease": "apis/coordination.k8s.io/v1",
+    "Pod": "api/v1",
+}
 JSON, APPLY = "application/json", "application/apply-patch+yaml"
 
 
@@ -79,18 +85,18 @@ class Cluster:
         if self.home != FLEET:
             return [self.home]
         if self._robots is None or self.now() - self._robots[0] >= REFRESH:
-            found = self._list(f"/api/v1/namespaces/{FLEET}/configmaps", KEPT)
+            found = self._list(_path(FLEET, "ConfigMap"), KEPT)
             self._robots = (self.now(), sorted(name_of(item) for item in found))
         return [self.home, *self._robots[1]]
 
     def lease(self, namespace: str) -> Object | None:
         # out of the server's memory: an older one is refused when it is written
-        return self._get(_lease_path(namespace, LEASE), {"resourceVersion": "0"})
+        return self._get(_path(namespace, "Lease", LEASE), {"resourceVersion": "0"})
 
     def write_lease(self, namespace: str, lease: Object) -> Object | None:
         """The Lease as it is now; None if somebody else was faster."""
         there = "resourceVersion" in lease["metadata"]
-        path = _lease_path(namespace, LEASE if there else "")
+        path = _path(namespace, "Lease", LEASE if there else "")
         try:
             written: Object = self._send("PUT" if there else "POST", path, {}, lease, JSON)
         except ApiError as error:
@@ -100,19 +106,21 @@ class Cluster:
         return written
 
     def deployments(self, namespace: str) -> list[Object]:
-        return self._list(_deployments_path(namespace), OURS)
+        return self._list(_path(namespace, "Deployment"), OURS)
 
     def deployment(self, namespace: str, name: str) -> Object | None:
-        return self._get(f"{_deployments_path(namespace)}/{name}", {})
+        return self._get(_path(namespace, "Deployment", name), {})
 
-    def update_map(self, namespace: str, app: str) -> Object | None:
-        """What the last step of an app left."""
-        return self._get(f"/api/v1/namespaces/{namespace}/configmaps/{app}-update", {})
+    def pods(self, namespace: str) -> list[Object]:
+        return self._list(_path(namespace, "Pod"), OURS)
 
-    def apply(self, namespace: str, deployment: Object) -> None:
-        """Server-side apply of a Deployment that is there, as a run would do it."""
-        path = f"{_deployments_path(namespace)}/{name_of(deployment)}"
-        self._send("PATCH", path, {"fieldManager": MANAGER, "force": "true"}, deployment, APPLY)
+    def config_map(self, namespace: str, name: str) -> Object | None:
+        return self._get(_path(namespace, "ConfigMap", name), {})
+
+    def apply(self, namespace: str, item: Object) -> None:
+        """Server-side apply of a Deployment or ConfigMap that is there, as a run would do it."""
+        path = _path(namespace, item["kind"], name_of(item))
+        self._send("PATCH", path, {"fieldManager": MANAGER, "force": "true"}, item, APPLY)
 
     # ---- requests
 
@@ -177,9 +185,5 @@ class Cluster:
         return (self.account / "token").read_text("utf-8").strip()
 
 
-def _deployments_path(namespace: str) -> str:
-    return f"/apis/apps/v1/namespaces/{namespace}/deployments"
-
-
-def _lease_path(namespace: str, name: str) -> str:
-    return f"/apis/coordination.k8s.io/v1/namespaces/{namespace}/leases" + (f"/{name}" if name else "")
+def _path(namespace: str, kind: str, name: str = "") -> str:
+    return f"/{GROUPS[kind]}/namespaces/{namespace}/{kind.lower()}s" + (f"/{name}" if name else "")

@@ -38,21 +38,19 @@ TOGETHER = 3  # names in a line of the log
 class Keeper:
     """Keeps one graph's registrations and parameters."""
 
-    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
+    def __init__(
         self,
         ros: Registrar,
         record: Record,
         log: Callable[[str], None],
-        now: Callable[[], float] = time.time,
+        now: Callable[[], float] = time.monotonic,
         uri: str = "",
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`uri` is where the master can tell us of parameters that change."""
+        """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change."""
         self.ros, self.record, self.log, self.now, self.uri = ros, record, log, now, uri
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = now()
-        self.clock = clock
-        self.memory = keeper_memory.from_dict(record.load("registrations"))
+        self.memory = keeper_memory.from_dict(record.load("registrations"), now())
         self.saved: Any = None
         self.params: str = str(record.load("parameters") or "")
         self.params_at = 0.0
@@ -63,7 +61,7 @@ class Keeper:
         self.state: MasterState | None = None
         self.present: dict[str, Entry] = {}
         self.seen: MasterState | None = None  # without types, as the last look had it
-        self.due = 0.0  # by the clock: when to look at all that is registered again,
+        self.due = 0.0  # when to look at all that is registered again,
         self.addresses_due = 0.0  # and at the addresses
         self.probing: threading.Thread | None = None
         self.probed: tuple[dict[str, Entry], dict[str, Liveness]] | None = None
@@ -103,18 +101,18 @@ class Keeper:
     # ---- the look
 
     def _look(self) -> None:
-        caller, now = self.ros.caller, self.now()
+        caller, began = self.ros.caller, self.now()
         identity = [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id")]
-        began = self.clock()
         rests = self.state is not None and began < self.due
         if rests and _identity(self.ros.calls(identity)) == self.memory.master:  # nobody restarted it
-            self._keep_params(now)
+            self._keep_params(began)
             return
         *parts, system = self.ros.calls([*identity, ("getSystemState", caller)])
         if isinstance(system, RosError):
             raise system
-        took = self.clock() - began
-        self.due = began + took + min(SHARE * took, MOST) - LOOK
+        now = self.now()
+        took = now - began
+        self.due = now + min(SHARE * took, MOST) - LOOK
         master = _identity(parts)
         if self.away:
             self.log("the master is back")
@@ -141,14 +139,13 @@ class Keeper:
         changed = self.state is None or anew or (state is not self.seen and state != self.seen)
         self.seen = state
         self.restless = now if changed else self.restless
-        began = self.clock()
-        if changed or began >= self.addresses_due:
+        if changed or now >= self.addresses_due:
             types = self.ros.calls([("getTopicTypes", self.ros.caller)])[0]
             if isinstance(types, RosError):
                 raise types
             self.state = self.ros.state_of(system, types)
             self.present = self._without_us(self.ros.snapshot(self.state))
-            self.addresses_due = began + ADDRESSES
+            self.addresses_due = now + ADDRESSES
             unknown = self.memory.unknown(self.present)
             answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
             self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})

@@ -88,7 +88,7 @@ def main(words: list[str]) -> int:
     slave.start()
     if cluster:
         robot = Robot(calls.hold, calls.release, keeper.take_back)
-        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, tell)
+        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, record, tell)
         threading.Thread(target=watch.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0

@@ -1,7 +1,8 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the keeper knows of one ROS graph and its parameters, and what follows from each look. Pure: time is told to it.
+"""What the keeper knows of one ROS graph and its parameters, and what follows from each look. Pure: time is told to it,
+by a clock that nobody sets.
 
 It brings back a registration only if its node lives and has it by its own word, and takes one away only of a node that
 is gone for certain; see `registrations`.
@@ -176,7 +177,8 @@ class Memory:
         return {
             "master": list(self.master),
             "nodes": {node: entry.as_dict() for node, entry in sorted(self.nodes.items())},
-            "removed": {node: [entry.as_dict(), at] for node, (entry, at) in sorted(self.removed.items())},
+            # without the times: no clock that nobody sets outlives a reboot
+            "removed": {node: [entry.as_dict()] for node, (entry, _at) in sorted(self.removed.items())},
         }
 
 
@@ -189,13 +191,13 @@ def _kept(known: Entry, lost: Entry, kind: str, node: str, restored: set[tuple[s
     }
 
 
-def from_dict(data: Any) -> Memory:
-    """The reverse of Memory.as_dict(); an empty one of anything that is no record."""
+def from_dict(data: Any, now: float) -> Memory:
+    """The reverse of Memory.as_dict(), what was removed as if just now; an empty one of anything that is no record."""
     try:
         return Memory(
             tuple(data["master"]),
             {node: registrations.from_dict(entry) for node, entry in data["nodes"].items()},
-            {node: (registrations.from_dict(entry), float(at)) for node, (entry, at) in data["removed"].items()},
+            {node: (registrations.from_dict(entry), now) for node, (entry, *_at) in data["removed"].items()},
         )
     except (AttributeError, KeyError, TypeError, ValueError):
         return Memory()

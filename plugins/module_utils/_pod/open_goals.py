@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Mapping
+from typing import Iterable, Mapping
+from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.backend import Backend
 from .._ros.graph import BUSY_STATES, GOAL_STATES, MasterState, Questions, action_names, action_of
-from .way_back import Step, node_of
+from .way_back import MASTER, Step, Unproven, node_of
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,11 @@ class Goals:
 
 def open_goals(ros: Backend, step: Step) -> Goals:
     """Of the nodes that go if the step is taken back. A node whose address refuses connections works on nothing."""
-    nodes = {node_of(member.deployment) for member in step.going_back} - {""}
-    if not nodes:  # the master serves no actions
+    if any(member.name == MASTER for member in step.members):  # it serves none, and may not answer
         return Goals()
     try:
         state = ros.state()
-        served = _served(state, step, nodes)
+        served = _served(ros, state, step)
         names = sorted({server for servers in served.values() for server in servers})
         graph = ros.ask(state, Questions({name: frozenset() for name in names}, (), tuple(served)))
     except RosError as error:
@@ -48,17 +48,28 @@ def open_goals(ros: Backend, step: Step) -> Goals:
     return Goals(tuple(busy), tuple(unknown), alone)
 
 
-def _served(state: MasterState, step: Step, nodes: set[str]) -> dict[str, tuple[str, ...]]:
-    """Action -> the new nodes that serve it. A launch file's nodes have names of their own: by its actions' names."""
-    found = {
-        name: servers
-        for name in action_names(state)
-        for servers in [tuple(one for one in action_of(state, name).servers if one in nodes)]
-        if servers
-    }
-    there = state.nodes()
-    for member in step.going_back:
-        for name in member.contract.get("actions") or () if node_of(member.deployment) not in there else ():
-            if name not in found and action_of(state, name).servers:
-                found[name] = action_of(state, name).servers
-    return found
+def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str, ...]]:
+    """Action -> the new nodes that serve it; a launch file's are those at its pod's address, and of its actions' names.
+
+    An old node of another name works on by itself, and stays.
+    """
+    servers = {name: action_of(state, name).servers for name in action_names(state)}
+    nodes = {node_of(member.deployment) for member in step.going_back} - {""}
+    nodes |= _at_pods(ros, state, step.going_back, {server for found in servers.values() for server in found})
+    old = {node_of(member.before) for member in step.going_back if member.before} - nodes
+    known = {name for member in step.going_back for name in member.actions}
+    found = {}
+    for name, all_of_it in servers.items():
+        own = tuple(one for one in all_of_it if one in nodes)
+        found[name] = own or tuple(one for one in all_of_it if name in known and one not in old)
+    return {name: own for name, own in found.items() if own}
+
+
+def _at_pods(ros: Backend, state: MasterState, members: Iterable[Unproven], servers: Iterable[str]) -> set[str]:
+    """Those of the servers that are in the new pods. A host's address is that of others, too, and tells nothing."""
+    pods = [pod for member in members for pod in member.pods if not (pod.get("spec") or {}).get("hostNetwork")]
+    addresses = {(pod.get("status") or {}).get("podIP") for pod in pods} - {None, ""}
+    if not addresses:
+        return set()
+    asked = ros.ask(state, Questions({name: frozenset() for name in servers})).nodes
+    return {name for name, node in asked.items() if urlsplit(node.uri).hostname in addresses}

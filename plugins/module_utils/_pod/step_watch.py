@@ -4,18 +4,20 @@
 """The keeper beside steps of updates: it takes back what `way_back` says, as the run would have that is gone.
 
 A look costs one small request, the robot's Lease. Only where that has changed, and nobody has it, the Deployments are
-looked at.
+looked at, and what the run left open in the record of updates is closed.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Iterable
+from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError, KubeError, RosError
 from .._ros.backend import Backend
-from .cluster_api import FLEET, Cluster
+from . import update_record
+from .cluster_api import FLEET, ApiError, Cluster
+from .keeper_record import Record
 from .open_goals import Goals, open_goals
 from .way_back import (
     HOLDER,
@@ -39,6 +41,11 @@ HOLD = 300.0  # for the old server to come back: goals are held so long
 CLUSTER = "the cluster"
 AGAIN = 0.5  # between "idle" and "idle still"
 UNREADABLE = 2.0  # times the time to get ready: after that, goals of a node that cannot be read keep nobody waiting
+STEPS = "steps"  # the part of the keeper's record: namespace -> steps that were seen rolled out
+
+
+class LostError(FleetError):
+    """Somebody else has the Lease."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,29 @@ class Robot:
     take_back: Callable[[Iterable[str]], None]  # services, by these nodes where they live
 
 
+class Claim:
+    """The Lease, as it was `found` and is from then on: the API refuses a write if somebody else made one since."""
+
+    def __init__(self, cluster: Cluster, namespace: str, found: Object | None, at: Callable[[], str]) -> None:
+        self.cluster, self.namespace, self.at = cluster, namespace, at
+        self.found = found
+        self.lost = False
+
+    def renew(self) -> None:
+        """Before whatever is done next; LostError where it is another one's now."""
+        self._write(HOLDER)
+        if self.lost:
+            raise LostError("somebody else changes it now")
+
+    def release(self) -> None:
+        if not self.lost:
+            self._write("")
+
+    def _write(self, holder: str) -> None:
+        written = self.cluster.write_lease(self.namespace, lease_of(self.found, self.namespace, holder, self.at()))
+        self.found, self.lost = written or self.found, written is None
+
+
 class StepWatch:
     """Looks at one namespace after the other."""
 
@@ -58,13 +88,15 @@ class StepWatch:
         cluster: Cluster,
         ros: Backend,
         robot: Robot,
+        record: Record,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self.cluster, self.ros, self.robot, self.log = cluster, ros, robot, log
+        self.cluster, self.ros, self.robot, self.record, self.log = cluster, ros, robot, record, log
         self.now, self.wall, self.sleep = now, wall, sleep
+        self.came_up = _texts(record.load(STEPS))
         self.observed: dict[str, Observed] = {}
         self.turn: list[str] = []
         self.said: dict[str, str] = {}
@@ -80,20 +112,21 @@ class StepWatch:
 
     def look(self) -> float:
         """At the next namespace; seconds until the one after it. An API that is away is looked for again later."""
-        where = CLUSTER
+        where, pause = CLUSTER, LOOK
         try:
             spaces = self.cluster.namespaces()
             self.turn = [name for name in self.turn if name in spaces] or list(spaces)
-            where = self.turn.pop(0)
-            self._look(where, self.observed.setdefault(where, Observed()))
+            pause, where = max(LEAST, LOOK / len(spaces)), self.turn.pop(0)
+            self._look(where, self.observed.setdefault(where, Observed(self.came_up.get(where, ()))))
             self._tell(where, "")
             self._tell(CLUSTER, "")
         except FleetError as error:
             for seen in self.observed.values() if where == CLUSTER else [self.observed[where]]:
                 seen.away()
             self._tell(where, str(error))
-            return LOOK
-        return max(LEAST, LOOK / len(spaces))
+            # what answers with a refusal is not away: a robot that may not be read keeps nobody from the others
+            return pause if isinstance(error, ApiError) and error.status else LOOK
+        return pause
 
     def _tell(self, about: str, text: str) -> None:
         """What is so now; once, and not again before it changes."""
@@ -104,73 +137,104 @@ class StepWatch:
     # ---- the look
 
     def _look(self, namespace: str, seen: Observed) -> None:
-        lease = self.cluster.lease(namespace)
-        seen.lease(lease, self.now())
-        # whoever changes what is the whole fleet's has the Lease of one of the robots
-        involved = list(self.observed.values()) if namespace == FLEET else [seen]
-        versions = [one.version for one in involved]
-        if not all(one.free for one in involved):
-            seen.waited, seen.nothing = {}, None
+        """What is the whole fleet's has a Lease of its own, too."""
+        seen.lease(self.cluster.lease(namespace), self.now())
+        if not seen.free or seen.version == seen.nothing:
             return
-        if versions == seen.nothing:
-            return
-        steps = self._steps(namespace)
-        seen.nothing = None if steps else versions
-        for step in seen.due(steps):
-            self._due(namespace, seen, step)
-
-    def _steps(self, namespace: str) -> list[Step]:
         there = self.cluster.deployments(namespace)
+        steps = self._steps(namespace, there)
+        due = seen.due(steps)
+        self._remember(namespace, seen)
+        for step in due:
+            self._due(namespace, seen, step)
+        if seen.recorded != seen.version and self._record(namespace, there):
+            seen.recorded = seen.version
+        seen.nothing = None if steps or seen.recorded != seen.version else seen.version
+
+    def _steps(self, namespace: str, there: list[Object]) -> list[Step]:
         marked = [item for item in there if is_marked(item)]
-        return steps_of([unproven(item, self.cluster.update_map(namespace, name_of(item))) for item in marked], there)
+        pods = [] if all(map(rolled_out, marked)) else self.cluster.pods(namespace)
+        left = {name_of(item): self.cluster.config_map(namespace, f"{name_of(item)}-update") for item in marked}
+        return steps_of([unproven(item, left[name_of(item)], pods) for item in marked], there)
+
+    def _remember(self, namespace: str, seen: Observed) -> None:
+        """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
+        known = {**self.came_up, namespace: sorted(seen.came_up)}
+        known = {space: keys for space, keys in known.items() if keys}
+        if known != self.came_up:
+            self.record.save(STEPS, known)
+            self.came_up = known
+
+    def _record(self, namespace: str, there: list[Object]) -> bool:
+        """Say in the robot's record of updates what became of its steps; False: it is to be tried again."""
+        found = self.cluster.config_map(namespace, update_record.NAME)
+        shared = self.cluster.deployments(FLEET) if found and namespace != self.cluster.home == FLEET else []
+        body = update_record.ended(found, [*there, *shared]) if found else None
+        try:
+            if body:
+                self.cluster.apply(namespace, body)
+        except ApiError as error:
+            if error.status in (0, 409):  # somebody wrote it just now
+                return False
+            self._tell(f"{namespace}/{update_record.NAME}", str(error))
+        return True
 
     # ---- the way back
 
     def _due(self, namespace: str, seen: Observed, step: Step) -> None:
+        about = f"{namespace}/{step.name}"
         waiting = self._waits(open_goals(self.ros, step), seen, step)
         if waiting:
-            self._tell(f"{namespace}/{step.name}", f"is taken back when it rests: {waiting}")
+            self._tell(about, f"is taken back when it rests: {waiting}")
             return
         found = self.cluster.lease(namespace)
-        lease = self._lease(namespace, found, HOLDER) if version_of(found) == seen.version else None
-        if lease is None:
+        if version_of(found) != seen.version:
             return  # somebody else has it now
+        claim = Claim(self.cluster, namespace, found, self._time)
         try:
+            claim.renew()
             # from here on nobody else changes the robot; what was due may be over by now
-            for again in self._steps(namespace):
-                if again.key == step.key and again.failing:
-                    lease = self._go_back(namespace, seen, again, lease)
+            for again in self._steps(namespace, self.cluster.deployments(namespace)):
+                if again.key == step.key and seen.failing(again):
+                    self._go_back(claim, seen, again)
+        except LostError as error:  # goals that are held may be held for that one
+            self._tell(about, f"is not taken back any further: {error}")
         finally:
-            self._lease(namespace, lease, "")
+            claim.release()
 
     def _waits(self, goals: Goals, seen: Observed, step: Step) -> str:
-        patient = seen.waited[step.key] < UNREADABLE * step.ready_timeout
+        """What keeps a step from going back. One that came up once is not bad for what cannot be read."""
+        patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
         return ", ".join([*goals.busy, *(goals.unknown if patient else ())])
 
-    def _lease(self, namespace: str, found: Object | None, holder: str) -> Object | None:
-        """Take the Lease, keep it, or let it go; None if somebody else has written it since it was `found`."""
-        return self.cluster.write_lease(namespace, lease_of(found, namespace, holder, self._time()))
-
-    def _go_back(self, namespace: str, seen: Observed, step: Step, lease: Object) -> Object:
-        """The Lease as it is then."""
-        held = self._hold(open_goals(self.ros, step))
-        self.sleep(AGAIN if held else 0)
-        waiting = self._waits(open_goals(self.ros, step), seen, step) if held else ""
-        kept = None if waiting else self._lease(namespace, lease, HOLDER)  # the hold may have taken its time
-        if kept is None:
+    def _go_back(self, claim: Claim, seen: Observed, step: Step) -> None:
+        """The Lease is renewed before all that may take its time, and before all that is written."""
+        held = self._hold(claim, open_goals(self.ros, step))
+        self.sleep(AGAIN)
+        claim.renew()
+        if self._waits(open_goals(self.ros, step), seen, step):
             for action in held:
                 self.robot.release(action)
-            return lease
+            return
+        claim.renew()
         self._give_services_back(step)
-        reason = f"not ready {seen.waited[step.key]:.0f} s after the run that began it had gone"
+        reason = f"{seen.why(step)} after the run that began it had gone"
         for member in step.going_back:
-            self.cluster.apply(namespace, restored(member, reason, self._time()))
-            self.log(f"{namespace}: {member.name} was taken back: {reason}")
-        return kept
+            claim.renew()
+            self.cluster.apply(claim.namespace, restored(member, reason, self._time()))
+            self.log(f"{claim.namespace}: {member.name} was taken back: {reason}")
+        if claim.namespace == FLEET:  # the records are those of the robots that took the step
+            for other in self.observed.values():
+                other.recorded = other.nothing = None
 
-    def _hold(self, goals: Goals) -> list[str]:
+    def _hold(self, claim: Claim, goals: Goals) -> list[str]:
         """Goals that come now are for the old server."""
-        return [action for action, server in (goals.servers or {}).items() if self.robot.hold(action, server, HOLD)[0]]
+        held = []
+        for action, server in (goals.servers or {}).items():
+            claim.renew()
+            if self.robot.hold(action, server, HOLD)[0]:
+                held.append(action)
+        return held
 
     def _give_services_back(self, step: Step) -> None:
         """First, so that a service never points to nothing while its old server lives."""
@@ -185,6 +249,12 @@ class StepWatch:
         seconds = self.wall()
         whole = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
         return f"{whole}.{int(seconds % 1 * 1e6):06d}Z"
+
+
+def _texts(saved: Any) -> Mapping[str, list[str]]:
+    """A part of the record that is namespace -> texts; what is something else is left out."""
+    found = saved if isinstance(saved, dict) else {}
+    return {space: list(map(str, keys)) for space, keys in found.items() if isinstance(keys, list)}
 
 
 class Staying:
@@ -224,7 +294,7 @@ class Staying:
                     return namespace, name_of(item)
             for item in there:
                 if is_marked(item):
-                    left = self.cluster.update_map(namespace, name_of(item))
-                    if action in (unproven(item, left).contract.get("actions") or ()):
+                    left = self.cluster.config_map(namespace, f"{name_of(item)}-update")
+                    if action in unproven(item, left).actions:
                         return namespace, name_of(item)
         return None

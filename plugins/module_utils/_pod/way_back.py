@@ -8,6 +8,9 @@ before. Whoever takes the step renews the robot's Lease. When nobody does any mo
 fulfilled its contract by its own probe: it stays, marked, for the next run. One that does not get ready is taken back,
 with all apps of its step.
 
+One that was Ready once and is not any more proves nothing against itself: its node may be away, or its robot have been
+rebooted. Only if its container ends again and again it is taken back all the same, however often it is Ready between.
+
 No clock is compared with another one's, and time counts only while the API shows what happens: after a while without
 it the waiting goes on where it was.
 """
@@ -18,13 +21,18 @@ import json
 from dataclasses import dataclass
 from typing import Any, Iterable, Mapping, Sequence
 
+from .subset import is_in
+
 LEASE = "robot-update"
 HOLDER = "ros-keeper"  # the keeper's own Deployment, too: it takes back everything but itself
+MASTER = "ros-master"
 LEASE_SECONDS = 15.0
 READY_TIMEOUT = 180.0  # where the contract does not say it
+FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
 UPDATING = "rosops.fleet/updating"
 WENT_BACK = "rosops.fleet/went-back"
 NODE = "rosops.fleet/ros-node"
+APP, REVISION = "rosops.fleet/app", "rosops.fleet/revision"
 HASH = "rosops.fleet/spec-hash"
 
 Object = Mapping[str, Any]
@@ -58,13 +66,20 @@ def rolled_out(deployment: Object) -> bool:
     return seen and counts == {wanted}
 
 
+def crashes(pod: Object) -> bool:
+    """Whether the kubelet waits before it starts a container of the pod once more, because it ended again and again."""
+    statuses = (pod.get("status") or {}).get("containerStatuses") or []
+    return any(((one.get("state") or {}).get("waiting") or {}).get("reason") == "CrashLoopBackOff" for one in statuses)
+
+
 @dataclass(frozen=True)
 class Unproven:
-    """A Deployment with the mark, and what its step left beside it."""
+    """A Deployment with the mark, what its step left beside it, and the pods of just this version."""
 
     deployment: Object
     contract: Mapping[str, Any]
     before: Object | None  # the Deployment to go back to; None: the step made it
+    pods: Sequence[Object] = ()
 
     @property
     def name(self) -> str:
@@ -80,21 +95,39 @@ class Unproven:
         return float(self.contract.get("ready_timeout") or READY_TIMEOUT)
 
     @property
-    def failing(self) -> bool:
-        """Whether going back would change something for the better."""
-        if self.before is None or self.contract.get("proven") or rolled_out(self.deployment):
+    def actions(self) -> frozenset[str]:
+        """Those of its own node, and those of the others that a launch file starts."""
+        parts = self.contract, self.contract.get("others") or {}
+        return frozenset(name for part in parts for name in part.get("actions") or ())
+
+    @property
+    def proven(self) -> bool:
+        """Only its mark has to come off."""
+        return bool(self.contract.get("proven")) and self.contract.get("revision") == revision_of(self.deployment)
+
+    @property
+    def differs(self) -> bool:
+        """Whether going back would change something. What somebody changed by hand still has our hash."""
+        if self.before is None:
             return False
-        return notes_of(self.before).get(HASH) != notes_of(self.deployment).get(HASH)
+        same = notes_of(self.before).get(HASH) == notes_of(self.deployment).get(HASH)
+        return not (same and is_in(self.before["spec"], self.deployment["spec"]))
 
 
-def unproven(deployment: Object, left: Object | None) -> Unproven:
-    """`left` is the ConfigMap of its step. What cannot be read there is not there."""
+def unproven(deployment: Object, left: Object | None, pods: Iterable[Object] = ()) -> Unproven:
+    """`left` is the ConfigMap of its step, `pods` are its namespace's. What cannot be read there is not there."""
     data = (left or {}).get("data") or {}
     contract, history = _json(data.get("contract.json")), _json(data.get("history.json"))
     first = history[0] if isinstance(history, list) and history else {}
     before = first.get("deployment") if isinstance(first, dict) else None
     same = isinstance(before, dict) and (before.get("metadata") or {}).get("name") == name_of(deployment)
-    return Unproven(deployment, contract if isinstance(contract, dict) else {}, before if same else None)
+    own = [pod for pod in pods if _is_of(pod["metadata"], deployment)]
+    return Unproven(deployment, contract if isinstance(contract, dict) else {}, before if same else None, own)
+
+
+def _is_of(pod: Object, deployment: Object) -> bool:
+    app = (pod.get("labels") or {}).get(APP)
+    return bool(app == name_of(deployment)) and _revision(pod) == revision_of(deployment)
 
 
 def _json(text: Any) -> Any:
@@ -116,22 +149,33 @@ class Step:
         return ", ".join(member.name for member in self.members)
 
     @property
-    def key(self) -> tuple[tuple[str, int], ...]:
+    def key(self) -> str:
         """Other for every other version: its time begins anew."""
-        return tuple((one.name, int(one.deployment["metadata"].get("generation") or 0)) for one in self.members)
+        found = [one.deployment["metadata"] for one in self.members]
+        return " ".join(f"{one['name']}/{one.get('uid', '')}/{one.get('generation', 0)}" for one in found)
 
     @property
     def ready_timeout(self) -> float:
         return max(member.ready_timeout for member in self.members)
 
     @property
-    def failing(self) -> bool:
-        return bool(self.going_back) and (self.begun or any(member.failing for member in self.members))
+    def rolled_out(self) -> bool:
+        return all(rolled_out(member.deployment) for member in self.members)
+
+    def failing(self, came_up: bool) -> bool:
+        """Whether it is to go back. A step proves all its apps at once, and then says so of one after the other."""
+        if not self.going_back or any(member.proven for member in self.members):
+            return False
+        return self.begun or any(member.differs and _is_bad(member, came_up) for member in self.members)
 
     @property
     def going_back(self) -> list[Unproven]:
         """All of it together, but what the step made: there is nothing that it could go back to."""
         return [member for member in self.members if member.before is not None]
+
+
+def _is_bad(member: Unproven, came_up: bool) -> bool:
+    return any(map(crashes, member.pods)) if came_up else not rolled_out(member.deployment)
 
 
 def steps_of(found: Iterable[Unproven], deployments: Iterable[Object]) -> list[Step]:
@@ -158,11 +202,15 @@ def place(member: Unproven, apps: Sequence[str]) -> int:
 class Observed:
     """What was seen of one namespace, and for how long: its Lease, and the steps that are failing."""
 
-    def __init__(self) -> None:
+    def __init__(self, came_up: Iterable[str] = ()) -> None:
+        """`came_up` are the keys of steps that an earlier keeper saw rolled out."""
         self.version = ""  # the Lease's
         self.free = False
-        self.nothing: Any = None  # the Leases' versions at which nothing was marked
-        self.waited: dict[Any, float] = {}
+        self.nothing: str | None = None  # the Lease's version at which nothing was marked,
+        self.recorded: str | None = None  # and for which the record of updates says what became of the steps
+        self.came_up = frozenset(came_up)
+        self.waited: dict[str, float] = {}  # step -> how long it was failing,
+        self.rested: dict[str, float] = {}  # and since then was not
         self._unchanged = self._passed = 0.0
         self._last: float | None = None
 
@@ -181,14 +229,32 @@ class Observed:
         mine = holder_of(lease) in ("", HOLDER)
         self.free = mine or self._unchanged >= float(spec.get("leaseDurationSeconds") or LEASE_SECONDS)
         if not self.free:
-            self.waited = {}
+            self.waited, self.nothing = {}, None
 
-    def due(self, steps: Iterable[Step]) -> list[Step]:
+    def due(self, steps: Sequence[Step]) -> list[Step]:
         """The steps whose time is over, of all that there are."""
-        failing = [step for step in steps if step.failing]
-        known = self.waited
-        self.waited = {one.key: known[one.key] + self._passed if one.key in known else 0.0 for one in failing}
+        before, self.came_up = self.came_up, frozenset(one.key for one in steps if one.rolled_out or self.up(one))
+        failing = [step for step in steps if self.failing(step)]
+        known = {key: seconds for key, seconds in self.waited.items() if key in before or key not in self.came_up}
+        self.rested = {
+            one.key: self.rested.get(one.key, 0.0) + self._passed
+            for one in steps
+            if one.key in known and one not in failing
+        }
+        resting = {key: known[key] for key, seconds in self.rested.items() if seconds < FORGIVEN}
+        waiting = {one.key: known[one.key] + self._passed if one.key in known else 0.0 for one in failing}
+        self.waited = {**resting, **waiting}
         return [step for step in failing if step.begun or self.waited[step.key] >= step.ready_timeout]
+
+    def up(self, step: Step) -> bool:
+        """Whether all of it was rolled out at some time."""
+        return step.key in self.came_up
+
+    def why(self, step: Step) -> str:
+        return f"{'crashed again and again' if self.up(step) else 'not ready'} {self.waited[step.key]:.0f} s"
+
+    def failing(self, step: Step) -> bool:
+        return step.failing(self.up(step))
 
 
 # ---- what is written
@@ -232,6 +298,9 @@ def restored(member: Unproven, reason: str, time: str) -> dict[str, Any]:
 
 def revision_of(deployment: Object) -> str:
     """The first digits of the pod template's hash."""
-    metadata = deployment["spec"]["template"]["metadata"]
-    label = (metadata.get("labels") or {}).get("rosops.fleet/revision")
-    return str(label or (metadata.get("annotations") or {}).get(HASH, "")[:8])
+    return _revision(deployment["spec"]["template"]["metadata"])
+
+
+def _revision(pod: Object) -> str:
+    label = (pod.get("labels") or {}).get(REVISION)
+    return str(label or (pod.get("annotations") or {}).get(HASH, "")[:8])

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a keeper may do in its cluster: take back, in the namespaces of its robots, what nobody proved. Pure.
+"""What a keeper may do in its cluster: take back what nobody proved in the namespaces of its robots, and say so. Pure.
 
 A keeper of one robot works in the robot's own namespace. That of a shared master works in those of all robots, which
 each bring it their Role, and tell it of themselves by a ConfigMap in the namespace `fleet`: neither may it look for
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import update_record
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, config_map, owner_labels
@@ -20,11 +21,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
 RBAC = "rbac.authorization.k8s.io"
 GO_BACK = (
     ("apps", "deployments", ("get", "list", "patch")),
+    ("", "pods", ("list",)),
     ("", "configmaps", ("get",)),
     ("coordination.k8s.io", "leases", ("get", "create", "update")),
 )
-FIND_ROBOTS = (("", "configmaps", ("list",)),)
-Rules = Sequence[tuple[str, str, Sequence[str]]]
+TELL = ("", "configmaps", ("patch",), update_record.NAME)
+FIND_ROBOTS = ("", "configmaps", ("list",))
+Rule = tuple[str, str, Sequence[str]] | tuple[str, str, Sequence[str], str]  # the last is the only object that is meant
 
 
 def keeper_access(robot: Robot) -> list[Object]:
@@ -32,10 +35,10 @@ def keeper_access(robot: Robot) -> list[Object]:
     if robot.master.mode == "external":
         return []
     home = context.master_namespace(robot)
-    objects = [_account(home, context.master_owner(robot)), *_role(robot.namespace, robot.name, home, GO_BACK)]
+    objects = [_account(home, context.master_owner(robot)), *_role(robot.namespace, robot.name, home, (*GO_BACK, TELL))]
     if home == names.FLEET_NAMESPACE:
         labels = {**owner_labels(robot.name), names.LABEL_KEPT: "true"}
-        objects += _role(home, None, home, (*GO_BACK, *FIND_ROBOTS))
+        objects += _role(home, None, home, (*GO_BACK, FIND_ROBOTS))
         objects.append(config_map(robot.namespace, home, labels, {}))
     return objects
 
@@ -44,10 +47,13 @@ def _account(namespace: str, owner: str | None) -> Object:
     return {"apiVersion": "v1", "kind": "ServiceAccount", "metadata": _metadata(namespace, owner)}
 
 
-def _role(namespace: str, owner: str | None, home: str, rules: Rules) -> list[Object]:
+def _role(namespace: str, owner: str | None, home: str, rules: Sequence[Rule]) -> list[Object]:
     """The Role in a namespace, given to the keeper whose account is in the namespace `home`."""
     metadata = _metadata(namespace, owner)
-    allowed = [{"apiGroups": [group], "resources": [kind], "verbs": list(verbs)} for group, kind, verbs in rules]
+    allowed = [
+        {"apiGroups": [group], "resources": [kind], "verbs": list(verbs), **({"resourceNames": only} if only else {})}
+        for group, kind, verbs, *only in rules
+    ]
     return [
         {"apiVersion": f"{RBAC}/v1", "kind": "Role", "metadata": metadata, "rules": allowed},
         {

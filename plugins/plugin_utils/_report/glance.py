@@ -61,6 +61,7 @@ _JUDGES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "nodes": _node,
     "masters": _workload,
     "apps": _workload,
+    "went_back": lambda _row: WARN,
     "ros_nodes": lambda row: OK if row.get("reachable") else BAD,
     "claims": _claim,
     "outcomes": _outcome,
@@ -200,6 +201,10 @@ _TOLD: Mapping[str, Callable[[Mapping[str, Any]], tuple[str, str]]] = {
     "nodes": lambda row: (f"node {row.get('name')}", _with("Ready" if row.get("ready") else "NotReady", row["reason"])),
     "masters": lambda row: (f"ROS master of {row.get('robot')}", _ready_of(row)),
     "apps": lambda row: (f"app {row.get('name')} of {row.get('robot')}", _ready_of(row)),
+    "went_back": lambda row: (
+        f"app {row.get('name')} of {row.get('robot')}",
+        _with(f"taken back by the keeper at {row['at']}, from {row['from']} to {row['to']}", row["reason"]),
+    ),
     "ros_nodes": lambda row: (f"ROS node {row.get('name')} of {row.get('robot')}", _with("down", row.get("error"))),
     "claims": lambda row: (f"claim {row.get('name')} of {row.get('robot')}", _claim_words(row)),
     "outcomes": lambda row: (

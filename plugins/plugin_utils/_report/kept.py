@@ -14,10 +14,11 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import RUNNING, WAITING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import RUNNING, known_events
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import known_events
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")
 REASON_KEPT = 500  # a ConfigMap holds 1 MiB, and a fleet has many hosts
@@ -86,7 +87,7 @@ def _steps(events: Iterable[Mapping[str, Any]]) -> list[Row]:
         for side in ("from", "to"):
             if event.get(side):
                 step[side][event["app"]] = {"image": event.get(f"{side}_image"), "revision": event[side]}
-        if event.get("outcome") == RUNNING:
+        if event.get("outcome") in (RUNNING, WAITING):
             step["reason"] = f"begun {_utc(float(event['started']))}"
     return list(steps.values())
 

@@ -14,6 +14,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ways_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     condition,
     is_ready,
@@ -32,6 +33,7 @@ BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.k
 ROLE_LABEL = "node-role.kubernetes.io/"
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
 SHARED = "(shared)"
+_OF_CLUSTERS = ("hosts", "nodes", "placement", "masters", "apps", "went_back", "claims")
 # Runs that only look. Whoever looks twice still wants to know what became of the last change.
 LOOKING = frozenset({"status.yml", "validate.yml"})
 
@@ -128,6 +130,17 @@ def workload_rows(
         row = _workload_row(one, _pods_of(one, all_pods))
         (masters if row["name"] == names.MASTER_NAME else apps).append(row)
     return _sorted(masters), _sorted(apps)
+
+
+def went_back_rows(deployments: Iterable[Mapping[str, Any]]) -> list[Row]:
+    """What the keeper took back, as nobody else did; it stands there until the next step."""
+    return _sorted(
+        [
+            {"name": app, "namespace": meta(one).get("namespace", ""), "robot": _robot(one), **told}
+            for one in deployments
+            for app, told in ways_back([one]).items()
+        ]
+    )
 
 
 def _sorted(rows: list[Row]) -> list[Row]:
@@ -288,6 +301,7 @@ def cluster_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mapp
         "placement": placement_rows(nodes, [*masters, *apps]),
         "masters": masters,
         "apps": apps,
+        "went_back": went_back_rows(objects.get("Deployment", ())),
         "claims": claim_rows(objects.get("PersistentVolumeClaim", ()), usage),
     }
 
@@ -303,7 +317,7 @@ def status_rows(
     found, unreadable = read_reports(reports)
     return {
         "problems": [*fleet.get("problems", ()), *unreadable],
-        **{key: list(fleet.get(key, ())) for key in ("hosts", "nodes", "placement", "masters", "apps", "claims")},
+        **{key: list(fleet.get(key, ())) for key in _OF_CLUSTERS},
         "ros_nodes": ros_nodes,
         "topics": topics,
         "outcomes": outcome_rows(_by_time([*found, *fleet.get("runs", ())])),

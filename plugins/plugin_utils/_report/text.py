@@ -13,7 +13,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.printable imp
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
-UNCUT = 10_000  # what keeps a part from being looked at is said whole
+UNCUT = 10_000
+WHOLE = frozenset({"problems", "went_back"})  # what keeps a part from being looked at, or changed it, is said whole
 Columns = Sequence[tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
 
 
@@ -74,6 +75,7 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
     ("PLACEMENT", "placement", columns("node", ("deploymentType", "placement"), "runs")),
     ("ROS MASTERS", "masters", columns("robot", ("ready", _count), *WORKLOAD)),
     ("APPS", "apps", columns("robot", ("app", "name"), "placement", ("ready", _count), *WORKLOAD)),
+    ("TAKEN BACK BY THE KEEPER", "went_back", columns("robot", ("app", "name"), "from", "to", "at", "reason")),
     ("ROS NODES", "ros_nodes", columns(
         "robot", ("node", "name"), ("state", _state), ("publishes", "publications"), ("subscribes", "subscriptions"),
         ("services", lambda row: len(row.get("services") or [])),
@@ -92,7 +94,7 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
 )  # fmt: skip
 OPTIONAL = frozenset({"note", "other labels", "id"})  # columns that go when nobody has anything in them
 # Sections that are worth a line only when there is something in them.
-ONLY_WITH_ROWS = frozenset({"problems", "outcomes", "steps"})
+ONLY_WITH_ROWS = frozenset({"problems", "went_back", "outcomes", "steps"})
 
 
 def words(value: Any) -> str:
@@ -160,5 +162,5 @@ def status_text(status: Mapping[str, Any], width: int = WIDTH) -> str:
     lines: list[str] = []
     for title, key, columns in SECTIONS:
         if status.get(key) or (status.get(key) is not None and key not in ONLY_WITH_ROWS):
-            lines += _section(title, columns, status[key], UNCUT if key == "problems" else width)
+            lines += _section(title, columns, status[key], UNCUT if key in WHOLE else width)
     return "\n".join(lines).rstrip() + "\n" if lines else ""

@@ -10,14 +10,12 @@ What was put beside our fields (`kubectl set env`, a second container, a pause) 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.subset import is_in
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
-
-IDENTITIES = ("name", "mountPath", "containerPort", "key")  # by which the API server knows the entries of a list
 
 
 def suspects(wanted: Iterable[Object], live: Iterable[Object]) -> list[Object]:
@@ -48,25 +46,7 @@ def lost_services(wanted: Iterable[Object], live: Live) -> list[Object]:
 
 
 def _is_changed(wanted: Object, there: Object) -> bool:
-    return not _is_in(wanted["spec"], there["spec"]) or bool(foreign_fields(there, wanted, names.MANAGER))
-
-
-def _is_in(wanted: Any, there: Any) -> bool:
-    """Whether all that is wanted is there; what is there besides are defaults, or somebody else's."""
-    if isinstance(wanted, Mapping):
-        found = there if isinstance(there, Mapping) else {}
-        return all(_is_in(value, found.get(key)) for key, value in wanted.items())
-    if isinstance(wanted, (list, tuple)):
-        return _are_in(list(wanted), list(there or ()))
-    return (there or None) == (wanted or None)  # what is empty is left out by the API server
-
-
-def _are_in(wanted: list[Any], there: list[Any]) -> bool:
-    known = next((key for key in IDENTITIES if all(isinstance(one, Mapping) and key in one for one in wanted)), "")
-    if not (wanted and known):
-        return len(wanted) == len(there) and all(map(_is_in, wanted, there))
-    found = {one.get(known): one for one in there}
-    return all(_is_in(one, found.get(one[known])) for one in wanted)
+    return not is_in(wanted["spec"], there["spec"]) or bool(foreign_fields(there, wanted, names.MANAGER))
 
 
 def _key(item: Object) -> tuple[str, str]:

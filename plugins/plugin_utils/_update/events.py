@@ -8,23 +8,26 @@ It keeps the latest step of every app, so it does not grow. It is applied togeth
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import update_record
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import (
+    NEWS,
+    REASON_KEPT,
+    RUNNING,
+    closed,
+    data_of,
+    events_of,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 
-EVENTS_NAME = "robot-updates"
-EVENTS_KEY = "updates.json"
-RUNNING = "running"
+EVENTS_NAME = update_record.NAME
 ID_LENGTH = 12
-REASON_KEPT = 1000  # a ConfigMap holds 1 MiB, and a metric's label and a log line less
-CUT_OFF = "the run that began this step ended without a word"
 
 Event = Mapping[str, Any]
 
@@ -44,13 +47,14 @@ def events_map(
 ) -> dict[str, Any]:
     """The ConfigMap to apply. `went_back`: app -> how the keeper took it back, when nobody else did.
 
-    `results` are the steps of this run that have ended, `running` is the one at hand (without outcome), `maps` are the
+    `results` are the steps of this run that have ended, `running` is the one at hand (no outcome, or that it waits for
+    the robot), `maps` are the
     ConfigMaps of the robot's namespace as they were before the run. What an earlier run left as running has failed:
     that run is gone, and an alert on it must not stay for ever.
     """
-    known = [_closed(event, went_back.get(event["app"])) for event in known_events(maps, robot)]
+    known = [_told(closed(event, went_back.get(event["app"]))) for event in known_events(maps, robot)]
     now = [event for result in results for event in _events(result)]
-    now += [{**event, "outcome": RUNNING, "finished": None} for event in (_events(running) if running else [])]
+    now += [{**event, "finished": None} for event in (_events(running) if running else [])]
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
@@ -59,22 +63,22 @@ def events_map(
             "namespace": names.robot_namespace(robot),
             "labels": {"app.kubernetes.io/managed-by": names.MANAGER, names.LABEL_ROBOT: robot},
         },
-        # a line a value, so that --diff shows what is new and not the whole of it
-        "data": {EVENTS_KEY: json.dumps({"updates": _latest([*known, *now])}, indent=1, sort_keys=True) + "\n"},
+        "data": data_of(_latest([*known, *now])),
     }
 
 
 def known_events(maps: Iterable[Mapping[str, Any]], robot: str) -> list[dict[str, Any]]:
-    """What the robot's ConfigMap says. One that somebody spoilt is begun anew: history is not worth an update."""
+    """What the robot's ConfigMap says."""
     for item in maps:
         metadata = item.get("metadata") or {}
         if metadata.get("name") == EVENTS_NAME and metadata.get("namespace") == names.robot_namespace(robot):
-            try:
-                found = json.loads((item.get("data") or {}).get(EVENTS_KEY) or "{}")
-                return [dict(event) for event in found["updates"] if event["app"] and float(event["started"]) >= 0]
-            except (ValueError, KeyError, TypeError):
-                return []
+            return events_of(item)
     return []
+
+
+def _told(event: Event) -> dict[str, Any]:
+    """A run tells what is new in it, and only once."""
+    return {key: value for key, value in event.items() if key != NEWS}
 
 
 def _events(result: StepResult) -> list[dict[str, Any]]:
@@ -101,33 +105,6 @@ def _events(result: StepResult) -> list[dict[str, Any]]:
         }
         for app in result.apps
     ]
-
-
-def ways_back(deployments: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, str]]:
-    """App -> `{from, to, at, reason}` of what the keeper took back, revisions and RFC 3339."""
-    found = {}
-    for item in deployments:
-        text = (item["metadata"].get("annotations") or {}).get(names.ANNOTATION_WENT_BACK)
-        with contextlib.suppress(ValueError, TypeError, AttributeError):  # others may write there, too
-            told = json.loads(text) if text else {}
-            if told:
-                app = item["metadata"]["labels"][names.LABEL_APP]
-                found[app] = {key: str(told.get(key, "")) for key in ("from", "to", "at", "reason")}
-    return found
-
-
-def back_in_words(told: Mapping[str, str]) -> str:
-    """Why and when the keeper did it."""
-    return f"the keeper went back from {told['from']} to {told['to']} at {told['at']}: {told['reason']}"
-
-
-def _closed(event: Event, told: Mapping[str, str] | None) -> dict[str, Any]:
-    if told and told["from"] == event.get("to") and event.get("outcome") != UPDATED:
-        return {**_closed(event, None), "outcome": ROLLED_BACK, "reason": back_in_words(told)[:REASON_KEPT]}
-    if event.get("outcome") != RUNNING:
-        return dict(event)
-    spent = sum(float(seconds) for seconds in (event.get("phases") or {}).values())
-    return {**event, "outcome": FAILED, "reason": CUT_OFF, "finished": round(float(event["started"]) + spent, 3)}
 
 
 def _latest(events: Iterable[Event]) -> list[dict[str, Any]]:

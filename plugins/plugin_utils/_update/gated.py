@@ -10,7 +10,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
@@ -101,7 +101,7 @@ class Gated:
             return
         if policy == "wait" and not turn.check:
             # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
-            turn.apply_all([turn.events(self.now)])
+            turn.apply_all([turn.events(self.now, word=WAITING)])
         seen = turn.rest(self.now, gate.rest, "the robot is idle")
         if turn.check:
             self.say(f"{name}: {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")

@@ -12,6 +12,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import update_record
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
@@ -22,7 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 )
 
 # The word that an operator has to know first stands first.
-WAITING = "waiting"  # no outcome yet: the run comes back to this robot
+WAITING = update_record.WAITING  # no outcome yet: the run comes back to this robot
 WORST_FIRST = (FAILED, ROLLED_BACK, OFFLINE, BUSY, WAITING, UPDATED, UNCHANGED)
 COSTS_BUDGET = (FAILED, ROLLED_BACK)
 # What a run leaves where it cannot go on, and could not go back.

@@ -10,16 +10,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import (
+    NEWS,
+    REASON_KEPT,
+    back_in_words,
+    ways_back,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import (
     EVENTS_NAME,
-    REASON_KEPT,
-    back_in_words,
     events_map,
     known_events,
     step_id,
-    ways_back,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands, timed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL
@@ -127,9 +130,9 @@ class Turn(Hands):
 
     # --- the record of the robot's updates --------------------------------------------------------------------------
 
-    def events(self, now: Now | None, ended: Sequence[StepResult] = ()) -> Object:
-        """The record with this run's steps: those that have ended, and the one at hand."""
-        running = self.result(now, "") if now else None
+    def events(self, now: Now | None, ended: Sequence[StepResult] = (), word: str = "") -> Object:
+        """The record with this run's steps: those that have ended, and the one at hand, which runs or does this."""
+        running = self.result(now, word) if now else None
         back = ways_back(self.live.deployments)
         return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
 
@@ -149,6 +152,7 @@ class Turn(Hands):
 
     def news(self) -> list[str]:
         """What the keeper did that no run has told yet."""
-        known = {str(event.get("reason")) for event in known_events(self.live.maps, self.robot.name)}
+        events = known_events(self.live.maps, self.robot.name)
+        known = {str(event.get("reason")) for event in events if NEWS not in event}
         told = {app: back_in_words(one) for app, one in ways_back(self.live.deployments).items()}
         return [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]

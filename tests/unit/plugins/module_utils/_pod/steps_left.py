@@ -54,6 +54,16 @@ def left(*before: dict[str, Any], **contract: Any) -> dict[str, Any]:
     return {"data": {"history.json": json.dumps(history), "contract.json": json.dumps(contract)}}
 
 
+def pod(app: str, number: int, address: str = "10.42.0.9", *, crashes: bool = False) -> dict[str, Any]:
+    """A pod of a version; `crashes`: it is waited before its container is started once more."""
+    state = {"waiting": {"reason": "CrashLoopBackOff"}} if crashes else {"running": {}}
+    return {
+        "metadata": {"labels": {"rosops.fleet/app": app, "rosops.fleet/revision": f"rev{number}"}},
+        "spec": {},
+        "status": {"podIP": address, "containerStatuses": [{"name": "ros-app", "state": state}]},
+    }
+
+
 def lease(holder: str, number: int = 1, seconds: int = 15) -> dict[str, Any]:
     spec = {"holderIdentity": holder, "leaseDurationSeconds": seconds, "leaseTransitions": 3, "acquireTime": "before"}
     return {"metadata": {"name": "robot-update", "resourceVersion": str(number)}, "spec": spec}

@@ -48,9 +48,11 @@ def test_where_there_is_no_access_it_says_what_is_missing(tmp_path: Path) -> Non
 def test_it_reads_what_is_ours(cluster: Cluster, server: Server) -> None:
     assert cluster.namespaces() == [SPACE]
     assert cluster.lease(SPACE) is None
-    assert cluster.update_map(SPACE, "camera") is None
+    assert cluster.config_map(SPACE, "camera-update") is None
     server.put(f"{DEPLOYMENTS}/camera", {"metadata": {"labels": OURS}})
     assert [item["metadata"]["name"] for item in cluster.deployments(SPACE)] == ["camera"]
+    server.put(f"/api/v1/namespaces/{SPACE}/pods/camera-1", {"metadata": {"labels": OURS}})
+    assert [item["metadata"]["name"] for item in cluster.pods(SPACE)] == ["camera-1"]
     found = cluster.deployment(SPACE, "camera")
     assert found is not None
     assert found["metadata"]["labels"] == OURS

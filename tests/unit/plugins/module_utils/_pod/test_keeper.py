@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -132,8 +133,7 @@ class Bench:
             self.ros,  # type: ignore[arg-type]
             Record(str(self.directory)),
             self.said.append,
-            lambda: self.at,
-            clock=lambda: self.at + self.ros.took,
+            lambda: self.at + self.ros.took,
         )
         return self.keeper
 
@@ -166,6 +166,11 @@ def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> Non
     assert {node: entry["pid"] for node, entry in content["nodes"].items()} == {"/talker": 7, "/listener": 8}
     assert content["nodes"]["/talker"]["publications"] == {"/chatter": "std_msgs/String"}
     assert bench.said == []
+
+
+def test_its_clock_is_one_that_nobody_sets(tmp_path: Path) -> None:
+    """One that is set back would keep it from looking at parameters and nodes until it has caught up."""
+    assert Keeper(Ros(), Record(str(tmp_path)), print).now is time.monotonic  # type: ignore[arg-type]
 
 
 def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench) -> None:

@@ -126,12 +126,15 @@ def test_the_record(tmp_path: object) -> None:
     it = memory(n=ENTRY, m=Entry(OTHER, None, {"/a": "x/A"}))
     it.bury("/m", 3.0)
     record = Record(str(tmp_path))
-    assert keeper_memory.from_dict(record.load("registrations")) == Memory()
+    assert keeper_memory.from_dict(record.load("registrations"), 50.0) == Memory()
     record.save("registrations", it.as_dict())
-    back = keeper_memory.from_dict(record.load("registrations"))
-    assert (back.master, back.nodes, back.removed) == (it.master, it.nodes, it.removed)
+    back = keeper_memory.from_dict(record.load("registrations"), 50.0)
+    removed, _at = it.removed["/m"]
+    assert (back.master, back.nodes, back.removed) == (it.master, it.nodes, {"/m": (removed, 50.0)})
+    earlier = {**it.as_dict(), "removed": {"/m": [removed.as_dict(), 1795252087.3]}}  # with the time of day
+    assert keeper_memory.from_dict(earlier, 50.0) == back
     (record.directory / "registrations.json").write_text('{"nodes":')
-    assert keeper_memory.from_dict(record.load("registrations")) == Memory()
+    assert keeper_memory.from_dict(record.load("registrations"), 50.0) == Memory()
     assert json.loads(json.dumps(it.as_dict())) == it.as_dict()
 
 

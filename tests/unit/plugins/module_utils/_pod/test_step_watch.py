@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import ApiError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.step_watch import LOOK, Robot, Staying, StepWatch
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Action,
     Graph,
@@ -19,6 +22,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Questions,
     StatusReading,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_contracts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
     NAMESPACE,
     UPDATING,
@@ -26,8 +35,14 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps
     lease,
     left,
     live,
+    pod,
     version,
 )
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import (
+    launch_graph,
+    launch_step,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import pod as engine_pod
 
 ACTIVE, SUCCEEDED = 1, 3
 AWAY = KubeError("nothing listens")
@@ -55,11 +70,27 @@ class World:
         self.held: list[tuple[str, str]] = []
         self.on_hold: Any = lambda: None
         self.said: list[str] = []
+        self.refuses_holds = False
+        self.pods_now: list[dict[str, Any]] = []
+        self.uris: dict[str, str] = {}
+        self.record: dict[str, Any] = {}
+        self.home = self.spaces[0]
         self.watch = self.start()
 
     def start(self) -> StepWatch:
         robot = Robot(self.hold, self.release, self.take_back)
-        return StepWatch(self, self, robot, self.said.append, lambda: self.at, lambda: 0.0, lambda _seconds: None)  # type: ignore[arg-type]
+        return StepWatch(self, self, robot, self, self.said.append, lambda: self.at, lambda: 0.0, self.sleep)  # type: ignore[arg-type]
+
+    def sleep(self, seconds: float) -> None:
+        self.at += seconds
+
+    # ---- the record
+
+    def load(self, part: str) -> Any:
+        return self.record.get(part)
+
+    def save(self, part: str, content: Any) -> None:
+        self.record[part] = json.loads(json.dumps(content))
 
     def put(self, deployment: dict[str, Any], record: dict[str, Any], namespace: str = NAMESPACE) -> None:
         name = deployment["metadata"]["name"]
@@ -107,13 +138,22 @@ class World:
         self._ask("deployment")
         return self.there.get((namespace, name))
 
-    def update_map(self, namespace: str, app: str) -> dict[str, Any] | None:
-        self._ask("map")
-        return self.maps.get((namespace, app))
+    def pods(self, _namespace: str) -> list[dict[str, Any]]:
+        self._ask("pods")
+        return self.pods_now
+
+    def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
+        self._ask(name if name == "robot-updates" else "map")
+        return self.maps.get((namespace, name.removesuffix("-update")))
 
     def apply(self, namespace: str, body: dict[str, Any]) -> None:
         self._ask("apply")
         name = body["metadata"]["name"]
+        if body["kind"] == "ConfigMap":
+            if body["metadata"]["resourceVersion"] != self.maps[namespace, name]["metadata"]["resourceVersion"]:
+                raise ApiError("it has been modified", 409)
+            self.maps[namespace, name] = body
+            return
         self.fails.pop(name, lambda: None)()
         generation = self.there[namespace, name]["metadata"]["generation"] + 1
         self.there[namespace, name] = live(body, marked=False, generation=generation)
@@ -127,7 +167,9 @@ class World:
         return self.state_now
 
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
-        nodes = {name: Node(name, pid=None, refused=name in self.refused) for name in wanted.nodes}
+        nodes = {
+            name: Node(name, self.uris.get(name, ""), pid=None, refused=name in self.refused) for name in wanted.nodes
+        }
         servers = {name: state.publishers[f"{name}/status"] for name in wanted.actions}
         found = {
             name: Action(
@@ -146,9 +188,10 @@ class World:
     # ---- the keeper
 
     def hold(self, action: str, server: str, _seconds: float) -> list[Any]:
-        self.held.append((action, server))
         self.on_hold()
-        return [1, "", 0]
+        if not self.refuses_holds:
+            self.held.append((action, server))
+        return [int(not self.refuses_holds), "", 0]
 
     def release(self, action: str) -> list[Any]:
         self.held = [one for one in self.held if one[0] != action]
@@ -175,9 +218,7 @@ def test_a_version_that_does_not_get_ready_is_taken_back() -> None:
     world.run(130)  # 15 s for the Lease, which were 20
     assert world.revision("camera") == "rev2"
     world.run(40)
-    assert world.done == [
-        "lease ros-keeper",
-        "lease ros-keeper",
+    assert [done for done in world.done if done != "lease ros-keeper"] == [
         "services of /camera_1",
         "apply camera rev1",
         "lease free",
@@ -189,7 +230,7 @@ def test_a_version_that_does_not_get_ready_is_taken_back() -> None:
     assert told["reason"] == "not ready 120 s after the run that began it had gone"
     assert world.said == [f"{NAMESPACE}: camera was taken back: {told['reason']}"]
     world.run(3600)
-    assert len(world.done) == 5  # and that was it
+    assert world.done[-1] == "lease free"  # and that was it
 
 
 def test_without_a_word_about_it_a_version_has_three_minutes() -> None:
@@ -223,7 +264,7 @@ def test_at_rest_a_look_is_one_small_request() -> None:
     world.put(live(version("camera", 2), marked=False, ready=True), left())
     world.run(10 * LOOK)
     assert world.requests.count("deployments") == 1
-    assert len(world.requests) == 11
+    assert len(world.requests) == 12  # and one look at the record of updates
     world.leases[NAMESPACE] = lease("", 2)  # a run came and went
     world.run(10 * LOOK)
     assert world.requests.count("deployments") == 2
@@ -351,12 +392,54 @@ def test_the_old_nodes_goals_are_its_own() -> None:
     assert (world.revision("camera"), world.held) == ("rev1", [])
 
 
-def test_a_launch_files_goals_are_found_by_their_actions_name() -> None:
-    world = left_alone(ready_timeout=60, actions=["/dock"])
-    world.serve("/dock", "/move_base")
-    world.goals["/move_base"] = busy(ACTIVE)
+def test_where_nothing_can_be_held_it_is_looked_twice_all_the_same() -> None:
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.goals["/camera"], world.refuses_holds = busy(), True
+
+    def comes() -> None:
+        world.goals["/camera"] = busy(ACTIVE)
+
+    world.on_hold = comes
+    world.run(300)
+    assert not [done for done in world.done if done.startswith(("apply", "services"))]
+    world.goals["/camera"], world.on_hold = busy(), lambda: None
+    world.run(20)
+    assert world.revision("camera") == "rev1"
+
+
+def launch_contract() -> dict[str, Any]:
+    """What the engine leaves of an app that is a launch file, whose nodes it found by their pod's address."""
+    contracts = step_contracts(launch_step(), launch_graph(), Live(pods=[engine_pod("nav", "10.42.0.8")]))
+    assert contracts["nav"]["actions"] == []
+    return dict(contracts["nav"])
+
+
+@pytest.mark.parametrize("node", ["", "/nav"])
+def test_a_launch_files_goals_are_found_by_their_actions_name(node: str) -> None:
+    world = World()
+    contract = {**launch_contract(), "ready_timeout": 60}
+    world.put(live(version("nav", 2, node=node)), left(version("nav", 1, node=node), **contract))
+    world.serve("/move_base", "/move_base")
+    world.serve("/dock", "/nav")
+    world.goals = {"/move_base": busy(ACTIVE), "/nav": busy()}
     world.run(300)
     assert world.done == []
+    assert world.said == [f"{NAMESPACE}/nav: is taken back when it rests: /move_base ACTIVE"]
+
+
+def test_an_action_that_only_the_new_version_has_is_found_by_its_pods_address() -> None:
+    world = World()
+    world.put(live(version("nav", 2, node="")), left(version("nav", 1, node=""), ready_timeout=60))
+    world.pods_now = [pod("nav", 2, "10.42.0.8"), pod("nav", 1, "10.42.0.7")]
+    world.serve("/dock", "/docking")
+    world.serve("/plan", "/planner")
+    world.uris = {"/docking": "http://10.42.0.8:4001/", "/planner": "http://10.42.0.7:4001/"}
+    world.goals = {"/docking": busy(ACTIVE), "/planner": busy(ACTIVE)}
+    world.run(300)
+    assert world.said == [f"{NAMESPACE}/nav: is taken back when it rests: /dock ACTIVE"]
+    world.pods_now[0]["spec"]["hostNetwork"] = True  # then the address is anybody's
+    world.run(30)
+    assert world.revision("nav") == "rev1"
 
 
 def test_the_master_goes_back_without_a_graph() -> None:
@@ -370,19 +453,42 @@ def test_the_master_goes_back_without_a_graph() -> None:
 # ---- a shared master
 
 
-def test_what_is_the_whole_fleets_waits_for_the_runs_on_all_robots() -> None:
+def shared() -> World:
     world = World("fleet", "robot-r1", "robot-r2")
     world.put(live(version("map", 2, "fleet")), left(version("map", 1, "fleet"), ready_timeout=60), "fleet")
-    world.put(
-        live(version("camera", 2, "robot-r2")), left(version("camera", 1, "robot-r2"), ready_timeout=60), "robot-r2"
-    )
+    return world
+
+
+def test_what_is_the_whole_fleets_has_a_lease_of_its_own() -> None:
+    """Whoever changes it has that one, too; runs on robots alone do not keep it from going back."""
+    world = shared()
     for number in range(50):
-        world.leases["robot-r1"] = lease("host 77", number)
+        world.leases["robot-r1"], world.leases["fleet"] = lease("host 77", number), lease("host 77", number)
         world.run(4)
     assert world.revision("map", "fleet") == "rev2"
-    assert world.revision("camera", "robot-r2") == "rev1"
-    world.run(120)
+    for number in range(50, 100):
+        world.leases["robot-r1"] = lease("host 77", number)
+        world.run(4)
     assert world.revision("map", "fleet") == "rev1"
+
+
+def test_a_robot_that_may_not_be_read_keeps_nobody_from_the_others() -> None:
+    """Its namespace may be gone, and what it told of itself still be there."""
+    world = shared()
+    find = world.lease
+
+    def refused(namespace: str) -> dict[str, Any] | None:
+        if namespace == "robot-r1":
+            raise ApiError("answered 403", 403)
+        return find(namespace)
+
+    world.lease = refused  # type: ignore[method-assign]
+    began = world.at
+    while world.revision("map", "fleet") != "rev1":
+        world.run(1)
+    assert world.at - began < 80
+    world.run(300)
+    assert [line for line in world.said if "robot-r1" in line] == ["robot-r1: answered 403"]
 
 
 def test_a_hundred_robots_cost_a_request_a_second() -> None:
@@ -398,12 +504,231 @@ def test_a_robot_whose_api_does_not_answer_is_said_once() -> None:
 
     def refused(namespace: str) -> dict[str, Any] | None:
         if namespace == "robot-r1":
-            raise KubeError("answered 403")
+            raise KubeError("nobody knows")
         return find(namespace)
 
     world.lease = refused  # type: ignore[method-assign]
     world.run(300)
-    assert world.said == ["robot-r1: answered 403"]
+    assert world.said == ["robot-r1: nobody knows"]
+
+
+# ---- what came up once
+
+
+def came_up() -> World:
+    world = left_alone(ready_timeout=60)
+    world.there[NAMESPACE, "camera"] = live(version("camera", 2), ready=True)
+    world.run(60)
+    return world
+
+
+def falls(world: World, *, crashes: bool = False) -> None:
+    world.there[NAMESPACE, "camera"]["status"]["readyReplicas"] = 0
+    world.pods_now = [pod("camera", 2, crashes=crashes)]
+
+
+def test_a_robot_that_is_rebooted_proves_nothing_against_its_version() -> None:
+    """Also not when the keeper is started anew with it, or the node is away for a day."""
+    world = came_up()
+    falls(world)
+    world.watch = world.start()
+    world.run(86400)
+    assert (world.revision("camera"), world.done) == ("rev2", [])
+
+
+def test_a_version_that_crashes_again_and_again_goes_back_however_often_it_is_ready() -> None:
+    world = came_up()
+    for _crash in range(10):
+        falls(world, crashes=True)
+        world.run(20)
+        world.pods_now = []
+        if world.revision("camera") == "rev2":
+            world.there[NAMESPACE, "camera"]["status"]["readyReplicas"] = 1
+        world.run(10)
+    assert world.revision("camera") == "rev1"
+    told = json.loads(world.there[NAMESPACE, "camera"]["metadata"]["annotations"][WENT_BACK])
+    assert told["reason"].startswith("crashed again and again ")
+
+
+def test_what_cannot_be_read_is_no_fault_of_a_version_that_came_up() -> None:
+    """Apps that nobody has wait for their master crash for as long as it is away."""
+    world = came_up()
+    falls(world, crashes=True)
+    world.master_away = True
+    world.run(86400)
+    assert world.revision("camera") == "rev2"
+    world.master_away = False
+    world.run(20)
+    assert world.revision("camera") == "rev1"
+
+
+def test_what_is_not_marked_any_more_is_forgotten() -> None:
+    world = came_up()
+    assert list(world.record["steps"]) == [NAMESPACE]
+    world.there[NAMESPACE, "camera"] = live(version("camera", 2), marked=False)
+    world.run(20)
+    assert world.record["steps"] == {}
+
+
+@pytest.mark.parametrize("spoilt", [[], {NAMESPACE: 3}, "x", None])
+def test_a_record_that_somebody_spoilt_is_none(spoilt: Any) -> None:
+    world = left_alone(ready_timeout=60)
+    world.record["steps"] = spoilt
+    world.watch = world.start()
+    world.run(100)
+    assert world.revision("camera") == "rev1"
+
+
+# ---- the Lease while it goes back
+
+
+def group(world: World) -> World:
+    apps = {"apps": ["lidar", "camera", "fusion"], "ready_timeout": 60}
+    for app in apps["apps"]:  # type: ignore[attr-defined]
+        world.put(live(version(app, 2)), left(version(app, 1), **apps))
+    return world
+
+
+def test_a_group_that_takes_its_time_keeps_the_lease() -> None:
+    world = group(World())
+    written: list[float] = []
+    write, apply = world.write_lease, world.apply
+
+    def renewed(namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        written.append(world.at)
+        return write(namespace, body)
+
+    def slow(namespace: str, body: dict[str, Any]) -> None:
+        world.at += 9.0
+        apply(namespace, body)
+
+    world.write_lease, world.apply = renewed, slow  # type: ignore[method-assign]
+    world.run(120)
+    assert [world.revision(app) for app in ("lidar", "camera", "fusion")] == ["rev1"] * 3
+    assert max(later - one for one, later in pairwise(written)) < 15.0
+
+
+def test_a_keeper_that_lost_its_lease_stops_at_once() -> None:
+    world = group(World())
+
+    def another() -> None:
+        world.leases[NAMESPACE] = lease("host 99", 4711)
+
+    world.fails["lidar"] = another  # while this one is applied
+    world.run(65)
+    assert [world.revision(app) for app in ("lidar", "camera", "fusion")] == ["rev1", "rev2", "rev2"]
+    assert world.leases[NAMESPACE] == lease("host 99", 4711)
+    where = f"{NAMESPACE}/lidar, camera, fusion"
+    assert world.said[-1] == f"{where}: is not taken back any further: somebody else changes it now"
+
+
+def test_goals_that_are_held_when_the_lease_is_lost_are_the_other_ones_affair() -> None:
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.goals["/camera"] = busy()
+
+    def another() -> None:
+        world.leases[NAMESPACE] = lease("host 99", 4711)
+
+    world.on_hold = another
+    world.run(100)
+    assert not [done for done in world.done if done.startswith(("apply", "services"))]
+    assert world.held == [("/dock", "/camera")]
+
+
+# ---- the record of updates
+
+
+def recorded(world: World, app: str = "camera", outcome: str = "running", namespace: str = NAMESPACE) -> World:
+    """As the engine writes it, when the step is applied."""
+    result = StepResult(
+        "abc", app, (app,), "overlap", {app: {"image": "a:1", "revision": "rev1"}},
+        {app: {"image": "a:2", "revision": "rev2"}}, 1000.0, {"apply": 2.0}, "" if outcome == "running" else outcome,
+    )  # fmt: skip
+    robot = namespace.partition("-")[2]
+    made = events_map([], robot, running=result)
+    made["metadata"]["resourceVersion"] = "5"
+    world.maps[namespace, "robot-updates"] = made
+    return world
+
+
+def event(world: World, namespace: str = NAMESPACE) -> dict[str, Any]:
+    (found,) = json.loads(world.maps[namespace, "robot-updates"]["data"]["updates.json"])["updates"]
+    return dict(found)
+
+
+def test_the_record_says_that_the_keeper_went_back() -> None:
+    world = recorded(left_alone(ready_timeout=60))
+    labels = world.maps[NAMESPACE, "robot-updates"]["metadata"]["labels"]
+    assert event(world)["outcome"] == "running"
+    world.run(150)
+    told = event(world)
+    assert (told["outcome"], told["from"], told["to"], told["id"]) == ("rolled-back", "rev1", "rev2", "abc")
+    assert told["reason"].startswith("the keeper went back from rev2 to rev1 at 1970-01-01T00:00:00.000000Z: not ready")
+    assert world.maps[NAMESPACE, "robot-updates"]["metadata"]["labels"] == labels
+    shown = status_rows({"updates": kept_steps([world.maps[NAMESPACE, "robot-updates"]])}, {}, {})["steps"]
+    assert [(row["robot"], row["outcome"], row["note"]) for row in shown] == [("r1", "rolled-back", told["reason"])]
+
+
+def test_no_run_that_is_gone_is_said_to_be_running() -> None:
+    """Whatever became of its version: this one is Ready, and waits for the next run."""
+    world = recorded(left_alone())
+    world.there[NAMESPACE, "camera"] = live(version("camera", 2), ready=True)
+    for number in range(10):
+        world.leases[NAMESPACE] = lease("host 77", number)
+        world.run(10)
+    assert event(world)["outcome"] == "running"
+    world.run(30)
+    assert (event(world)["outcome"], event(world)["reason"]) == ("failed", CUT_OFF)
+
+
+def test_a_run_that_waits_for_a_busy_robot_has_let_go_of_its_lease() -> None:
+    world = recorded(World(), outcome="waiting")
+    world.run(300)
+    assert event(world)["outcome"] == "waiting"
+
+
+def test_a_record_that_a_run_writes_just_then_is_the_runs() -> None:
+    world = recorded(left_alone())
+    find, first = world.config_map, [True]
+
+    def overtaken(namespace: str, name: str) -> dict[str, Any] | None:
+        found = find(namespace, name)
+        if name == "robot-updates" and first.pop():
+            first.append(False)
+            newer = json.loads(json.dumps(found))
+            newer["metadata"]["resourceVersion"] = "6"
+            world.maps[namespace, name] = newer
+        return found
+
+    world.config_map = overtaken  # type: ignore[method-assign]
+    world.run(30)
+    assert event(world)["outcome"] == "running"
+    world.run(20)
+    assert event(world)["outcome"] == "failed"
+
+
+def test_a_record_that_may_not_be_written_keeps_no_step_from_going_back() -> None:
+    world = recorded(left_alone(ready_timeout=60))
+    apply = world.apply
+
+    def refused(namespace: str, body: dict[str, Any]) -> None:
+        if body["kind"] == "ConfigMap":
+            raise ApiError("answered 403", 403)
+        apply(namespace, body)
+
+    world.apply = refused  # type: ignore[method-assign]
+    world.run(150)
+    assert world.revision("camera") == "rev1"
+    assert f"{NAMESPACE}/robot-updates: answered 403" in world.said
+
+
+def test_what_is_the_whole_fleets_is_in_the_record_of_the_robot_that_changed_it() -> None:
+    world = recorded(shared(), "map", namespace="robot-r1")
+    world.run(20)
+    assert event(world, "robot-r1")["outcome"] == "failed"
+    world.run(100)
+    assert world.revision("map", "fleet") == "rev1"
+    assert event(world, "robot-r1")["outcome"] == "rolled-back"
 
 
 # ---- whether a server stays
@@ -426,12 +751,12 @@ def test_a_server_stays_unless_its_version_is_on_trial(deployment: dict[str, Any
 
 def test_a_launch_files_server_is_known_by_its_action() -> None:
     world = World()
-    world.put(live(version("nav", 2, node="/nav")), left(actions=["/dock"]))
+    world.put(live(version("nav", 2, node="/nav")), left(**launch_contract()))
     stays = Staying(world, lambda: world.at)  # type: ignore[arg-type]
-    assert not stays("/dock", "/move_base")
+    assert not stays("/move_base", "/move_base")
     world.there[NAMESPACE, "nav"]["status"]["readyReplicas"] = 1
     asked = len(world.requests)
-    assert stays("/dock", "/move_base")
+    assert stays("/move_base", "/move_base")
     assert world.requests[asked:] == ["deployment"]
 
 

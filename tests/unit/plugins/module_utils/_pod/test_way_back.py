@@ -18,6 +18,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps
     lease,
     left,
     live,
+    pod,
     version,
 )
 
@@ -31,6 +32,10 @@ def only(*members: way_back.Unproven) -> Step:
 
 def failing(**contract: Any) -> Step:
     return only(unproven(live(NEW), left(OLD, **contract)))
+
+
+def is_failing(member: way_back.Unproven, came_up: bool = False) -> bool:
+    return only(member).failing(came_up)
 
 
 def test_the_words_are_those_of_the_control_node() -> None:
@@ -69,13 +74,53 @@ def test_nobody_asked_for_a_pod() -> None:
 
 
 def test_only_what_would_be_better_afterwards() -> None:
-    assert failing().failing
-    assert not only(unproven(live(NEW, ready=True), left(OLD))).failing  # it kept its contract
-    assert not failing(proven=True).failing  # only its mark has to come off
-    assert not only(unproven(live(NEW), left())).failing  # the step made it: no way back
-    assert not only(unproven(live(NEW), None)).failing
-    assert not only(unproven(live(OLD), left(OLD))).failing  # it is the way back itself, cut off
-    assert not only(unproven(live(NEW), left(version("lidar", 1)))).failing  # somebody else's
+    assert failing().failing(came_up=False)
+    assert not is_failing(unproven(live(NEW, ready=True), left(OLD)))  # it kept its contract
+    assert not failing(proven=True, revision="rev2").failing(came_up=False)  # only its mark has to come off
+    assert failing(proven=True, revision="rev1").failing(came_up=False)  # that was another version
+    assert not is_failing(unproven(live(NEW), left()))  # the step made it: no way back
+    assert not is_failing(unproven(live(NEW), None))
+    assert not is_failing(unproven(live(OLD), left(OLD)))  # it is the way back itself, cut off
+    assert not is_failing(unproven(live(NEW), left(version("lidar", 1))))  # somebody else's
+
+
+def test_what_somebody_changed_by_hand_has_our_hash_and_is_not_the_same() -> None:
+    """The step that puts it right, and a way back that was changed once more."""
+    by_hand = json.loads(json.dumps(OLD))
+    by_hand["spec"]["template"]["spec"]["containers"][0]["image"] = "x/camera:mine"
+    assert is_failing(unproven(live(OLD), left(by_hand)))
+    assert is_failing(unproven(live(by_hand), left(OLD)))
+    with_defaults = json.loads(json.dumps(live(OLD)))
+    with_defaults["spec"]["template"]["spec"]["dnsPolicy"] = "ClusterFirst"
+    with_defaults["spec"]["template"]["spec"]["containers"][0]["terminationMessagePath"] = "/dev/termination-log"
+    assert not is_failing(unproven(with_defaults, left(OLD)))
+
+
+def test_one_that_came_up_fails_only_by_crashing() -> None:
+    assert not is_failing(unproven(live(NEW), left(OLD), [pod("camera", 2)]), came_up=True)
+    assert is_failing(unproven(live(NEW), left(OLD), [pod("camera", 2, crashes=True)]), came_up=True)
+    others = [pod("camera", 1, crashes=True), pod("lidar", 2, crashes=True), {"metadata": {}}]
+    assert not is_failing(unproven(live(NEW), left(OLD), others), came_up=True)
+
+
+def test_a_pod_of_ours_without_the_label_is_known_by_its_hash() -> None:
+    master, own = version("ros-master", 2, node=""), pod("ros-master", 2, crashes=True)
+    for metadata in (master["spec"]["template"]["metadata"], own["metadata"]):
+        metadata["labels"].pop("rosops.fleet/revision")
+        metadata["annotations"] = {"rosops.fleet/spec-hash": "0123456789abcdef"}
+    assert unproven(live(master), left(), [own]).pods == [own]
+
+
+def test_a_group_is_proven_together() -> None:
+    """Its contracts say so one after the other, and a run may end in between: as the next run reads it."""
+    apps = ["lidar", "camera"]
+    lidar = unproven(live(version("lidar", 2)), left(version("lidar", 1), apps=apps, proven=True, revision="rev2"))
+    camera = unproven(live(NEW), left(OLD, apps=apps, revision="rev2"))
+    (group,) = steps_of([lidar, camera], [])
+    assert not group.failing(came_up=False)
+    lidar = unproven(live(version("lidar", 2)), left(version("lidar", 1), apps=apps, revision="rev2"))
+    (group,) = steps_of([lidar, camera], [])
+    assert group.failing(came_up=False)
 
 
 @pytest.mark.parametrize("text", ["", "no JSON", "[]", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])
@@ -92,10 +137,10 @@ def test_a_group_goes_back_together_providers_first() -> None:
     other = unproven(live(version("other", 2), ready=True), left(version("other", 1)))
     group, alone = steps_of([camera, lidar, fusion, other], [])
     assert (group.name, alone.name) == ("lidar, camera, fusion", "other")
-    assert group.failing
+    assert group.failing(came_up=False)
     assert [member.name for member in group.going_back] == ["lidar", "camera"]
     assert group.ready_timeout == 180.0  # that of the last to be ready
-    assert not alone.failing
+    assert not alone.failing(came_up=False)
 
 
 def test_a_group_of_which_one_is_back_already_goes_on_at_once() -> None:
@@ -110,7 +155,7 @@ def test_a_group_of_which_one_is_back_already_goes_on_at_once() -> None:
     marked_again = live(OLD)
     marked_again["metadata"]["annotations"][WENT_BACK] = "{}"
     (step,) = steps_of([lidar], [marked_again])
-    assert not step.failing
+    assert not step.failing(came_up=False)
 
 
 def test_the_keeper_does_not_take_back_itself() -> None:
@@ -209,6 +254,59 @@ def test_a_keeper_that_is_started_anew_begins_anew() -> None:
     fresh.at = look.at
     assert fresh(lease(RUN), step) == []
     assert not fresh.seen.free
+
+
+def at(step_pods: list[dict[str, Any]], ready: bool = False, **contract: Any) -> Step:
+    return only(unproven(live(NEW, ready=ready), left(OLD, **contract), step_pods))
+
+
+UP, DOWN = at([], ready=True), at([pod("camera", 2)])
+CRASHES = at([pod("camera", 2, crashes=True)])
+
+
+def test_a_version_that_came_up_once_proves_nothing_by_being_away() -> None:
+    """Its node is away, its robot was rebooted, its master is: for as long as that takes."""
+    look = Look()
+    look(lease(""), UP)
+    assert [look(lease(""), DOWN) for _look in range(1000)] == [[]] * 1000
+    again = Look()
+    again.seen = Observed(look.seen.came_up)  # a keeper that was rebooted, too
+    assert [again(lease(""), DOWN) for _look in range(1000)] == [[]] * 1000
+
+
+def test_a_version_that_came_up_and_crashes_again_and_again_is_due() -> None:
+    look = Look()
+    waited = [bool(look(lease(""), CRASHES if number % 3 else UP)) for number in range(29)]
+    assert waited == [False] * 28 + [True]  # 180 s of crashes: two looks of three, the first of which begins the time
+    assert look.seen.why(CRASHES) == "crashed again and again 180 s"
+
+
+def test_the_time_that_it_took_to_come_up_is_not_its_crashes() -> None:
+    look = Look()
+    for _look in range(17):
+        assert look(lease(""), DOWN) == []
+    look(lease(""), UP)
+    assert [bool(look(lease(""), CRASHES)) for _look in range(19)] == [False] * 18 + [True]
+
+
+def test_crashes_of_another_day_are_forgiven() -> None:
+    look = Look()
+    look(lease(""), UP)
+    for _day in range(10):
+        for _look in range(10):
+            assert look(lease(""), CRASHES) == []
+        for _look in range(61):
+            assert look(lease(""), UP) == []
+
+
+def test_another_version_has_to_come_up_itself() -> None:
+    look = Look()
+    look(lease(""), UP)
+    newer = only(unproven(live(version("camera", 3), generation=3), left(OLD)))
+    assert [bool(look(lease(""), newer)) for _look in range(19)] == [False] * 18 + [True]
+    remade = json.loads(json.dumps(live(NEW)))
+    remade["metadata"]["uid"] = "another"
+    assert only(unproven(remade, left(OLD))).key != UP.key
 
 
 # ---- what is written

@@ -12,9 +12,11 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 GO_BACK = {
     ("apps", "deployments"): {"get", "list", "patch"},
+    ("", "pods"): {"list"},
     ("", "configmaps"): {"get"},
     ("coordination.k8s.io", "leases"): {"get", "create", "update"},
 }
+OWN = {**GO_BACK, ("", "configmaps robot-updates"): {"patch"}}
 
 
 def of(mode: str) -> list[dict[str, Any]]:
@@ -26,7 +28,8 @@ def allowed(role: dict[str, Any]) -> dict[tuple[str, str], set[str]]:
     for rule in role["rules"]:
         for group in rule["apiGroups"]:
             for kind in rule["resources"]:
-                found.setdefault((group, kind), set()).update(rule["verbs"])
+                what = " ".join([kind, *rule.get("resourceNames", [])])
+                found.setdefault((group, what), set()).update(rule["verbs"])
     return found
 
 
@@ -41,7 +44,7 @@ def test_a_robots_keeper_may_go_back_in_the_robots_namespace_and_do_nothing_else
         ("Role", "robot-r1", "ros-keeper"),
         ("RoleBinding", "robot-r1", "ros-keeper"),
     ]
-    assert allowed(role) == GO_BACK
+    assert allowed(role) == OWN
     assert binding["roleRef"] == {"apiGroup": "rbac.authorization.k8s.io", "kind": "Role", "name": "ros-keeper"}
     assert binding["subjects"] == [{"kind": "ServiceAccount", "name": "ros-keeper", "namespace": "robot-r1"}]
 
@@ -56,7 +59,7 @@ def test_a_shared_masters_keeper_may_do_so_for_each_robot_that_told_it() -> None
         ("RoleBinding", "fleet", "ros-keeper"),
         ("ConfigMap", "fleet", "robot-r1"),
     ]
-    assert allowed(objects[1]) == GO_BACK
+    assert allowed(objects[1]) == OWN
     assert allowed(objects[3]) == {**GO_BACK, ("", "configmaps"): {"get", "list"}}
     for binding in (objects[2], objects[4]):
         assert binding["subjects"] == [{"kind": "ServiceAccount", "name": "ros-keeper", "namespace": "fleet"}]

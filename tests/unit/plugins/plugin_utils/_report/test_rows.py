@@ -182,6 +182,19 @@ def test_masters_and_apps() -> None:
     assert stats["note"] == "ImagePullBackOff: image lab/apps:1.0: no such image"
 
 
+def test_a_version_that_the_keeper_took_back() -> None:
+    told = {"from": "rev2", "to": "rev1", "at": "2026-11-22T06:01:40.123456Z", "reason": "not ready 120 s"}
+    there = workload("sensor")
+    there["metadata"].setdefault("annotations", {})["rosops.fleet/went-back"] = json.dumps(told)
+    status = fleet_status({"deployments": [there, workload("other")]})
+    assert status["went_back"] == [{"name": "sensor", "namespace": "robot-robot1", "robot": "robot1", **told}]
+    title, headers, row = status_text(status).partition("TAKEN BACK")[2].splitlines()[:3]
+    assert title == " BY THE KEEPER"
+    assert headers.split() == ["robot", "app", "from", "to", "at", "reason"]
+    assert row.split() == ["robot1", "sensor", "rev2", "rev1", told["at"], "not", "ready", "120", "s"]
+    assert "TAKEN BACK" not in status_text(fleet_status({"deployments": [workload("other")]}))
+
+
 def test_what_runs_where() -> None:
     assert fleet_status(SOURCES)["placement"] == [
         {"node": "edge1", "placement": "remote", "runs": ["robot1/stats"]},

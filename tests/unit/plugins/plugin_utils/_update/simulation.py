@@ -18,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, poll
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen as Look
 from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import hold_when_idle
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ended
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras
@@ -163,6 +164,7 @@ class Simulation(SimulatedRobot):
             self.alone = min(self.alone, self.time)
             for item in marked:
                 self.consider(item)
+            self.close_record()
 
     def consider(self, item: Object) -> None:
         key = deployment_key(item)
@@ -179,6 +181,12 @@ class Simulation(SimulatedRobot):
             if earlier:
                 self.write(by_keeper(earlier[0]["deployment"], item))
         self.holder, self.renewed = "", FOREVER
+
+    def close_record(self) -> None:
+        record = self.objects.get(("ConfigMap", "robot-robot1", EVENTS_NAME))
+        body = ended(record, [item for key, item in self.objects.items() if key[0] == "Deployment"]) if record else None
+        if body:
+            self.write(body)
 
     def events(self) -> str:
         return str(self.objects["ConfigMap", "robot-robot1", EVENTS_NAME]["data"])

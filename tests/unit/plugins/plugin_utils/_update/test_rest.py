@@ -82,7 +82,7 @@ def test_a_run_comes_back_to_a_robot_that_works() -> None:
             break
         assert sim.time - began < 12.0
         since = engine.waiting
-        assert '"outcome": "running"' in sim.events()
+        assert '"outcome": "waiting"' in sim.events()
         sim.advance(5.0)  # others
     assert (found.outcome, found.steps[0].phases["wait"] > 40.0) == ("updated", True)
     assert all(goal.ended for goal in sim.goals)

@@ -36,7 +36,9 @@ def test_what_the_keeper_did_is_told_once_and_recorded() -> None:
     at = sim.calls.index("rollout") + 1
     sim, wanted = begin("overlap", "never-connects")
     sim.run(wanted, settings(), "killed", at)
+    assert '"outcome": "running"' in sim.events()
     sim.advance(600.0)
+    assert '"outcome": "rolled-back"' in sim.events()  # whoever looks meanwhile knows it, too
     found = outcome_of(sim, SCENARIOS["overlap"].robot(OLD))
     assert found.outcome == "unchanged"
     assert found.reason.startswith("sensor: the keeper went back from ")
