@@ -37,6 +37,7 @@ def app(robot: str, ready: int = 1, **more: Any) -> dict[str, Any]:
         ("apps", app("robot1"), "ok"),
         ("apps", app("robot1", 0), "bad"),
         ("apps", app("robot1", 0, wanted=0), "ok"),
+        ("went_back", {"name": "sensor"}, "warn"),
         ("ros_nodes", {"reachable": False}, "bad"),
         ("claims", {"bound": False}, "bad"),
         ("claims", {"bound": True, "size": "1Ki", "used_bytes": 900}, "ok"),
