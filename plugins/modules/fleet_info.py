@@ -81,7 +81,7 @@ apps:
   elements: dict
 went_back:
   description:
-    - "What the keeper took back, as the run that began the step had gone: name, namespace, robot, from, to, at, reason."
+    - "What the keeper took back, its run having gone: name, namespace, robot, from, to, at, reason."
     - C(from) and C(to) are revisions, C(at) is RFC 3339. It stands there until the next step.
   returned: success
   type: list
