@@ -1,31 +1,42 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the role k3s: fetch the administrator's kubeconfig, of which nothing is shown."""
+"""For the role k3s: fetch the administrator's kubeconfig, of which nothing is shown, or delete it."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBECONFIG
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import wanted
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import is_foreign, keep, local_kubeconfig
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
+    is_foreign,
+    is_of,
+    keep,
+    local_kubeconfig,
+)
 
 
 class ActionModule(FleetAction):
     """`there`: whether the server has one already, which check mode cannot do without."""
 
-    ARGUMENTS: ClassVar = {"there": {"type": "bool", "required": True}}
+    ARGUMENTS: ClassVar = {
+        "there": {"type": "bool", "default": True},
+        "state": {"type": "str", "choices": ["present", "absent"], "default": "present"},
+    }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         variables = role_variables("k3s", self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
+        if params["state"] == "absent":
+            return self.forget(part, variables["k3s_cluster"])
         if is_foreign(part.kubeconfig):
             return {"changed": False, "msg": f"{part.kubeconfig} was not written by this role and stays as it is"}
         if self._task.check_mode and not params["there"]:
@@ -37,3 +48,14 @@ class ActionModule(FleetAction):
         digest = hashlib.sha256(text).hexdigest()
         config = local_kubeconfig(text.decode(), part.url, variables["k3s_cluster"], digest)
         return {"changed": keep(part.kubeconfig, config, self._task.check_mode), "path": part.kubeconfig}
+
+    def forget(self, part: Wanted, cluster: str) -> dict[str, Any]:
+        """Delete the one that was written for this cluster; another one's stays."""
+        path = Path(part.kubeconfig)
+        if not (part.kubeconfig and path.exists()):
+            return {"changed": False}
+        if not is_of(part.kubeconfig, part.url, cluster):
+            return {"changed": False, "msg": f"{path} was not written for the cluster {cluster} and stays as it is"}
+        if not self._task.check_mode:
+            path.unlink()
+        return {"changed": True, "path": part.kubeconfig}

@@ -59,6 +59,11 @@ def is_made_from(path: str, head: str) -> bool:
     return _first_line(path) == head
 
 
+def is_of(path: str, server: str, cluster: str) -> bool:
+    """Whether the file is there and was written for this cluster, whatever k3s.yaml it was made from."""
+    return _first_line(path).startswith(kubeconfig_head("", server, cluster))
+
+
 def is_foreign(path: str) -> bool:
     """Whether the file is there and somebody else's: it is used, and not written over."""
     return not (_first_line(path) or HEAD).startswith(HEAD)
