@@ -61,6 +61,7 @@ class K3sExchange:
         self.before = self.after = str(plan["version"])
         self._coming = str(variables["k3s_version"] if release else AIRGAP) if plan["binary"] else ""
         self.unproven, self.earlier = False, ""
+        self._start, self._alone, self._switched = "", not plan["member"], False
 
     def look(self) -> None:
         """What is staged, and whether anybody has proven what is there."""
@@ -73,6 +74,8 @@ class K3sExchange:
     def make(self) -> None:
         if self._plan["restart"]:  # else what nobody has proven runs already
             write = [*self._plan["write"], *([BINARY] if self._plan["binary"] else [])]
+            # goes on from a change that nobody proved: its datastore is from then
+            self._switched = not self.unproven
             self._ask("next", write=write, remove=self._plan["remove"])
 
     def works(self) -> None:
@@ -80,12 +83,13 @@ class K3sExchange:
         found = self._host.module("rosops.fleet.k3s_ready", asked)
         if found.get("failed"):
             raise NotReadyError(str(found.get("msg")))
+        self._start = str(self._ask("staged")["start"])
 
     def undo(self) -> None:
-        self._ask("previous")
+        self._ask("previous", datastore=self._alone and self._switched)
 
     def proven(self) -> None:
-        self._ask("proven")
+        self._ask("proven", start=self._start)
 
     def _ask(self, state: str, **more: Any) -> dict[str, Any]:
         found = self._host.module("rosops.fleet.k3s_change", {"role": self._role, "state": state, **more})

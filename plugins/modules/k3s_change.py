@@ -42,6 +42,19 @@ options:
     type: list
     elements: path
     default: []
+  datastore:
+    description:
+      - With V(previous), whether the datastore that was kept is put back, too, where the change was to another minor
+        version. k3s does not go back to an earlier one without it. What the cluster was told since is lost.
+      - For a server alone that shares its datastore with no other.
+    type: bool
+    default: false
+  start:
+    description:
+      - With V(proven), the start of the unit that was proven, as RV(start) said it before. It fails if there was
+        another one since.
+    type: str
+    default: ""
 attributes:
   check_mode:
     description: Says whether it would change something.
@@ -72,6 +85,10 @@ unproven:
   description: Whether nobody has proven the last change.
   returned: success
   type: bool
+start:
+  description: systemd's name for the present start of the unit.
+  returned: success
+  type: str
 snapshot:
   description: Where the datastore of that time is; empty where the host holds none.
   returned: success
@@ -90,6 +107,8 @@ ARGUMENTS = {
     "state": {"type": "str", "choices": ["staged", "next", "previous", "proven"], "required": True},
     "write": PATHS,
     "remove": PATHS,
+    "datastore": {"type": "bool", "default": False},
+    "start": {"type": "str", "default": ""},
 }
 
 
@@ -105,9 +124,9 @@ def main() -> None:
         elif state == "next":
             record = change.switch(params["write"], params["remove"])
         elif state == "previous":
-            record = change.back()
+            record = change.back(params["datastore"])
         else:
-            change.prove()
+            change.prove(params["start"])
             record = change.record()
         staged = change.staged_version()
     except (FleetError, OSError) as error:
@@ -117,6 +136,7 @@ def main() -> None:
         staged=staged,
         version=record.get("version", ""),
         unproven=bool(record.get("unproven")),
+        start=change.invocation(),
         snapshot=record.get("snapshot", ""),
     )
 

@@ -19,7 +19,7 @@ from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
-from .k3s import BINARY, DATA_DIR, SERVICES, version_of
+from .k3s import BINARY, DATA_DIR, SERVICES, version_of, without_secrets
 
 RECORD = "/var/lib/rosops-fleet/k3s-change.json"
 NEXT, PREVIOUS = ".next", ".previous"
@@ -30,6 +30,7 @@ ETCD = f"{DATA_DIR}/server/db/etcd"
 SQLITE = f"{DATA_DIR}/server/db/state.db"
 DATABASE = f"{DATA_DIR}/server/db"
 DATABASE_COPY = f"{DATA_DIR}/server/db.previous"
+DATABASE_LEFT = f"{DATA_DIR}/server/db.left"  # that of a version which was taken back
 
 Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard output, standard error)
 
@@ -81,25 +82,44 @@ class K3sChange:
         self._start()
         return record
 
-    def back(self) -> dict[str, Any]:
-        """What was there before the change that is not proven, and start k3s again."""
+    def back(self, datastore: bool = False) -> dict[str, Any]:
+        """What was there before the change that is not proven, and start k3s again.
+
+        With `datastore` that, too, where the change was to another minor version: a k3s does not go back to an earlier
+        one without. What the cluster was told since is lost then, so it is for a change of just now, on a server that
+        shares its datastore with no other.
+        """
         record = self.record()
         if not record.get("unproven"):
             raise FleetError("there is no unproven change of k3s to go back from")
+        kept = ""
+        if datastore and _minor(record["version"]) != _minor(self._version()):
+            kept = self._kept_datastore(record["snapshot"])
+        if kept:
+            self._systemctl("stop", self.service)
         for name, existed in record["files"].items():
             if existed:
                 self._link(name + PREVIOUS, name + NEXT)
                 self.path(name + NEXT).replace(self.path(name))
             elif self.path(name).exists():
                 self.path(name).unlink()
-        self._start()
+        try:
+            if kept:
+                self._restore(kept)
+        finally:
+            self._start()
         return record
 
-    def prove(self) -> bool:
-        """What runs is proven: the next change keeps it. Whether that is news."""
+    def prove(self, start: str = "") -> bool:
+        """What runs is proven: the next change keeps it. Whether that is news.
+
+        `start` names the start of the unit that was proven; FleetError if there was another one since.
+        """
         record = self.record()
         if not record.get("unproven"):
             return False
+        if start and self.invocation() != start:
+            raise FleetError(f"{self.service} served, and has ended and started again since")
         self._write({**record, "unproven": False})
         return True
 
@@ -113,7 +133,7 @@ class K3sChange:
             files[name] = self.path(name).exists()
             if files[name]:
                 self._link(name, name + PREVIOUS)
-        version = before["version"] if open_ else version_of(self.run([str(self.path(BINARY)), "--version"])[1])
+        version = before["version"] if open_ else self._version()
         record = {"version": version, "files": files, "unproven": True, "snapshot": before.get("snapshot", "")}
         if not open_:
             record["snapshot"] = self._snapshot(version)
@@ -126,11 +146,11 @@ class K3sChange:
             return ""
         if self.path(ETCD).exists():
             name = f"{SNAPSHOT}-{version.partition('+')[0]}"
-            self._must("etcd-snapshot", "save", "--name", name)
+            self._k3s("etcd-snapshot", "save", "--name", name, otherwise="nothing was exchanged")
             # older ones go; that one of them stays is no reason to leave k3s as it is
             self.run([str(self.path(BINARY)), "etcd-snapshot", "prune", "--snapshot-retention", str(SNAPSHOTS_KEPT),
                       "--name", name])  # fmt: skip
-            return f"{DATABASE}/snapshots/{name}*"
+            return f"{DATABASE}/snapshots/{name}-*"
         if self.path(SQLITE).exists():
             # only a database that nobody writes to is copied whole
             self._systemctl("stop", self.service)
@@ -138,6 +158,26 @@ class K3sChange:
             shutil.copytree(str(self.path(DATABASE)), str(self.path(DATABASE_COPY)))
             return DATABASE_COPY
         return ""
+
+    def _kept_datastore(self, snapshot: str) -> str:
+        """Where the datastore of the snapshot's name is, the last one of several; empty where it is not."""
+        if snapshot == DATABASE_COPY:
+            return snapshot if self.path(snapshot).exists() else ""
+        there = sorted(self.root.glob(snapshot.lstrip("/")), key=lambda path: path.stat().st_mtime) if snapshot else []
+        return f"/{there[-1].relative_to(self.root)}" if there else ""
+
+    def _restore(self, kept: str) -> None:
+        """Put the datastore that was kept in place of the one that a newer k3s has changed. k3s is stopped."""
+        if kept != DATABASE_COPY:
+            left = "it starts with the datastore of the newer one"
+            self._k3s("server", "--cluster-reset", f"--cluster-reset-restore-path={self.path(kept)}", otherwise=left)
+            return
+        new, old = self.path(f"{DATABASE}.new"), self.path(DATABASE_LEFT)
+        for place in (new, old):
+            shutil.rmtree(str(place), ignore_errors=True)
+        shutil.copytree(str(self.path(kept)), str(new))
+        self.path(DATABASE).rename(old)
+        new.rename(self.path(DATABASE))
 
     def _link(self, name: str, other: str) -> None:
         """The same file under another name, put there at once. A binary of 70 MB is not copied."""
@@ -163,13 +203,16 @@ class K3sChange:
     def _start(self) -> None:
         """Start it again. Returns when the process before is gone, which would still answer for the new one."""
         self._systemctl("daemon-reload")
-        before = self._invocation()
+        before = self.invocation()
         self._systemctl("restart", "--no-block", self.service)
-        ended = poll(lambda: Seen(WAIT if self._invocation() == before else PASS), STOP_TIMEOUT, 0.2, **self.clock)
+        ended = poll(lambda: Seen(WAIT if self.invocation() == before else PASS), STOP_TIMEOUT, 0.2, **self.clock)
         if ended.verdict != PASS:
             raise FleetError(f"{self.service} did not stop within {STOP_TIMEOUT:g} s")
 
-    def _invocation(self) -> str:
+    def _version(self) -> str:
+        return version_of(self.run([str(self.path(BINARY)), "--version"])[1])
+
+    def invocation(self) -> str:
         """systemd's name for this one start of the unit."""
         return str(self.run(["systemctl", "show", self.service, "-p", "InvocationID", "--value"])[1]).strip()
 
@@ -178,8 +221,12 @@ class K3sChange:
         if code != 0:
             raise FleetError(f"systemctl {' '.join(arguments)}: {(err or out).strip()}")
 
-    def _must(self, *arguments: str) -> None:
+    def _k3s(self, *arguments: str, otherwise: str) -> None:
         code, out, err = self.run([str(self.path(BINARY)), *arguments])
         if code != 0:
             last = (err or out).strip().splitlines()[-1:]
-            raise FleetError(f"k3s {' '.join(arguments)}: {''.join(last)[:300]}; nothing was exchanged")
+            raise FleetError(f"k3s {' '.join(arguments)}: {without_secrets(''.join(last)[:300])}; {otherwise}")
+
+
+def _minor(version: str) -> list[str]:
+    return version.split(".")[:2]

@@ -33,6 +33,7 @@ class Host:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, directory: Path) -> None:
         self.asked: list[str] = []
+        self.args: dict[str, Any] = {}  # of the last call with each state
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
         monkeypatch.setattr(ActionHost, "module", lambda _host, name, args, *_more: self.module(name, args))
@@ -48,7 +49,9 @@ class Host:
             self.bad = self.bad and args["state"] != "previous"
             if args["state"] == "next":
                 assert args["write"] == ["/etc/rancher/k3s/config.yaml", "/usr/local/bin/k3s"]
-            return {"staged": self.staged, "version": OLD, "unproven": self.unproven, "snapshot": ""}
+            self.args[args["state"]] = args
+            found = {"staged": self.staged, "version": OLD, "unproven": self.unproven, "snapshot": ""}
+            return {**found, "start": f"after {self.asked[-2:]}"}
         if name == "rosops.fleet.k3s_ready":
             return {"failed": self.bad, "msg": "k3s will not become ready"}
         return {}
@@ -96,7 +99,8 @@ def test_what_was_staged_is_taken_and_proven(host: Host) -> None:
     assert found["changed"]
     assert found["outcome"]["outcome"] == "updated"
     assert found["msg"].startswith(f"k3s {OLD} -> {NEW} in ")
-    assert host.asked == ["staged", "next", "proven"]
+    assert host.asked == ["staged", "next", "staged", "proven"]
+    assert host.args["proven"]["start"] == "after ['next', 'staged']"
 
 
 def test_what_does_not_serve_is_taken_back(host: Host) -> None:
@@ -105,14 +109,25 @@ def test_what_does_not_serve_is_taken_back(host: Host) -> None:
     assert found["failed"]
     assert found["outcome"]["outcome"] == "rolled-back"
     assert "k3s will not become ready" in found["msg"]
-    assert host.asked == ["staged", "next", "previous", "proven"]
+    assert host.asked == ["staged", "next", "previous", "staged", "proven"]
+
+
+@pytest.mark.parametrize(
+    ("unproven", "member", "datastore"), [(False, "", True), (True, "", False), (False, "robot1", False)]
+)
+def test_the_datastore_of_just_before_goes_back_with_a_server_that_is_alone(
+    host: Host, unproven: bool, member: str, datastore: bool
+) -> None:
+    host.bad, host.unproven = True, unproven
+    host.change(plan={"member": member})
+    assert host.args["previous"]["datastore"] is datastore
 
 
 def test_what_nobody_has_proven_is_proven_without_a_restart(host: Host) -> None:
     host.unproven, host.staged = True, ""
     found = host.change(plan={"restart": False, "binary": False, "write": []})
     assert found["outcome"]["outcome"] == "updated"
-    assert host.asked == ["staged", "proven"]
+    assert host.asked == ["staged", "staged", "proven"]
 
 
 def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:

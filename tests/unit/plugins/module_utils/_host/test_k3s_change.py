@@ -173,6 +173,65 @@ def test_k3s_runs_again_where_its_database_could_not_be_copied(tmp_path: Path, m
     assert machine.there() == OLD
 
 
+DB = "/var/lib/rancher/k3s/server/db"
+MINOR = {BINARY: "v1.35.0+k3s1"}
+
+
+@pytest.mark.parametrize(
+    ("coming", "datastore", "rows"), [(MINOR, True, "old"), (MINOR, False, "new"), (NEW, True, "new")]
+)
+def test_an_earlier_minor_version_gets_its_database_back(
+    tmp_path: Path, coming: dict[str, str], datastore: bool, rows: str
+) -> None:
+    machine = Machine(tmp_path, **{f"{DB}/state.db": "old"})
+    switch(machine, coming)
+    machine.put({f"{DB}/state.db": "new", f"{DB}/state.db-wal": "new"})
+    machine.asked = []
+    machine.change.back(datastore)
+    assert machine.there()[BINARY] == OLD[BINARY]
+    assert (tmp_path / f"{DB[1:]}/state.db").read_text() == rows
+    assert (tmp_path / f"{DB[1:]}/state.db-wal").exists() is (rows == "new")
+    stopped = ["systemctl", "stop", "k3s"] in machine.asked
+    assert stopped is (rows == "old")
+    assert machine.asked[-1] == ["systemctl", "restart", "--no-block", "k3s"]
+
+
+def test_an_earlier_minor_version_gets_its_etcd_back(machine: Machine) -> None:
+    switch(machine, MINOR)
+    # of an earlier try, of a version that begins alike, and of this one
+    for age, name in enumerate(["v1.34.2-edge1-300", "v1.34.20-edge1-400", "v1.34.2-edge1-200"]):
+        machine.put({f"{DB}/snapshots/rosops-before-{name}": ""})
+        os.utime(machine.root / f"{DB[1:]}/snapshots/rosops-before-{name}", (-age, -age))
+    machine.asked = []
+    machine.change.back(datastore=True)
+    snapshot = machine.root / f"{DB[1:]}/snapshots/rosops-before-v1.34.2-edge1-300"
+    assert machine.asked[:2] == [
+        ["systemctl", "stop", "k3s"],
+        ["k3s", "server", "--cluster-reset", f"--cluster-reset-restore-path={snapshot}"],
+    ]
+    assert machine.there()[BINARY] == OLD[BINARY]
+
+
+def test_k3s_starts_where_its_etcd_cannot_be_put_back(machine: Machine) -> None:
+    switch(machine, MINOR)
+    machine.put({f"{DB}/snapshots/rosops-before-v1.34.2-edge1-300": ""})
+    machine.fails = "--cluster-reset"
+    with pytest.raises(FleetError, match=r"cluster-reset.*: boom; it starts with the datastore of the newer one"):
+        machine.change.back(datastore=True)
+    assert machine.asked[-1] == ["systemctl", "restart", "--no-block", "k3s"]
+    assert machine.change.record()["unproven"]
+
+
+def test_what_has_ended_since_it_served_is_not_proven(machine: Machine) -> None:
+    switch(machine)
+    start = machine.change.invocation()
+    machine.run(["k3s", "ends, and is started again"])
+    with pytest.raises(FleetError, match="k3s served, and has ended and started again since"):
+        machine.change.prove(start)
+    assert machine.change.record()["unproven"]
+    assert machine.change.prove(machine.change.invocation())
+
+
 def test_power_lost_at_any_moment_leaves_whole_files_and_the_way_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
