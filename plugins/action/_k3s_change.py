@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINA
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, verdict
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, Verdict, verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
@@ -46,7 +46,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 display = Display()
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
-LEDGER = "rosops-fleet-k3s.jsonl"
+LEDGER, SERVERS_LEDGER = "rosops-fleet-k3s.jsonl", "rosops-fleet-k3s-servers.jsonl"
 
 
 class K3sExchange:
@@ -111,26 +111,26 @@ class ActionModule(ClusterAction):
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         variables, name = role_variables("k3s", self._templar, known), known["inventory_hostname"]
         batch = known.get("ansible_play_batch") or [name]
-        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(batch[0]), LEDGER)
         # the shared cluster's servers come before everybody else's waves, and are none of theirs
-        counted = (variables["k3s_role"], variables["k3s_cluster"]) != ("server", EDGE_CLUSTER)
+        shared = (variables["k3s_role"], variables["k3s_cluster"]) == ("server", EDGE_CLUSTER)
+        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(batch[0]), SERVERS_LEDGER if shared else LEDGER)
         hosts = len(known.get("ansible_play_hosts_all") or batch)
         try:
-            refusal = ledger.refusal(variables["k3s_failure_budget"], hosts) if counted else ""
+            refusal = ledger.refusal("0" if shared else variables["k3s_failure_budget"], hosts)
             if refusal:
+                if shared:  # they hold one datastore: what one did not take, none is given
+                    refusal = "not begun: another server of its cluster failed"
                 return {"changed": False, "outcome": _outcome(UNCHANGED, refusal, None), "msg": refusal}
             with _cancellable():
                 found, since = self._change(params, variables, known)
         except (AwayError, ServersAwayError) as error:
             return _failure(OFFLINE, f"nothing was touched: {error}")
         except FleetError as error:
-            if counted:
-                ledger.note(name, FAILED)
+            ledger.note(name, FAILED)
             return _failure(FAILED, f"nothing was touched: {error}")
         if found.outcome == WAITING:
             return {"changed": False, "waiting": since, "msg": found.reason}
-        if counted:
-            ledger.note(name, found.outcome)
+        ledger.note(name, found.outcome)
         if found.outcome != UPDATED:
             return _failure(found.outcome, found.reason, found)
         told = f"would change: {found.told()}" if self._task.check_mode else found.told()
@@ -145,6 +145,7 @@ class ActionModule(ClusterAction):
         exchange.look()
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
+            _step(exchange, ())
             return self._guarded(exchange, (), None, variables, known, params["since"]).run(), None
         with self.cluster(params, known) as kube:
             cluster = KubeNodes(kube, self.say(known))
@@ -196,11 +197,7 @@ class ActionModule(ClusterAction):
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Mapping[str, Any]) -> bool:
     """Whether pods may notice it. SpecError where this step is not to be taken."""
     agent, node = variables["k3s_role"] == "agent", variables["k3s_node_name"]
-    servers = tuple(server_versions(nodes).values()) if agent else ()
-    back_to = exchange.earlier if exchange.unproven else ""
-    step = verdict(exchange.before, exchange.after, True, servers, back_to)
-    if step.word == REFUSED:
-        raise SpecError(step.reason)
+    step = _step(exchange, tuple(server_versions(nodes).values()) if agent else ())
     down = [] if agent else servers_down(nodes, node)
     if down:
         raise SpecError(
@@ -208,6 +205,15 @@ def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables
             f"majority. Bring {', '.join(down)} back first"
         )
     return step.restarts_pods
+
+
+def _step(exchange: K3sExchange, servers: Sequence[str]) -> Verdict:
+    """From which version to which. SpecError where that is no step to take."""
+    back_to = exchange.earlier if exchange.unproven else ""
+    step = verdict(exchange.before, exchange.after, True, servers, back_to)
+    if step.word == REFUSED:
+        raise SpecError(step.reason)
+    return step
 
 
 def _robots(cluster: KubeNodes, node: str, known: Mapping[str, Any], pods_notice: bool) -> list[Robot]:

@@ -192,3 +192,29 @@ def test_after_a_wave_with_a_failure_no_further_one_begins(host: Host) -> None:
     assert found["outcome"]["outcome"] == "unchanged"
     assert "robot1 failed" in found["msg"]
     assert host.asked == []
+
+
+def test_after_a_server_of_the_shared_cluster_that_failed_none_is_changed(host: Host) -> None:
+    """They hold one datastore; agents newer than they are refused then."""
+    servers = {"k3s_cluster": "edge", "ansible_play_hosts_all": ["edge1", "edge2", "edge3"]}
+
+    def change(name: str) -> dict[str, Any]:
+        return host.change(inventory_hostname=name, ansible_play_batch=[name], **servers)
+
+    assert change("edge1")["outcome"]["outcome"] == "updated"
+    host.bad = True
+    assert change("edge2")["outcome"]["outcome"] == "rolled-back"
+    host.asked = []
+    third = change("edge3")
+    assert not third.get("failed")
+    assert third["outcome"] == {
+        "outcome": "unchanged", "reason": "not begun: another server of its cluster failed", "steps": [],
+    }  # fmt: skip
+    assert host.asked == []
+
+
+def test_a_version_that_is_no_step_is_refused_where_k3s_does_not_serve_too(host: Host) -> None:
+    host.staged = "v1.30.0+lab1"
+    found = host.change(plan={"works": False})
+    assert "is older than v1.34.2+lab1" in found["msg"]
+    assert host.asked == ["staged"]
