@@ -329,7 +329,8 @@ def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:
         # somebody else applied it: without what the API server keeps for itself it is what it was
         own = {"name", "namespace", "labels", "annotations"}
         metadata = {key: value for key, value in deployment["metadata"].items() if key in own}
-        part = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": deployment["spec"]}
+        spec = {key: value for key, value in deployment["spec"].items() if key != "paused"}  # nothing would go back
+        part = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": spec}
     passing = (names.ANNOTATION_UPDATING, names.ANNOTATION_WENT_BACK)  # of this time, not of the next
     annotations = {key: text for key, text in _annotations(part).items() if key not in passing}
     return {**part, "metadata": {**part["metadata"], "annotations": annotations}}

@@ -238,6 +238,12 @@ def test_what_somebody_else_applied_is_kept_without_the_servers_bookkeeping() ->
     assert kept(item) == {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": own, "spec": item["spec"]}
 
 
+def test_the_way_back_is_never_paused() -> None:
+    item = applied(robot(app("one"))).deployments[-1]
+    item["spec"]["paused"] = True
+    assert "paused" not in kept(item, whole=True)["spec"]
+
+
 def test_a_step_says_all_that_its_phases_need() -> None:
     def fleet(image: str) -> Robot:
         group, goals = {"group": "motion"}, ["plan", "~go"]
