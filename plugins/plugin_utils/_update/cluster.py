@@ -59,8 +59,7 @@ class KubeCluster:
     def claim(self, namespace: str) -> Iterator[None]:
         # what cannot be renewed within its time need not be renewed for longer
         lease = Lease(self._kube.within(LEASE_SECONDS), namespace, LEASE, self._holder, LEASE_SECONDS)
-        self._take(lease)
-        claim = _Claim(lease)
+        claim = self._take(lease)
         self._claims.append(claim)
         try:
             with claim.renewed():
@@ -72,9 +71,9 @@ class KubeCluster:
         for claim in self._claims:
             claim.confirm()
 
-    def _take(self, lease: Lease) -> None:
+    def _take(self, lease: Lease) -> _Claim:
         """A holder that lives renews its Lease; one that was killed does not, and its time runs out."""
-        hold = lease.acquire()
+        claim, hold = _Claim(lease), lease.acquire()  # its time begins before it is asked for
         if not hold.mine:
             self._say(f"waits whether the run of {hold.holder}, which began {hold.since}, still lives")
         first = hold.renewed
@@ -82,7 +81,8 @@ class KubeCluster:
             if hold.renewed != first:
                 raise HeldError(f"{hold.holder} changes this robot since {hold.since}; let that run end")
             time.sleep(LOOK_SECONDS)
-            hold = lease.acquire()
+            claim, hold = _Claim(lease), lease.acquire()
+        return claim
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         return self._writer.apply(objects, dry_run, whole=OURS_ALONE)

@@ -185,3 +185,27 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
             with pytest.raises(HeldError, match=told), other.claim("robot-robot1"):
                 pytest.fail("both have it")
             one.confirm()
+
+
+def test_the_time_of_a_claim_begins_before_it_is_asked_for(
+    clock: Clock, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Slow(Lease):
+        def __init__(self, *_unused: object) -> None:
+            super().__init__()
+
+        def acquire(self) -> Hold:
+            clock.time += SURE_SECONDS
+            return Hold(True, "us")
+
+        def release(self) -> None:
+            """Nothing to let go."""
+
+    monkeypatch.setattr(cluster, "Lease", Slow)
+    monkeypatch.setattr(cluster, "_Claim", functools.partial(_Claim, now=clock.now))
+    with Kube({"host": server.url, "api_key": "t"}) as kube:
+        ours = cluster.KubeCluster(kube, lambda _text: None)
+        with ours.claim("r"):
+            (held,) = ours._claims
+            ours.confirm()
+            assert held._lease.renewed == 1  # type: ignore[attr-defined]
