@@ -27,7 +27,7 @@ way back in a ConfigMap beside it. So a run may end at any line, and the next on
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
@@ -41,13 +41,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UPDATED,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import removed_claims
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
-    NAMESPACE,
-    PARTS,
-    READY,
-    ground_objects,
-    workload_objects,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import READY, ground_objects, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.gated import Gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL, claim_users, with_install
@@ -73,6 +67,7 @@ class Engine(Turn):
     def __init__(self, robot: Robot, settings: Settings, world: World) -> None:
         super().__init__(robot, settings, world)
         self.left = False  # it is at work and has to be changed, which this run may not
+        self.trouble: FleetError | None = None  # after the steps
 
     def run(self) -> RobotOutcome:
         """From what differs to the outcome. Whatever goes wrong with this robot is its outcome, and no error."""
@@ -80,36 +75,28 @@ class Engine(Turn):
             gone = removed_claims(self.robot, self.settings.remove_claims, self.settings.remove_confirm)
             self.host.there()
             self._plan()
-            self.left = not self.settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
+            if not self.left:
+                self._work(gone)
             if self.left:
                 return RobotOutcome(UNCHANGED, "at work: it is changed in its wave")
-            if self.check or not self.plan.steps:
-                self._change()
-            else:
-                self.apply_all(self._ground([NAMESPACE]))
-                with contextlib.ExitStack() as claims:
-                    claims.enter_context(self.cluster.claim(self.robot.namespace))
-                    self._plan()  # the run that had it may have ended just now
-                    if self._is_shared():
-                        claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
-                        self._plan()
-                    self._change()
         except FleetError as error:
             if not self.results:
                 word = {HeldError: BUSY, LostError: BUSY, AwayError: OFFLINE}.get(type(error), FAILED)
                 before = tuple(self.settings.earlier)
-                return RobotOutcome(word, str(error) if before else f"nothing was touched: {error}", before)
+                untouched = "no app" if self.changes and not self.check else "nothing"
+                return RobotOutcome(word, str(error) if before else f"{untouched} was touched: {error}", before)
         earlier = self.settings.earlier
         outcome = robot_outcome([*earlier, *self.results], len(earlier) + len(self.plan.steps))
-        found = self._conclude(outcome, gone)
+        found = self._conclude(outcome)
         return replace(found, reason="; ".join(filter(None, [found.reason, *self.news()])))
 
-    def _conclude(self, outcome: RobotOutcome, gone: Sequence[Object]) -> RobotOutcome:
-        """What comes after all steps, if they went well: claims go, and the whole graph is looked at."""
+    def _conclude(self, outcome: RobotOutcome) -> RobotOutcome:
+        """What comes after all steps, if they went well: the whole graph is looked at."""
         if outcome.outcome not in (UPDATED, UNCHANGED):
             return outcome
         try:
-            self._remove(gone)
+            if self.trouble:
+                raise self.trouble
             installed = any(step.kind == INSTALL for step in self.plan.steps)  # that was looked at just now
             if READY in self.settings.parts and not (self.check or installed):
                 all_ready(self)
@@ -120,12 +107,56 @@ class Engine(Turn):
             return replace(outcome, outcome=UPDATED, reason=", ".join(str(change.ref) for change in self.changes))
         return outcome
 
-    def _change(self) -> None:
+    # --- whose the robot is -----------------------------------------------------------------------------------------
+
+    def _work(self, gone: Sequence[Object]) -> None:
+        """What is to be done, under the robot's Lease; who changes nothing needs none."""
+        if self.check:
+            self._change(gone)
+            return
+        needed = bool(self.plan.steps or self._lost()) or self._differs(gone)
+        if not (needed or self.untold()):
+            self._tell_first()
+            return
+        try:
+            with self._claimed():
+                if not self.left:
+                    self._change(gone)
+        except HeldError:
+            if needed:
+                raise
+            self._tell_first()  # its record alone was to be brought to its end: whoever has the robot does that
+
+    @contextlib.contextmanager
+    def _claimed(self) -> Iterator[None]:
+        """Be the only run that changes the robot. What was planned before may be another run's work by now."""
+        self._make_namespaces()
+        with contextlib.ExitStack() as claims:
+            claims.enter_context(self.cluster.claim(self.robot.namespace))
+            self._plan()
+            if self._is_shared():
+                claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
+                self._plan()
+            yield
+
+    def _make_namespaces(self) -> None:
+        """Those that are not there: a Lease lives in one."""
+        wanted = [item for item in self._ground() if item["kind"] == "Namespace"]
+        found = self.cluster.apply(wanted, dry_run=True) if wanted else ()
+        self.apply_all([item for item, there in zip(wanted, found, strict=True) if there.before is None])
+
+    def _differs(self, gone: Sequence[Object]) -> bool:
+        """Whether anything is to be changed that no pod notices. The API server says so."""
+        ground = self._ground()
+        found = [*self.cluster.apply(ground, dry_run=True)] if ground else []
+        found += self.cluster.delete(gone, dry_run=True) if gone else []
+        return any(change.changed for change in found)
+
+    # --- what is to be done -----------------------------------------------------------------------------------------
+
+    def _change(self, gone: Sequence[Object]) -> None:
         """Take the steps. What goes wrong before the first of them is an error, afterwards it is the step's result."""
-        if self.plan.orphans:
-            self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
-        for news in self.news():
-            self.say(news)
+        self._tell_first()
         gated = [step for step in self.plan.steps if step.kind != INSTALL and not step.proven]
         self._prepare(gated)
         if gated:
@@ -136,13 +167,22 @@ class Engine(Turn):
             self.results.append(one.take())
             if self.results[-1].outcome != UPDATED or self.over:
                 break
+        else:
+            self._remove(gone)
         self.tell()
+
+    def _tell_first(self) -> None:
+        if self.plan.orphans:
+            self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
+        for news in self.news():
+            self.say(news)
 
     def _plan(self) -> None:
         self.live = self.read()
         request = replace(self.settings.request, parts=self.settings.parts)
         plan = update_plan(self.robot, self.live, request, self._drifted())
         self.plan = with_install(plan, self.robot, self.live)
+        self.left = not self.settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:
         """Deployments that are not what they say. The API server knows whether a difference is one."""
@@ -152,27 +192,30 @@ class Engine(Turn):
             self.say(f"{ref.name} was changed by hand")
         return {(ref.namespace, ref.name) for ref in found}
 
+    def _lost(self) -> list[Object]:
+        """Services that no step brings back."""
+        return lost_services(workload_objects(self.robot, self.settings.parts), self.live)
+
     def _is_shared(self) -> bool:
         """Whether a step changes what is the whole fleet's. To make what is not there is anybody's."""
         gated = [step for step in self.plan.steps if step.kind != INSTALL]
         places = {item["metadata"].get("namespace") for step in gated for item in step.objects}
         return names.FLEET_NAMESPACE in places
 
-    def _ground(self, parts: Collection[str]) -> list[Object]:
-        """What the pods stand on: of the parts that are asked for, these."""
-        wanted = [part for part in self.settings.parts if part in parts]
-        return list(ground_objects(self.robot, wanted, self.settings.pull_secrets, self.settings.code))
+    def _ground(self) -> list[Object]:
+        """What the pods stand on, of the parts that are asked for."""
+        settings = self.settings
+        return list(ground_objects(self.robot, settings.parts, settings.pull_secrets, settings.code))
 
     def _prepare(self, gated: Sequence[Step]) -> None:
         """What all of it stands on, and what the steps need, while the robot works."""
         self.trace("prepare")
         if gated:  # what is installed has its images pulled by the node, all at the same time
             self.host.bring(sorted({image for step in gated for image in local_images(step)}))
-        there = self.plan.steps and not self.check  # the namespace, by now
-        services = lost_services(workload_objects(self.robot, self.settings.parts), self.live)
+        services = self._lost()
         for item in services:
             self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
-        self.apply_all([*self._ground([part for part in PARTS if part != NAMESPACE or not there]), *services])
+        self.apply_all([*self._ground(), *services])
         if services:
             self.meet_master()
 
@@ -195,7 +238,10 @@ class Engine(Turn):
         if not claims:
             return
         leaving = [app for step in self.plan.steps for app in step.apps] if self.check else []
-        users = claim_users(self.read(), claims, leaving)
-        if users:
-            raise NotReadyError(f"no claim is deleted while an app runs that mounts it: {', '.join(users)}")
-        self.changes += [done for done in self.cluster.delete(claims, self.check) if done.changed]
+        try:
+            users = claim_users(self.read(), claims, leaving)
+            if users:
+                raise NotReadyError(f"no claim is deleted while an app runs that mounts it: {', '.join(users)}")
+            self.changes += [done for done in self.cluster.delete(claims, self.check) if done.changed]
+        except FleetError as error:
+            self.trouble = error

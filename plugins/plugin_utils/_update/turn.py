@@ -136,17 +136,19 @@ class Turn(Hands):
         back = ways_back(self.live.deployments)
         return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
 
-    def tell(self) -> None:
-        """Bring the record to its end: also that a run before this one ended without a word."""
+    def untold(self) -> list[Object]:
+        """The record, where it is not at its end: also that a run before this one ended without a word."""
         there = [item.get("data") for item in self.live.maps if item["metadata"]["name"] == EVENTS_NAME]
         record = self.events(None)
-        if self.check or not (self.results or there) or record["data"] in there:
-            return
+        return [] if self.check or not (self.results or there) or record["data"] in there else [record]
+
+    def tell(self) -> None:
+        """Bring the record to its end."""
         last = self.results[-1] if self.results else None
         if last and (last.outcome == WAITING or (last.outcome == UPDATED and not last.reason)):
             return  # told before it waited, or when its mark was taken off
         try:
-            self.apply_all([record])
+            self.apply_all(self.untold())
         except FleetError as error:
             self.say(f"the robot's metrics will not show this: {error}")
 

@@ -381,9 +381,11 @@ class Simulation(SimulatedRobot):
             after["metadata"]["annotations"] = annotations
             after["status"] = {}
         if not dry_run:
+            if self.time:
+                new = kind == "Namespace" and before is None
+                assert new or self.holder == RUN, f"{key} is changed by a run that has no Lease"
             if kind == "Deployment" and self.time:
                 assert not self.cancelled, "a run that was cancelled goes on"
-                assert self.holder == RUN, "a run that lost its Lease goes on"
                 self.prove(item)
             self.touched.add(key)
             self.write(item, after)
@@ -472,7 +474,8 @@ class SimulatedCluster:
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         sim, done = self.sim, list[Applied]()
         with sim.call("delete", 0.1):
-            assert dry_run == sim.checking
+            assert dry_run or not sim.checking
+            assert dry_run or sim.holder == RUN, "a claim is deleted by a run that has no Lease"
             self.confirm()
             for item in objects:
                 key = (item["kind"], *deployment_key(item))

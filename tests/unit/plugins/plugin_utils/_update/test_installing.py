@@ -32,14 +32,16 @@ NAMESPACE = "robot-robot1"
 VOLUME = {"name": "logs"}
 
 
+APPS = (
+    app("stats", GOOD, depends_on=["sensor"]),
+    app("sensor", GOOD),
+    app("planner", GOOD, pattern="action", readiness={"actions": ["plan"]}),
+)
+
+
 def wanted(version: str = GOOD, **more: Any) -> Robot:
     """A robot with an app of each kind; the version is that of the sensor."""
-    apps = (
-        app("stats", GOOD, depends_on=["sensor"]),
-        app("sensor", version),
-        app("planner", GOOD, pattern="action", readiness={"actions": ["plan"]}),
-    )
-    return robot(*apps, **more)
+    return robot(*({**one, "image": version} if one["name"] == "sensor" else one for one in APPS), **more)
 
 
 SHARED = robot(app("chart", GOOD, pattern="service", scope="fleet"), app("sensor", GOOD), master={"mode": "shared"})
@@ -76,7 +78,8 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     assert sorted(found.steps[0].apps) == sorted(["ros-keeper", "ros-master", *(one.name for one in of.apps)])
     # one apply, one wait, one look at the graph; the second wait only sees that nothing was started again
     assert sim.calls == [
-        "there", "read", "apply", "claim", "read", "apply", "apply", "rollout", "read", "ready", "rollout", "apply",
+        "there", "read", "apply", "apply", "claim", "read", "apply", "apply", "rollout", "read", "ready", "rollout",
+        "apply",
     ]  # fmt: skip
     assert not marked(sim)
     assert word(sim, of) == "unchanged"
@@ -222,16 +225,41 @@ def test_another_run_that_changes_the_robot_is_left_alone(monkeypatch: pytest.Mo
     def held(*_unused: object) -> None:
         raise HeldError("control-2, process 7 changes this robot")
 
-    for sim in (working(), Simulation()):
+    for sim, untouched in ((working(), "nothing"), (Simulation(), "no app")):
         monkeypatch.setattr(SimulatedCluster, "claim", held)
         found = outcome(sim, wanted(BETTER))
         assert found.outcome == "deferred-busy"
-        assert "nothing was touched: control-2, process 7 changes this robot" in found.reason
-        assert {key[0] for key in sim.touched} <= {"Namespace", "ServiceAccount", "Role", "RoleBinding"}
+        assert found.reason == f"{untouched} was touched: control-2, process 7 changes this robot"
+        assert {key[0] for key in sim.touched} <= {"Namespace"}  # the Lease lives there
         monkeypatch.undo()
     sim = working()
     monkeypatch.setattr(SimulatedCluster, "claim", held)
     assert word(sim, wanted()) == "unchanged"
+    found = outcome(sim, wanted(quota={"pods": 20}))
+    assert (found.outcome, sim.touched) == ("deferred-busy", set())
+
+
+@pytest.mark.parametrize("lives", [True, False])
+def test_the_record_of_a_run_that_waits_is_left_to_it(lives: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a run that finds nothing to do, as its inventory is another one."""
+
+    def held(*_unused: object) -> None:
+        raise HeldError("control-2, process 7 changes this robot")
+
+    planner = app("planner", BETTER, pattern="action", readiness={"actions": ["plan"]})
+    changed = robot(*(one for one in APPS if one["name"] != "planner"), planner)
+    sim, other = working(), working()
+    for one in (sim, other):
+        one.goal("/plan", 200.0)
+        one.advance(1.0)
+    site(other, changed)
+    assert site(sim, changed, "killed", other.calls.index("hold") + 1) is None
+    assert '"outcome": "running"' in sim.events()
+    if lives:
+        monkeypatch.setattr(SimulatedCluster, "claim", held)
+    assert word(sim, wanted()) == "unchanged"
+    assert ('"outcome": "running"' in sim.events()) == lives
+    assert (sim.touched == set()) == lives
 
 
 def test_before_its_wave_a_robot_at_work_is_only_looked_at() -> None:
