@@ -27,6 +27,10 @@ class Change(Protocol):
     def after(self) -> str:
         """Of what is to come; the same as `before` where only settings change."""
 
+    @property
+    def unproven(self) -> bool:
+        """Whether what is there was made by a run that ended before it was proven."""
+
     def make(self) -> None:
         """Do it. After an error some of it may be done."""
 

@@ -106,14 +106,17 @@ class Guarded:
                 self.wards.append(ward)
 
     def _record(self) -> None:
-        """What each robot's graph is now."""
+        """What each robot's graph is now, and has to be again; of a change that was cut off, what it was before."""
         for ward in self.wards:
+            if self.change.unproven:
+                ward.recall(self.node)
             try:
                 ward.record()
             except (AwayError, CancelledError):
                 raise
             except FleetError as error:
-                if self.limits.on_busy != "force":
+                # what the change has done to it is seen by the proof, and it is taken back
+                if self.limits.on_busy != "force" and ward.contract is None:
                     raise
                 self.say(f"the graph of {ward.robot.name} cannot be read, and is not waited for: {error}")
 
@@ -133,6 +136,7 @@ class Guarded:
             if self.cluster is not None:
                 for ward in self.wards:
                     claims.enter_context(self.cluster.claim(ward.robot.namespace))
+                    ward.live = ward.read()  # the run that had it may have changed it just now
             yield
 
     def _hold(self) -> None:
@@ -164,14 +168,15 @@ class Guarded:
                 self._record()
                 self._hold()
             with self._phase("apply"):
+                for ward in self.wards:
+                    ward.keep(self.node)
                 if self.cluster is not None:
                     self.cluster.confirm()
                 self.proof.begin()
                 self.made = True  # from the first moment on
                 self.change.make()
             with self._phase("verify"):
-                self.proof.given(self.wards)
-                self.change.proven()
+                self._prove()
             return self._ends(UPDATED)
         except BusyError as error:
             return self._ends(WAITING if self.patient else BUSY, f"nothing was touched: {error}")
@@ -184,6 +189,12 @@ class Guarded:
         finally:
             self._release()
 
+    def _prove(self) -> None:
+        self.proof.given(self.wards)
+        self.change.proven()
+        for ward in self.wards:
+            ward.forget(self.node)
+
     def _back(self, error: FleetError) -> StepResult:
         self.say(f"{self.change.name}: {error}; it is taken back")
         try:
@@ -191,8 +202,7 @@ class Guarded:
                 with contextlib.suppress(KubeError):  # the API may be what the change has broken
                     self.proof.begin()
                 self.change.undo()
-                self.proof.given(self.wards)
-                self.change.proven()
+                self._prove()
         except AwayError as away:
             return self._ends(OFFLINE, self._left(f"the host went away: {away}; before that: {error}"))
         except FleetError as worse:

@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
@@ -65,6 +67,8 @@ class Site:
     bad: Mapping[str, str] = field(default_factory=dict)
     deployments: tuple[str, ...] = ("robot1",)
     ready_before: bool = True
+    app: str = "app 1"  # the version of the robots' app
+    maps: dict[tuple[str, str], Object] = field(default_factory=dict)
     busy_until: float = 0.0
     master_silent: bool = False
     other_run: bool = False
@@ -129,11 +133,16 @@ class Site:
 
     name, before, after = "k3s", "v1.34.2", "v1.34.3"
 
+    @property
+    def unproven(self) -> bool:
+        return not self.is_proven
+
     def make(self) -> None:
         with self.call("make"):
             if self.busy_until > self.time:
                 self.interrupted.append("make")
-            self.install("new")
+            if self.is_proven or self.version != "new":  # else it is there already
+                self.install("new")
 
     def undo(self) -> None:
         with self.call("undo"):
@@ -169,8 +178,14 @@ class Site:
 
     def read(self, namespaces: Iterable[str]) -> Live:
         with self.call("api read"):
-            found = [deployment(name, self.ready_before) for name in self.deployments if f"robot-{name}" in namespaces]
-            return Live(found, (), [service("ros-master", 11311), service("ros-keeper", 11411)])
+            well = self.ready_before and self.bad.get(self.version) != "rollout"
+            here = [name for name in self.deployments if f"robot-{name}" in namespaces]
+            maps = [item for (_name, namespace), item in self.maps.items() if namespace in namespaces]
+            return Live(
+                [deployment(name, well, self.app) for name in here],
+                maps,
+                [service("ros-master", 11311), service("ros-keeper", 11411)],
+            )
 
     @contextlib.contextmanager
     def claim(self, namespace: str) -> Iterator[None]:
@@ -182,6 +197,20 @@ class Site:
             yield
         finally:
             self.claimed.remove(namespace)
+
+    def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        with self.call("api apply"):
+            assert not dry_run
+            assert {item["metadata"]["namespace"] for item in objects} <= {*self.claimed}
+            self.maps.update({map_key(item): item for item in objects})
+            return []
+
+    def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
+        with self.call("api delete"):
+            assert not dry_run
+            for item in objects:
+                self.maps.pop(map_key(item), None)
+            return []
 
     def confirm(self) -> None:
         with self.call("api confirm"):
@@ -209,7 +238,14 @@ class Site:
             assert not nodes, "nobody asked for rates"
             if self.master_silent:
                 raise RosError("the master does not answer")
-            return copy.deepcopy(GRAPH)
+            return self.shown()
+
+    def shown(self) -> dict[str, Any]:
+        """The graph, as long as nothing has broken it."""
+        found = copy.deepcopy(GRAPH)
+        if self.bad.get(self.version) == "graph":
+            del found["nodes"]["/driver"], found["topics"]["/scan"]
+        return found
 
     def hold(self, _master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
         with self.call("hold"):
@@ -231,9 +267,10 @@ class Site:
             assert "/rqt_gui_1" not in conditions["nodes"]
             assert all("min_rate" not in topic for topic in conditions["topics"])
             self.time += stable
-            if self.bad.get(self.version) == "graph":
+            missing = sorted({*conditions["nodes"]} - {*self.shown()["nodes"]})
+            if missing:
                 self.time += timeout
-                return Seen("wait", "/driver is missing")
+                return Seen("wait", f"{missing} are missing")
             return Seen("pass")
 
     # --- a run --------------------------------------------------------------------------------------------------------
@@ -269,14 +306,21 @@ class Site:
         if word == "failed" and self.version != before:
             assert "unproven" in found.reason or "way back failed" in found.reason, found
         assert not self.claimed
+        if word in ("updated", "rolled-back") and not self.at:
+            assert not self.maps, "a contract that was fulfilled is kept"
         if self.away_until < 0 and "release" not in self.calls[: self.at][-1:]:
             assert not self.held, f"{found}: goals are held still"
         assert not self.interrupted, "a robot was interrupted at its work"
 
 
-def deployment(name: str, ready: bool) -> dict[str, Any]:
+def map_key(item: Object) -> tuple[str, str]:
+    return item["metadata"]["name"], item["metadata"]["namespace"]
+
+
+def deployment(name: str, ready: bool, version: str) -> dict[str, Any]:
     return {
-        "apiVersion": "apps/v1", "kind": "Deployment", "metadata": {"name": "app", "namespace": f"robot-{name}"},
+        "apiVersion": "apps/v1", "kind": "Deployment",
+        "metadata": {"name": "app", "namespace": f"robot-{name}", "annotations": {names.ANNOTATION_HASH: version}},
         "spec": {"replicas": 1}, "status": {"availableReplicas": int(ready)},
     }  # fmt: skip
 
@@ -415,7 +459,39 @@ def test_several_robots_of_one_host_all_rest() -> None:
     assert site.calls.count("api claim") == site.calls.count("hold") == site.calls.count("ready") == 2
 
 
-@pytest.mark.parametrize("bad", [{}, {"new": "works"}, {"new": "graph"}])
+def killed_in_its_proof(kind: str) -> Site:
+    clean = Site(bad={"new": kind})
+    clean.run()
+    site = Site(bad={"new": kind})
+    assert site.run("killed", clean.calls.index("works") + 1) is None
+    site.time += 60.0
+    assert (site.version, site.is_proven) == ("new", False)
+    return site
+
+
+@pytest.mark.parametrize("kind", ["graph", "rollout"])
+def test_a_change_that_was_cut_off_is_held_to_what_was_there_before_it(kind: str) -> None:
+    site = killed_in_its_proof(kind)
+    assert outcome(site)[0] == "rolled-back"
+    assert (site.version, site.is_proven) == ("old", True)
+
+
+def test_a_change_that_took_the_robots_master_away_is_taken_back() -> None:
+    """Nobody can be asked whether the robot is at work; it is not, without its graph."""
+    site = killed_in_its_proof("graph")
+    site.master_silent = True
+    assert outcome(site)[0] == "rolled-back"
+
+
+def test_after_an_app_was_updated_the_graph_is_recorded_anew() -> None:
+    """Its step has proven it, and its nodes may have other names now."""
+    site = killed_in_its_proof("graph")
+    site.app, site.bad = "app 2", {}
+    site.shown = lambda: {**GRAPH, "nodes": {"/planner": GRAPH["nodes"]["/planner"]}}  # type: ignore[method-assign]
+    assert outcome(site)[0] == "updated"
+
+
+@pytest.mark.parametrize("bad", [{}, {"new": "works"}, {"new": "graph"}, {"new": "rollout"}])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_fault_at_every_call(bad: dict[str, str], fault: str) -> None:
     """Whatever happened: an outcome that is true, and the next run brings it to where it has to be."""
