@@ -123,7 +123,7 @@ class Engine(Turn):
                 if not self.left:
                     self._change(gone)
         except HeldError:
-            if needed:
+            if needed or self.plan.steps:
                 raise
             self._tell_first()  # its record alone was to be brought to its end: whoever has the robot does that
 

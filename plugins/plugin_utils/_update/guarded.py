@@ -37,7 +37,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import
     Surroundings,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import timed
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import SLICE, timed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.proof import Proof
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
@@ -46,6 +46,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     AwayError,
     CancelledError,
     HeldError,
+    LostError,
     World,
 )
 
@@ -124,7 +125,8 @@ class Guarded:
         """What the change would meet now."""
         self._record()
         for ward in self.wards:
-            busy = self._rest(ward, 0.0)
+            ward.rest = Rest(ward, 0.0) if ward.actions else None
+            busy = self._rest(ward)
             self.say(f"{self.change.name}: {ward.robot.name} is {f'busy now: {busy}' if busy else 'idle now'}")
             if busy and self.limits.on_busy == "defer":
                 return self._ends(BUSY, busy)
@@ -140,24 +142,32 @@ class Guarded:
             yield
 
     def _hold(self) -> None:
-        """Wait until all robots are idle, and hold new goals back until the change is over."""
+        """Wait until all robots are idle at the same time, and hold new goals back until the change is over."""
         limits, now = self.limits, self.clock.now()
         self.since = now if limits.since is None else limits.since
-        for ward in self.wards if limits.on_busy != "force" else ():
-            look = None if limits.look is None else max(limits.look - (self.clock.now() - now), 0.0)
-            busy = self._rest(ward, limits.busy_timeout if limits.on_busy == "wait" else 0.0, look, self.since)
-            if busy:
-                self.patient = ward.rest is not None and ward.rest.patient
-                raise BusyError(f"{ward.robot.name}: {busy}")
+        seconds = limits.busy_timeout if limits.on_busy == "wait" else 0.0
+        wards = [ward for ward in self.wards if ward.actions and limits.on_busy != "force"]
+        for ward in wards:
+            ward.rest = Rest(ward, seconds, self.since)
+        waited = bool(wards)
+        while waited:  # what was held meanwhile has been let go by its keeper
+            waited = False
+            for ward in wards:
+                look = None if limits.look is None else max(limits.look - (self.clock.now() - now), 0.0)
+                began = self.clock.now()
+                busy = self._rest(ward, look)
+                if busy:
+                    raise BusyError(f"{ward.robot.name}: {busy}")
+                waited |= len(wards) > 1 and self.clock.now() - began > SLICE
 
-    def _rest(self, ward: Ward, seconds: float, look: float | None = None, since: float | None = None) -> str:
+    def _rest(self, ward: Ward, look: float | None = None) -> str:
         """Have the robot at rest; why it is not, if it works still when the time is over."""
-        if not ward.actions:
+        if ward.rest is None:
             return ""
-        ward.rest = Rest(ward, seconds, look, since)
-        seen = ward.rest.idle(ward.actions, f"{self.change.name} waits until {ward.robot.name} is idle")
+        seen = ward.rest.idle(ward.actions, f"{self.change.name} waits until {ward.robot.name} is idle", look)
         if seen.verdict == FAIL:
             raise NotReadyError(f"the actions of {ward.robot.name} cannot be looked at: {seen.reason}")
+        self.patient = ward.rest.patient
         return "" if seen.verdict == PASS else seen.reason
 
     # --- the change -------------------------------------------------------------------------------------------------
@@ -170,8 +180,7 @@ class Guarded:
             with self._phase("apply"):
                 for ward in self.wards:
                     ward.keep(self.node)
-                if self.cluster is not None:
-                    self.cluster.confirm()
+                self._confirm()
                 self.proof.begin()
                 self.made = True  # from the first moment on
                 self.change.make()
@@ -185,9 +194,16 @@ class Guarded:
         except CancelledError as error:
             return self._ends(FAILED, self._left(str(error)))
         except FleetError as error:
-            return self._back(error) if self.made else self._ends(FAILED, f"nothing was touched: {error}")
+            if self.made:
+                return self._back(error)
+            word = BUSY if isinstance(error, LostError) else FAILED
+            return self._ends(word, f"nothing was touched: {error}")
         finally:
             self._release()
+
+    def _confirm(self) -> None:
+        if self.cluster is not None:
+            self.cluster.confirm()
 
     def _prove(self) -> None:
         self.proof.given(self.wards)
@@ -200,6 +216,7 @@ class Guarded:
         try:
             with self._phase("rollback"):
                 with contextlib.suppress(KubeError):  # the API may be what the change has broken
+                    self._confirm()
                     self.proof.begin()
                 self.change.undo()
                 self._prove()

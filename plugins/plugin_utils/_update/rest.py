@@ -24,39 +24,41 @@ class Rest:
     """Of one robot, for one change of it.
 
     It has `seconds` to come to rest, from when an earlier look began to wait (`since`, by the clock's `now`), or from
-    the first call. `look` is how much of that may pass in this run; None: all of it.
+    the first call.
     """
 
-    def __init__(self, hands: Hands, seconds: float, look: float | None = None, since: float | None = None) -> None:
-        self._hands, self._seconds, self._look = hands, seconds, look
+    def __init__(self, hands: Hands, seconds: float, since: float | None = None) -> None:
+        self._hands, self._seconds = hands, seconds
         self.since = since
-        self.held: Sequence[Mapping[str, str]] = ()  # actions whose new goals are, or may be, held back
+        self.held: dict[str, Mapping[str, str]] = {}  # by name, actions whose new goals are, or may be, held back
         self.patient = False  # its time is not over
 
-    def idle(self, actions: Sequence[Mapping[str, str]], what: str) -> Seen:
+    def idle(self, actions: Sequence[Mapping[str, str]], what: str, look: float | None = None) -> Seen:
         """Wait until they are idle, and hold new goals, so that none comes before the change; in check mode only look.
 
-        `what` says who waits for what.
+        `what` says who waits for what, `look` how many seconds may pass in this call; None: all that are left.
         """
         hands, now = self._hands, self._hands.clock.now()
         self.since = now if self.since is None else self.since
         end = self.since + self._seconds
         left, keeper = max(end - now, 0.0), "" if hands.check else hands.keeper
-        self.held = () if hands.check else actions  # as long as nobody knows better: an answer may be lost
+        before, named = self.held, {action["name"]: action for action in actions}
+        # as long as nobody knows better: an answer may be lost
+        self.held = {**before, **({} if hands.check else named)}
         seen = hands.until(
             lambda seconds: hands.host.hold(hands.master, keeper, actions, HOLD_SECONDS, seconds),
-            left if self._look is None else min(left, self._look),
+            left if look is None else min(left, look),
             what,
             since=self.since,
         )
         self.patient = hands.clock.now() < end
-        self.held = [action for action in actions if action["name"] in seen.held]
+        self.held = {**before, **{name: named[name] for name in seen.held}}
         return seen
 
     def release(self) -> None:
         """Let the goals go that are still held. If nobody can, the keeper does it by itself."""
         if self.held:
-            held, self.held = self.held, ()
+            held, self.held = [*self.held.values()], {}
             with contextlib.suppress(FleetError):
                 self._hands.host.release(self._hands.master, self._hands.keeper, held)
 

@@ -77,7 +77,7 @@ class Turn(Hands):
         settings, since = self.settings, self.settings.since.get(step.name)
         waited = 0.0 if since is None else self.clock.now() - since
         patience = settings.busy_timeout if self.policy(step) == "wait" and not settings.check else 0.0
-        rest = Rest(self, patience, settings.look_timeout, since)
+        rest = Rest(self, patience, since)
         return Now(step, self.clock.wall() - waited, rest, {"wait": round(waited, 3)} if waited else {})
 
     def record(self) -> None:
@@ -91,7 +91,7 @@ class Turn(Hands):
     def rest(self, now: Now, actions: Sequence[Mapping[str, str]], what: str) -> Seen:
         """Until the actions are idle and new goals held, for as long as the policy says."""
         try:
-            return now.rest.idle(actions, f"{now.step.name} waits until {what}")
+            return now.rest.idle(actions, f"{now.step.name} waits until {what}", self.settings.look_timeout)
         finally:
             if now.rest.since is not None:
                 self.waiting[now.step.name] = now.rest.since

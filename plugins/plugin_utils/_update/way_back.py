@@ -35,7 +35,10 @@ def go(turn: Turn, now: Now) -> None:
     if turn.recorded and old:
         # first, so that a service never points to nothing: the old server lives, and the new one's end cannot take
         # away what is not its own any more
-        turn.host.register(turn.master, now.graph, old)
+        try:
+            turn.host.register(turn.master, now.graph, old)
+        except RosError as error:  # without the old version there is nothing to register
+            turn.say(f"{step.name}: its old nodes are not registered again yet: {error}")
     # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here
     turn.apply_all(decide.marked(step.previous.values(), str(int(now.started))))
     turn.cluster.delete(step.created)

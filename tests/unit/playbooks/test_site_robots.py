@@ -77,7 +77,7 @@ def test_who_runs_nothing_comes_first_and_who_works_in_waves(server: Server, con
     # at work: before a step nothing of the app is touched, and its ROS master is asked in vain
     for name in ("robot2", "robot5"):
         assert run.outcome(name)[0] == "failed"
-        assert "nothing was touched: the ROS master does not answer" in run.outcome(name)[1]
+        assert "no app was touched: the ROS master does not answer" in run.outcome(name)[1]
         assert ":0" in str(server.find(path_of("Deployment", f"robot-{name}", "talker")))
     assert run.outcome("robot3")[0] == "deferred-offline"
     assert run.output.count("UNREACHABLE!") == 1  # in the very end, for the exit status

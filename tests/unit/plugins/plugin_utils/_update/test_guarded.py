@@ -70,6 +70,11 @@ class Site:
     app: str = "app 1"  # the version of the robots' app
     maps: dict[tuple[str, str], Object] = field(default_factory=dict)
     busy_until: float = 0.0
+    busy: tuple[str, ...] = ("robot1", "robot2")  # who is
+    goals: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # robot -> when one comes, how long it takes
+    starts: dict[str, float] = field(default_factory=dict)
+    holds: dict[str, float] = field(default_factory=dict)  # robot -> until when its goals are held
+    lost_then: bool = False  # the Lease, once the change was made
     master_silent: bool = False
     other_run: bool = False
     lost: bool = False
@@ -139,8 +144,7 @@ class Site:
 
     def make(self) -> None:
         with self.call("make"):
-            if self.busy_until > self.time:
-                self.interrupted.append("make")
+            self.interrupted += [name for name in self.deployments if self.works_until(name) > self.time]
             if self.is_proven or self.version != "new":  # else it is there already
                 self.install("new")
 
@@ -184,7 +188,7 @@ class Site:
             return Live(
                 [deployment(name, well, self.app) for name in here],
                 maps,
-                [service("ros-master", 11311), service("ros-keeper", 11411)],
+                [service(one, namespaces) for one in ("ros-master", "ros-keeper")],
             )
 
     @contextlib.contextmanager
@@ -214,7 +218,7 @@ class Site:
 
     def confirm(self) -> None:
         with self.call("api confirm"):
-            if self.lost:
+            if self.lost or (self.lost_then and self.changes):
                 raise LostError("somebody else has this robot now")
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
@@ -234,7 +238,7 @@ class Site:
 
     def graph(self, master: str, _rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Mapping[str, Any]:
         with self.call("graph"):
-            assert master == "http://10.43.0.1:11311"
+            assert master in ("http://10.43.0.1:11311", "http://10.43.0.2:11311")
             assert not nodes, "nobody asked for rates"
             if self.master_silent:
                 raise RosError("the master does not answer")
@@ -247,16 +251,25 @@ class Site:
             del found["nodes"]["/driver"], found["topics"]["/scan"]
         return found
 
-    def hold(self, _master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
         with self.call("hold"):
             assert [action["name"] for action in actions] == ["/plan"]
             assert seconds <= 60
-            self.time += min(timeout, max(self.busy_until - self.time, 0.0))
-            if self.busy_until > self.time:
+            name = f"robot{master.partition('10.43.0.')[2].partition(':')[0]}"
+            self.time += min(timeout, max(self.works_until(name) - self.time, 0.0))
+            if self.works_until(name) > self.time:
                 return Seen("wait", "/plan has a goal")
             if keeper:
                 self.held |= {"/plan"}
+                self.holds[name] = self.time + seconds
             return Seen("pass", "", ("/plan",) if keeper else ())
+
+    def works_until(self, name: str) -> float:
+        """When the robot is idle; a goal that is held begins when it is let go."""
+        found, held = self.busy_until if name in self.busy else 0.0, self.holds.get(name, 0.0)
+        if name in self.goals and name not in self.starts and self.time >= max(self.goals[name][0], held):
+            self.starts[name] = max(self.goals[name][0], held)
+        return max(found, self.starts[name] + self.goals[name][1] if name in self.starts else 0.0)
 
     def release(self, _master: str, _keeper: str, _actions: Sequence[Object]) -> None:
         with self.call("release"):
@@ -325,8 +338,10 @@ def deployment(name: str, ready: bool, version: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def service(name: str, port: int) -> dict[str, Any]:
-    return {"metadata": {"name": name}, "spec": {"clusterIP": "10.43.0.1", "ports": [{"port": port}]}}
+def service(name: str, namespaces: Iterable[str]) -> dict[str, Any]:
+    address = f"10.43.0.{2 if 'robot-robot2' in namespaces else 1}"
+    port = {"ros-master": 11311, "ros-keeper": 11411}[name]
+    return {"metadata": {"name": name}, "spec": {"clusterIP": address, "ports": [{"port": port}]}}
 
 
 def outcome(site: Site, **limits: Any) -> tuple[str, str]:
@@ -420,7 +435,7 @@ def test_another_run_is_left_alone() -> None:
 def test_a_robot_that_went_to_another_run_is_not_changed() -> None:
     """The control node slept between the wait and the change."""
     site = Site(lost=True)
-    assert outcome(site) == ("failed", "nothing was touched: somebody else has this robot now")
+    assert outcome(site) == ("deferred-busy", "nothing was touched: somebody else has this robot now")
     assert site.changes == 0
 
 
@@ -489,6 +504,20 @@ def test_after_an_app_was_updated_the_graph_is_recorded_anew() -> None:
     site.app, site.bad = "app 2", {}
     site.shown = lambda: {**GRAPH, "nodes": {"/planner": GRAPH["nodes"]["/planner"]}}  # type: ignore[method-assign]
     assert outcome(site)[0] == "updated"
+
+
+def test_a_robot_that_was_held_while_another_one_worked_is_looked_at_again() -> None:
+    """Nothing is held for longer than a minute: the first robot has another goal by then."""
+    site = Site(deployments=("robot1", "robot2"), busy_until=100.0, busy=("robot2",), goals={"robot1": (80.0, 40.0)})
+    assert outcome(site, busy_timeout=300.0)[0] == "updated"
+    assert site.time > 120.0
+
+
+def test_what_another_run_has_by_now_is_not_taken_back_under_it() -> None:
+    site = Site(bad={"new": "works"}, lost_then=True)
+    word, reason = outcome(site)
+    assert (word, site.version, site.changes) == ("failed", "new", 1)
+    assert "somebody else has this robot now" in reason
 
 
 @pytest.mark.parametrize("bad", [{}, {"new": "works"}, {"new": "graph"}, {"new": "rollout"}])

@@ -4,8 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import Rest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object, Seen, World
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     begin,
@@ -16,6 +22,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
 def busy(seconds: float) -> tuple[Simulation, Robot]:
@@ -129,3 +136,35 @@ def test_no_goal_is_lost_whatever_happens(fault: str) -> None:
         assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
         sim.advance(90.0)
         assert all(goal.ended for goal in sim.goals), (fault, at)
+
+
+class Quiet:
+    """A robot at rest, whose keeper holds whatever it is asked to."""
+
+    def __init__(self) -> None:
+        self.held: set[str] = set()
+
+    def now(self) -> float:
+        return 0.0
+
+    def confirm(self) -> None:
+        pass
+
+    def hold(self, _master: str, _keeper: str, actions: Sequence[Object], _seconds: float, _timeout: float) -> Seen:
+        asked = [str(action["name"]) for action in actions]
+        self.held |= {*asked}
+        return Seen("pass", "", asked)
+
+    def release(self, _master: str, _keeper: str, actions: Sequence[Object]) -> None:
+        self.held -= {str(action["name"]) for action in actions}
+
+
+def test_all_that_was_held_in_a_step_is_let_go() -> None:
+    """The way back asks for what the new version serves; what was held for the old one is held still."""
+    quiet: Any = Quiet()
+    rest = Rest(Hands(robot(), World(quiet, quiet, quiet)), 0.0)
+    rest.idle([{"name": "/plan", "server": "/planner"}, {"name": "/dock", "server": "/planner"}], "waits")
+    rest.idle([{"name": "/plan", "server": "/planner"}], "waits")
+    assert quiet.held == {"/plan", "/dock"}
+    rest.release()
+    assert not quiet.held

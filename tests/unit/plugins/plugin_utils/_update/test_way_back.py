@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     INFRASTRUCTURE,
@@ -16,7 +17,11 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     running,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import DAY, FAULTS
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+    DAY,
+    FAULTS,
+    SimulatedHost,
+)
 
 UNSEEN = ("good", "crashes-once", "hangs")  # what is ready stays for the next run, and a node that hangs is
 
@@ -87,3 +92,16 @@ def test_whoever_forces_does_not_wait_for_a_bad_version() -> None:
     sim.goal("/plan", 20.0, after=20.0)
     found = outcome_of(sim, wanted, on_busy="force")
     assert (found.outcome, found.steps[0].phases["wait"]) == ("rolled-back", 0.0)
+
+
+@pytest.mark.parametrize("name", ["drain", "replace"])
+def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They come with the old version again; and without it nothing serves."""
+
+    def refuse(*_unused: object) -> None:
+        raise RosError("the ROS master does not answer")
+
+    sim, wanted = begin(name, "never-starts")
+    monkeypatch.setattr(SimulatedHost, "register", refuse)
+    assert outcome_of(sim, wanted).outcome == "rolled-back"
+    assert any("the ROS master does not answer" in text for text in sim.said)
