@@ -254,11 +254,11 @@ def test_the_record_of_a_run_that_waits_is_left_to_it(lives: bool, monkeypatch: 
         one.advance(1.0)
     site(other, changed)
     assert site(sim, changed, "killed", other.calls.index("hold") + 1) is None
-    assert '"outcome": "running"' in sim.events()
+    assert '"outcome": "waiting"' in sim.events()
     if lives:
         monkeypatch.setattr(SimulatedCluster, "claim", held)
     assert word(sim, wanted()) == "unchanged"
-    assert ('"outcome": "running"' in sim.events()) == lives
+    assert ('"outcome": "waiting"' in sim.events()) == lives
     assert (sim.touched == set()) == lives
 
 
