@@ -55,7 +55,8 @@ def state_of(node: Node, services: Mapping[str, str]) -> dict[str, Any]:
 def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
     """The own node where an earlier call found it, else where the master says; or why there is none.
 
-    `seconds` is for each that is asked.
+    `seconds` is for each that is asked. A node that does not answer in them may be at work: only one whose port is
+    closed is down.
     """
     name = settings["node"]
     known = load_state(name)
@@ -73,12 +74,13 @@ def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[Ow
     except RosError as error:
         return None, str(error)
     found = graph.nodes[name]
-    if not found.reachable:
+    if found.refused or not found.uri:
         return None, f"node {name}: registered, but down: {found.error}"
     if not is_here(found.uri):
         return None, f"node {name}: registered from {found.uri}, which is not this pod"
     uris = service_uris(graph.services, services)
-    save_state(name, state_of(found, uris))
+    if found.reachable:
+        save_state(name, state_of(found, uris))
     return OwnNode(name, found.uri, uris), ""
 
 
@@ -89,7 +91,7 @@ def nodes_here(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[l
         state = ros.state()
         names = [name for name in state.nodes() if name.startswith(f"{space}/")]
         found = ros.ask(state, Questions({name: frozenset() for name in names})).nodes
-        here = [name for name in names if found[name].reachable and is_here(found[name].uri)]
+        here = [name for name in names if not found[name].refused and is_here(found[name].uri)]
         if settings.get("host_network"):  # then the address is that of others, too
             here = [name for name in here if listens_here(urlsplit(found[name].uri).port or 0)]
         services = {name: state.of(name, state.services) for name in here}

@@ -118,6 +118,17 @@ def test_where_it_is_not(world: World, change: dict[str, Any], words: str) -> No
     assert words in why
 
 
+def test_a_node_that_is_late_may_be_at_work(world: World) -> None:
+    """On a busy robot: what it works on would be cut off, had it been left to SIGTERM."""
+    world.address = f"http://127.0.0.1:{world.peers.hung()}/"
+    node, why = find_node(SETTINGS, 0.2)
+    assert (node and node.uri, why) == (world.address, "")
+    assert state.load_state(NODE) == {}
+    assert [one.uri for one in nodes_here({}, 0.2)[0]] == [world.address]
+    world.address = f"http://127.0.0.1:{world.peers.dead()}/"
+    assert nodes_here({}, 0.2) == ([], "no node is registered from this pod's address")
+
+
 def test_a_node_of_another_pod_is_left_alone(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(own_node, "is_here", lambda _uri: False)
     assert find_node(SETTINGS) == (None, f"node {NODE}: registered from {world.node}, which is not this pod")
