@@ -180,7 +180,10 @@ def _served(graph: Graph, own: Node, name: str) -> Check:
 
 
 def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[str, str]) -> list[Check]:
-    """Types of one name may differ in their definition; clients and subscribers of the old one are then refused."""
+    """Types of one name may differ in their definition; clients and subscribers of the old one are then refused.
+
+    A topic's that was recorded and cannot be read now has to be asked again. (A service answers all of it or nothing.)
+    """
     if not contract:
         return []
     services = {name: graph.services[name].probe for name in contract["services"] if name in graph.services}
@@ -188,8 +191,10 @@ def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[
     checks = []
     for kind, entries in (("topic", contract["topics"]), ("service", contract["services"])):
         for name, entry in entries.items():
-            old, new = entry.get("md5sum") or ANY_TYPE, sums.get(name) or ANY_TYPE
-            if ANY_TYPE not in (old, new) and old != new:
+            old, new = entry.get("md5sum") or ANY_TYPE, sums.get(name, "")
+            if kind == "topic" and old != ANY_TYPE and not new:
+                checks.append(Check(kind, name, WAIT, "it does not tell the definition of its type"))
+            elif ANY_TYPE not in (old, new or ANY_TYPE) and old != new:
                 what = f"definition of {entry.get('type') or 'its type'}"
                 reason = f"this version's {what} has the md5sum {new}, the one before had {old}"
                 checks.append(Check(kind, name, FAIL, reason))
