@@ -72,6 +72,12 @@ def foreign_fields(there: Mapping[str, Any], wanted: Mapping[str, Any], manager:
     return found
 
 
+def left_fields(there: Mapping[str, Any], wanted: Mapping[str, Any], manager: str) -> dict[str, Any]:
+    """What `manager` has of the object's spec beside what is `wanted`: what it took over, and did not apply since."""
+    own = next((entry for entry in _entries(there) if _is_applied(entry, manager)), {})
+    return _beside({"f:spec": (own.get("fieldsV1") or {}).get("f:spec") or {}}, wanted, wanted)
+
+
 def taken_over(there: Mapping[str, Any], fields: Fields, manager: str) -> list[dict[str, Any]]:
     """The object's managedFields with these fields as if `manager` had applied them, and nobody else.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.subset import is_in
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields, left_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
@@ -46,7 +46,8 @@ def lost_services(wanted: Iterable[Object], live: Live) -> list[Object]:
 
 
 def _is_changed(wanted: Object, there: Object) -> bool:
-    return not is_in(wanted["spec"], there["spec"]) or bool(foreign_fields(there, wanted, names.MANAGER))
+    beside = foreign_fields(there, wanted, names.MANAGER) or left_fields(there, wanted, names.MANAGER)
+    return bool(beside) or not is_in(wanted["spec"], there["spec"])
 
 
 def _key(item: Object) -> tuple[str, str]:

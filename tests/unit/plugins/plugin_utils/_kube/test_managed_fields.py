@@ -10,6 +10,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import (
     applied_part,
     foreign_fields,
+    left_fields,
     taken_over,
     without_fields,
 )
@@ -133,6 +134,8 @@ def test_taken_over_it_is_as_if_we_had_applied_it() -> None:
     assert part["spec"]["paused"] is True
     assert [one["name"] for one in part["spec"]["template"]["spec"]["containers"]] == ["app", "shell"]
     assert foreign_fields(now, WANTED, US) == {}
+    assert left_fields(now, WANTED, US) == FOREIGN  # a run that ends here leaves it to be seen
+    assert left_fields(found, WANTED, US) == {}
 
 
 def test_what_was_never_applied_is_taken_over_too() -> None:

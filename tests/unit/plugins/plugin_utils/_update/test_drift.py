@@ -117,6 +117,14 @@ def test_what_controllers_write_and_what_is_well_again_is_not(change: Callable[[
     assert found(change) == []
 
 
+def test_what_a_run_took_over_and_did_not_come_to_apply_is_suspected() -> None:
+    def taken(item: dict[str, Any]) -> None:
+        item["spec"]["paused"] = True
+        item["metadata"]["managedFields"][0]["fieldsV1"]["f:spec"]["f:paused"] = {}
+
+    assert found(taken) == ["sensor"]
+
+
 def services(change: Callable[[dict[str, Any]], Any]) -> list[str]:
     """Names of Services to apply again; the change is of `ros-master`, or of the lists of what is there."""
     wanted = workload_objects(ROBOT, PARTS)
