@@ -216,8 +216,8 @@ class Engine(Turn):
         for item in services:
             self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
         self.apply_all([*self._ground(), *services])
-        if services:
-            self.meet_master()
+        if services:  # with addresses of their own
+            self.live = replace(self.live, services=self.read().services)
 
     def _record(self) -> None:
         """Once for all steps. The update of a master that does not answer is how to mend it."""

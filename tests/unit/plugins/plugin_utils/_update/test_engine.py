@@ -97,12 +97,14 @@ def test_images_are_there_before_anything_is_touched() -> None:
 
 
 @pytest.mark.parametrize("wanted_image", [OLD, image("good")])
-def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image: str) -> None:
+@pytest.mark.parametrize("name", ["ros-master", "ros-keeper"])
+def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image: str, name: str) -> None:
     sim, _wanted = begin("overlap", "good")
-    wanted, key = robot(app("sensor", wanted_image)), ("Service", "robot-robot1", "ros-master")
+    wanted, key = robot(app("sensor", wanted_image)), ("Service", "robot-robot1", name)
     there = sim.objects.pop(key)
     found = outcome_of(sim, wanted)
     assert found.outcome == "updated"
     assert sim.objects[key]["spec"] == there["spec"]
-    assert "Service ros-master is gone or was changed by hand" in sim.said
+    assert f"Service {name} is gone or was changed by hand" in sim.said
+    assert sim.engine.live.service_uri(name)  # what is held back, is held there
     assert outcome_of(sim, wanted).outcome == "unchanged"
