@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import time
 from collections.abc import Iterator
@@ -246,7 +247,7 @@ def test_a_server_that_does_not_finish_is_stopped_all_the_same(scene: Scene, pod
     status, line = pod.call("stop")
     assert time.monotonic() - began < 8
     assert status == 0
-    assert "stopped with open goals after 4 s: /work ACTIVE" in line
+    assert re.search(r"stopped with open goals after [34] s: /work ACTIVE", line)
 
 
 def test_a_keeper_holds_goals_while_servers_change(scene: Scene, pods: Any) -> None:
