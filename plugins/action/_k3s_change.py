@@ -99,7 +99,7 @@ class K3sExchange:
 
 
 class ActionModule(ClusterAction):
-    """`plan` is what _k3s_plan found. Without the fleet's variable no robot is known to be at work here.
+    """`plan` is what _k3s_plan found.
 
     Where the result has `waiting`, the robot works: the task is to come back, and say so in `since`.
     """
@@ -218,8 +218,6 @@ def _step(exchange: K3sExchange, servers: Sequence[str]) -> Verdict:
 
 def _robots(cluster: KubeNodes, node: str, known: Mapping[str, Any], pods_notice: bool) -> list[Robot]:
     """Those that have to rest: the robot whose host it is; on an edge host those that have pods there that notice."""
-    if VARIABLE not in known:
-        return []
     if known["inventory_hostname"] in known[VARIABLE]["robots"]:
         return [robot_from_vars(known)]
     return cluster.robots_on(node, Fleet.from_vars(known).robots.values()) if pods_notice else []

@@ -17,6 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import ROL
 
 class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = ROLLOUT_ARGS
+    of_users = True
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         with self.cluster(params, known, patience=0) as kube:  # the wait has a patience of its own

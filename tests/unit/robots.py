@@ -38,5 +38,7 @@ def fleet(groups: Mapping[str, Sequence[str]], hostvars: Mapping[str, Mapping[st
 
 
 def fleet_of(*robots: Robot) -> dict[str, Any]:
-    """The variables that an action plugin finds once the fleet of these robots was validated."""
-    return {"fleet": Fleet({one.name: one for one in robots}, {}, ()).as_dict()}
+    """The variables that an action plugin finds once the fleet `production` of these robots was validated."""
+    made = {one.name: one for one in robots}
+    hosts = fleet_topology({"edge": ["edge1"], "robots": list(made)}, {name: one.mode for name, one in made.items()})
+    return {"fleet": Fleet(made, hosts, ("edge1",), "production").as_dict()}

@@ -9,7 +9,7 @@ import contextlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.utils.display import Display
@@ -34,7 +34,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import
     identity_in,
     to_be_adopted,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import UNNAMED, Home, home_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import UNNAMED, Home, home_from_vars, home_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 
 display = Display()
@@ -50,6 +50,9 @@ class ClusterAction(FleetAction):
     """
 
     _requires_connection = False
+    # Users call it by itself, too, without a fleet: then the options count as kubernetes.core's do, and nothing says
+    # which cluster is the right one.
+    of_users: ClassVar[bool] = False
     adoption: Identity | None = None  # what the cluster is and does not say yet
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -78,9 +81,10 @@ class ClusterAction(FleetAction):
     def cluster(self, params: Mapping[str, Any], known: dict[str, Any], patience: float = PATIENCE) -> Iterator[Kube]:
         """The host's cluster, once it is known to be the inventory's; WrongClusterError where it is another one.
 
-        Without a validated fleet there is nothing to compare with: then the options count, as kubernetes.core's do.
+        SpecError without a validated fleet: there is nothing to compare with then.
         """
-        home, path = home_from_vars(known), str(self._templar.template(known.get("k3s_kubeconfig_path")) or "")
+        home = home_from_vars(known) if self.of_users else home_of(known)
+        path = str(self._templar.template(known.get("k3s_kubeconfig_path")) or "")
         with self.opened(home, path, known, params) if home else Kube(params, say=self.say(known)) as kube:
             yield kube.within(patience)
 

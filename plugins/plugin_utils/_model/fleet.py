@@ -69,6 +69,18 @@ def home_from_vars(task_vars: Mapping[str, Any]) -> Home | None:
     return Home(_host(host), str(found["name"])) if isinstance(found, Mapping) and host else None
 
 
+def home_of(task_vars: Mapping[str, Any]) -> Home:
+    """The same; SpecError where there is none."""
+    home = home_from_vars(task_vars)
+    if home is None:
+        _found(task_vars)
+        raise SpecError(
+            f"{task_vars.get('inventory_hostname')} is no host of this fleet: it is in neither of the inventory's "
+            "groups edge and robots, so it has no cluster"
+        )
+    return home
+
+
 def robot_from_vars(task_vars: Mapping[str, Any] | None) -> Robot:
     """The robot that an action plugin's task is about, without reading all the others; SpecError where it is none."""
     robots, name = _found(task_vars)["robots"], str((task_vars or {}).get("inventory_hostname"))
@@ -81,8 +93,8 @@ def _found(task_vars: Mapping[str, Any] | None) -> Mapping[str, Any]:
     found = (task_vars or {}).get(VARIABLE)
     if not isinstance(found, Mapping) or "robots" not in found:
         raise SpecError(
-            f"the variable {VARIABLE} is missing: the inventory was not validated in this run; "
-            "import the playbook rosops.fleet.validate before this one"
+            f"the variable {VARIABLE} is missing: the inventory was not validated in this run; import the playbook "
+            "rosops.fleet.validate before this one, and leave its tags, validate and always, out of --skip-tags"
         )
     return found
 

@@ -8,11 +8,13 @@ import os
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 
 @pytest.fixture
 def api(server: Server, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """The options that lead to it."""
+    """The options that lead to it; it is the cluster `edge` of the fleet `production`."""
+    server.put("/api/v1/namespaces/kube-system/configmaps/rosops-fleet", Identity("production", "edge").as_object())
     monkeypatch.setattr(os, "environ", dict(os.environ))  # an action adds its task's environment to the process'
     return {"host": server.url, "api_key": "t"}

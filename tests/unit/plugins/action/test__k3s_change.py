@@ -21,6 +21,8 @@ PLAN: dict[str, Any] = {
     "member": "", "version": OLD,
 }  # fmt: skip
 
+NO_ROBOTS: dict[str, Any] = {"robots": {}, "hosts": {}, "edge_nodes": [], "name": "lab"}
+
 
 def node(name: str, version: str = OLD, ready: str = "True", server: bool = True) -> dict[str, Any]:
     labels = {"node-role.kubernetes.io/control-plane": "true"} if server else {}
@@ -61,7 +63,7 @@ class Host:
         variables = {
             "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"], "k3s_node_name": "robot1",
             "k3s_install_source": "airgap", "k3s_kubeconfig_path": "", "k3s_start_timeout": 5,
-            "k3s_failure_budget": "0", **more,
+            "k3s_failure_budget": "0", "fleet": NO_ROBOTS, **more,
         }  # fmt: skip
         return run(_k3s_change, {"plan": plan}, variables, check_mode)
 
@@ -163,7 +165,7 @@ def test_another_robot_that_is_not_ready_is_no_server(host: Host) -> None:
 @pytest.mark.parametrize(("staged", "asked"), [(NEW, False), ("v1.35.0+lab1", True)])
 def test_an_edge_hosts_robots_rest_where_their_pods_may_be_started_again(host: Host, staged: str, asked: bool) -> None:
     host.staged = staged
-    host.change(fleet={"robots": {}, "hosts": {}, "edge_nodes": [], "name": "lab"})
+    host.change()
     assert host.robots_asked is asked
 
 

@@ -11,6 +11,7 @@ from ansible_collections.rosops.fleet.plugins.action import _node_apply
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import conditions, obj
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
 PATH = "/api/v1/nodes/robot1"
 TAINT = {"key": "gripper", "value": "", "effect": "NoSchedule"}
@@ -18,7 +19,10 @@ TAINT = {"key": "gripper", "value": "", "effect": "NoSchedule"}
 
 def apply(api: dict[str, Any], check_mode: bool = False, **options: Any) -> dict[str, Any]:
     return run(
-        _node_apply, {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options}, {}, check_mode
+        _node_apply,
+        {**api, "name": "robot1", "placement": "local", "robot": "robot1", **options},
+        fleet_of(robot()),
+        check_mode,
     )
 
 

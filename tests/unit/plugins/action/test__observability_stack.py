@@ -12,10 +12,12 @@ from ansible_collections.rosops.fleet.plugins.action import _observability_stack
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
 
 READY = {"metadata": {"name": "edge1"}, "status": {"conditions": [{"type": "Ready", "status": "True"}]}}
 OFF = {"metadata": {"name": "robot1"}, "status": {"conditions": [{"type": "Ready", "status": "Unknown"}]}}
-DEFAULTS = {name: option.get("default") for name, option in role_options("observability").items()}
+OPTIONS = {name: option.get("default") for name, option in role_options("observability").items()}
+DEFAULTS: dict[str, Any] = {**OPTIONS, **fleet_of(robot())}
 CLAIMS = "/api/v1/namespaces/observability/persistentvolumeclaims"
 
 

@@ -120,6 +120,27 @@ ACTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
 }
 
 
+@pytest.mark.parametrize("action", [name for name in ACTIONS if name != "rollout"])
+@pytest.mark.parametrize("fleet", [{}, {"fleet": {"failed": True}}, {"inventory_hostname": "localhost"}])
+def test_without_a_validated_fleet_no_cluster_is_asked(server: Server, action: str, fleet: dict[str, Any]) -> None:
+    """As with --skip-tags validate: nothing says then which cluster is the right one."""
+    os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
+    known = {key: value for key, value in inventory().items() if fleet or key != "fleet"} | fleet
+    module, args = ACTIONS[action]
+    result = run(module, args, known)
+    assert result["failed"]
+    words = "no host of this fleet" if "inventory_hostname" in fleet else "import the playbook rosops.fleet.validate"
+    assert words in result["msg"] or "is no robot of this fleet" in result["msg"]
+    assert asked(server) == []
+
+
+def test_users_wait_for_rollouts_of_any_cluster(server: Server) -> None:
+    module, args = ACTIONS["rollout"]
+    found = run(module, {**args, "host": server.url, "api_key": "t", "timeout": 0}, {})
+    assert "Deployment b/a" in found["msg"]
+    assert asked(server)
+
+
 @pytest.mark.parametrize("action", ACTIONS)
 @pytest.mark.parametrize(
     "found", [Identity("staging", "edge"), Identity("production", "robot2"), None], ids=["fleet", "cluster", "none"]

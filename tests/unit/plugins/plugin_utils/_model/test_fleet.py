@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import (
     Fleet,
     Home,
     home_from_vars,
+    home_of,
     robot_from_vars,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
@@ -48,7 +49,7 @@ def test_a_task_finds_its_robot() -> None:
 
 
 @pytest.mark.parametrize("variables", [None, {}, {"fleet": "mine"}, {"fleet": {"failed": True, "msg": "no"}}])
-@pytest.mark.parametrize("read", [Fleet.from_vars, robot_from_vars])
+@pytest.mark.parametrize("read", [Fleet.from_vars, robot_from_vars, lambda found: home_of(found or {})])
 def test_without_the_validation_it_says_what_to_do(read: Any, variables: Any) -> None:
     with pytest.raises(SpecError, match=r"import the playbook rosops[.]fleet[.]validate"):
         read(variables)
