@@ -14,14 +14,12 @@ from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.action.robot_update import (
-    MonotonicClock,
-    RobotHost,
-    _cancellable,
-)
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, Verdict, verdict
@@ -121,7 +119,7 @@ class ActionModule(ClusterAction):
                 if shared:  # they hold one datastore: what one did not take, none is given
                     refusal = "not begun: another server of its cluster failed"
                 return {"changed": False, "outcome": _outcome(UNCHANGED, refusal, None), "msg": refusal}
-            with _cancellable():
+            with cancellable():
                 found, since = self._change(params, variables, known)
         except (AwayError, ServersAwayError) as error:
             return _failure(OFFLINE, f"nothing was touched: {error}")
@@ -169,12 +167,8 @@ class ActionModule(ClusterAction):
         since: float | None,
     ) -> Guarded:
         host, check = RobotHost(self, known), bool(self._task.check_mode)
-
-        def reach() -> None:
-            host.module("ansible.builtin.ping", {})
-
         modules = ModuleHost(
-            reach,
+            host.there,
             lambda name, arguments: host.module(f"rosops.fleet.{name}", arguments),
             ImageSource(NodeImages(host)),
             check,

@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_object, kept_part
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import FACT, declared_in
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import declared_in
 
 display = Display()
 
@@ -100,8 +100,14 @@ def _rows(known: Mapping[str, Any], hosts: Iterable[str]) -> Iterator[dict[str, 
     for host in hosts:
         side = "here" if host in here else "lost"
         note = noted.get("hosts", {}).get(host, {})
-        found = note.get(side) or (declared_in(known["hostvars"][host].get(FACT)) if host in here else {})
+        found = note.get(side) or (_told(known["hostvars"][host]) if host in here else {})
         yield {**UNKNOWN[side], "steps": [], "changed": 0, **run, **note.get("host", {}), **found, "host": host}
+
+
+def _told(variables: Mapping[str, Any]) -> dict[str, Any]:
+    """What a task of this run has said of the host; facts may be those of an earlier run, out of a cache."""
+    updated = declared_in((variables.get("update_result") or {}).get("outcome"))
+    return updated or declared_in(variables.get("fleet_k3s_outcome"))
 
 
 def _only_validates() -> bool:

@@ -25,10 +25,13 @@ class ActionModule(FleetAction):
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         name, host, hostvars = params["registered"], known["inventory_hostname"], known["hostvars"]
+        if "facts" not in hostvars[host][name]:
+            return {"changed": False, "skipped": True, "msg": "it could not be reached"}
         variables = role_variables("preflight", self._templar, known)
         wanted = requirements(variables, server_addresses(variables, host, hostvars))
         # every host of the play that answered: names and MTUs are compared across them
-        fleet = {other: hostvars[other][name]["facts"] for other in known["ansible_play_hosts"]}
+        looks = {other: hostvars[other][name] for other in known["ansible_play_hosts"]}
+        fleet = {other: look["facts"] for other, look in looks.items() if "facts" in look}
         report = judge(fleet, host, wanted)
         return {
             "changed": False,

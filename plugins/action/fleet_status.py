@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import FACT, message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 
 display = Display()
@@ -41,7 +41,7 @@ class ActionModule(FleetAction):
         text = status_text(status)
         display.display(f"\n{text}")
         # for the report: a page that was written on the control node is no change to a host
-        result: dict[str, Any] = {"status": status, "text": text, "ansible_facts": {FACT: UNCHANGED}}
+        result: dict[str, Any] = {"status": status, "text": text, "outcome": UNCHANGED}
         try:
             result["changed"] = self._write(
                 status, params["page"], params["mode"], str(known.get("ansible_limit") or "")

@@ -9,22 +9,19 @@ run, and not once per robot.
 
 from __future__ import annotations
 
-import contextlib
-import os
-import signal
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from types import FrameType
 from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible.errors import AnsibleConnectionFailure
+from ansible.errors import AnsibleError
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
@@ -55,8 +52,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, CancelledError, World
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import World
 
 display = Display()
 
@@ -84,38 +80,6 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "image_rate_limit": {"type": "str", "default": ""},
     "image_directory": {"type": "str", "default": DIRECTORY},
 }
-TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
-
-
-class MonotonicClock:
-    """This machine's clocks."""
-
-    def wall(self) -> float:
-        return time.time()
-
-    def now(self) -> float:
-        return time.monotonic()
-
-
-class RobotHost(ActionHost):
-    """The robot's host. That it cannot be reached is an outcome, whatever was under way; what takes long says so."""
-
-    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
-        with self._reached(name):
-            return super().module(name, args, secret)
-
-    def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
-        with self._reached(f"copying {src}"):
-            return super().copy(src, dest, rate_limit)
-
-    @contextlib.contextmanager
-    def _reached(self, what: str) -> Iterator[None]:
-        robot, began = self.task_vars["inventory_hostname"], time.monotonic()
-        with ticking(TICK, lambda: display.display(f"[{robot}] {what} for {time.monotonic() - began:.0f} s now")):
-            try:
-                yield
-            except AnsibleConnectionFailure as error:
-                raise AwayError(str(error)) from error
 
 
 class ActionModule(ClusterAction):
@@ -136,13 +100,14 @@ class ActionModule(ClusterAction):
         with ledger.alone():  # one robot's turn settles what is the whole fleet's
             if needs_fleet_namespace(robot_from_vars(known)) and not ledger.fleet_done():
                 return self._turn(params, ledger)
-        return {"ansible_facts": {"fleet_waiting": False}}
+        return {"changed": False}
 
     def _turn(self, params: Mapping[str, Any], ledger: Ledger) -> dict[str, Any]:
         known, result, before = self._vars, dict[str, Any](), ledger.last(self._host)
         self._before = before if before.get("wave") == FLEET or before.get("outcome") == WAITING else {}
         if self._before.get("outcome") in (FAILED, ROLLED_BACK, BUSY):
-            return result  # its turn for the whole fleet did not go well: that is its outcome
+            # its turn for the whole fleet did not go well: that is its outcome
+            return {"outcome": {key: self._before[key] for key in ("outcome", "reason", "steps")}}
         try:
             refusal = ledger.refusal(params["failure_budget"], len(known["ansible_play_hosts_all"]))
             outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
@@ -150,25 +115,25 @@ class ActionModule(ClusterAction):
             outcome = RobotOutcome(OFFLINE, f"nothing was touched: {error}")
         except NoClusterError as error:
             outcome = self._without_cluster(error, result)
-        except FleetError as error:
+        except (FleetError, AnsibleError) as error:  # of Ansible's: a variable of this host that cannot be templated
             outcome = RobotOutcome(FAILED, f"nothing was touched: {error}")
         except Exception:  # a defect of ours counts as a failure of the robot, and is seen as what it is
             ledger.note(self._host, FAILED)
             raise
         if outcome is None:
-            return {**result, "ansible_facts": {"fleet_at_work": True}}
+            return {**result, "at_work": True}
         waits = outcome.outcome == WAITING
         steps = [step.as_dict() for step in outcome.steps if step.outcome != WAITING]
         # of a robot that the run comes back to
-        more = {"steps": steps, "since": self._since if waits else {}} if waits or not params["own"] else {}
-        ledger.note(self._host, outcome.outcome, **more)
+        more = {"reason": outcome.reason, "steps": steps, "since": self._since if waits else {}}
+        ledger.note(self._host, outcome.outcome, **(more if waits or not params["own"] else {}))
         if waits:
-            return {**result, "msg": outcome.reason, "ansible_facts": {"fleet_waiting": True}}
+            return {**result, "msg": outcome.reason, "waiting": True}
         good = set(OUTCOMES) - {FAILED} if self._task.check_mode else {UPDATED, UNCHANGED}
         if params["strict"] and outcome.outcome not in good:
             result.update(failed=True, msg=f"{outcome.outcome}: {outcome.reason}")
-        # the fact that the report and the last play read: a robot's outcome is no error of the task
-        return {**result, "ansible_facts": {"fleet_waiting": False, "fleet_outcome": outcome.as_dict()}}
+        # which the report and the last play read: a robot's outcome is no error of the task
+        return {**result, "outcome": outcome.as_dict()}
 
     def _without_cluster(self, error: NoClusterError, result: dict[str, Any]) -> RobotOutcome:
         """In check mode the run may be what would make it: then all of it would be new."""
@@ -206,9 +171,9 @@ class ActionModule(ClusterAction):
         node = NodeImages(there, directory, limit, self._say, self._pull_secrets())
         images = ImageSource(node, params["image_archives"], params["image_names"])
         host = ModuleHost(
-            self._reach, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), images, check
+            there.there, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), images, check
         )
-        with self.cluster(params, self._vars) as kube, _cancellable():
+        with self.cluster(params, self._vars) as kube, cancellable():
             engine = Engine(robot, settings, self._world(kube, host))
             outcome, self._since = engine.run(), engine.waiting
         result.update(engine.graph_told, changed=any(change.changed for change in engine.changes))
@@ -235,29 +200,3 @@ class ActionModule(ClusterAction):
         hostvars, edge = self._vars["hostvars"], self._vars["groups"].get("edge", [])
         seen = {name: (hostvars[name].get("images_brought") or {}).get("present") for name in edge}
         return {name: list(present) for name, present in seen.items() if present}
-
-    def _reach(self) -> None:
-        try:
-            self._low_level_execute_command("true", sudoable=False)
-        except AnsibleConnectionFailure as error:
-            raise AwayError(str(error)) from error
-
-
-@contextlib.contextmanager
-def _cancellable() -> Iterator[None]:
-    """SIGINT and SIGTERM end the step where it stands, held goals are let go, and only then the worker ends."""
-    caught: list[int] = []
-
-    def cancel(number: int, _frame: FrameType | None) -> None:
-        if not caught:  # whoever is impatient sends it again
-            caught.append(number)
-            raise CancelledError("the run was cancelled")
-
-    before = {number: signal.signal(number, cancel) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        if caught:
-            os.kill(os.getpid(), caught[0])

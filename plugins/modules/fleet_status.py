@@ -42,7 +42,7 @@ notes:
   - The last outcomes are those that the clusters keep, and those that the callback
     P(rosops.fleet.fleet_report#callback) has written here, under the name that its option C(path) gives or one that
     begins with it; of each host the newer one.
-  - Sets the fact C(fleet_outcome) to V(unchanged) for that callback. Looking changes no host.
+  - Returns C(outcome), V(unchanged), for that callback. Looking changes no host.
 attributes:
   check_mode:
     description: Shows all, writes no page, and tells whether there would be a new one.

@@ -20,8 +20,8 @@ description:
   - Each changed app, each group of apps (C(update.group)) and the master is a step, in the order of C(depends_on). A
     step records what the app is to the ROS graph, waits until a busy robot is idle, applies the new version, waits
     until the pods have handed over, and holds the graph against the record. What does not hold is taken back.
-  - The robot's outcome is in the fact C(fleet_outcome) afterwards. The task itself does not fail because of it, and a
-    robot that cannot be reached is an outcome, too.
+  - The robot's outcome is RV(outcome). The task itself does not fail because of it, and a robot that cannot be reached,
+    or on which Ansible cannot work, is an outcome, too.
   - One run changes a robot at a time, by the Lease C(robot-update) in its namespace. A second one ends as
     C(deferred-busy) and says who has the robot. The Lease of a run that was killed is waited out for 15 seconds.
   - Every 10 seconds it says what is waited for, and with C(-v) each phase as it begins.
@@ -29,7 +29,8 @@ notes:
   - Reads what the playbook C(rosops.fleet.validate) worked out, which has to be imported first.
   - The work is done by an action plugin on the control node, which asks the Kubernetes API itself and runs modules of
     this collection on the robot's host. They need root there to see the sockets of pods.
-  - SIGINT and SIGTERM end the step where it stands and let held goals go. What was applied by then stays marked as
+  - SIGINT, SIGTERM and the end of ansible-playbook itself (SIGKILL) end the step where it stands and let held goals
+    go. What was applied by then stays marked as
     unproven, with the way back beside it, and the next run takes the step up.
 options:
   parts:
@@ -43,8 +44,8 @@ options:
     default: [namespace, storage, master, apps]
   at_work:
     description:
-      - Whether a robot at work may be changed. If not, and it has to be, nothing is done, and the fact
-        C(fleet_at_work) is true; a robot that runs nothing yet, or is as it should be, is done with.
+      - Whether a robot at work may be changed. If not, and it has to be, nothing is done, and RV(at_work) is true; a
+        robot that runs nothing yet, or is as it should be, is done with.
     type: bool
     default: true
   strict:
@@ -117,8 +118,8 @@ options:
   come_back:
     description:
       - Whether the caller comes back to a robot that works. The first look then takes no time, and every later one at
-        least 8 seconds or a fiftieth of O(busy_timeout), until that is over. Meanwhile the fact C(fleet_waiting) is
-        true, and there is no C(fleet_outcome). So robots that work do not keep Ansible's forks from those that rest.
+        least 8 seconds or a fiftieth of O(busy_timeout), until that is over. Meanwhile RV(waiting) is true, and there
+        is no RV(outcome). So robots that work do not keep Ansible's forks from those that rest.
       - Otherwise it waits for all of O(busy_timeout).
     type: bool
     default: false
@@ -180,19 +181,19 @@ elapsed:
   description: Seconds that this look took.
   returned: where the graph was looked at as a whole
   type: float
-ansible_facts:
-  description: The outcome, as a fact.
-  returned: always
+outcome:
+  description:
+    - What became of the robot. C(outcome) is V(updated), V(unchanged), V(deferred-offline), V(deferred-busy),
+      V(rolled-back) or V(failed), C(reason) says why, and C(steps) are the steps that were begun, each with its
+      C(phases) in seconds.
+  returned: always, but for what is left for a later task
   type: dict
-  contains:
-    fleet_at_work:
-      description: The robot is at work and has to be changed. It has no outcome yet.
-      type: bool
-      returned: with O(at_work=false)
-    fleet_outcome:
-      description:
-        - C(outcome) is V(updated), V(unchanged), V(deferred-offline), V(deferred-busy), V(rolled-back) or V(failed),
-          C(reason) says why, and C(steps) are the steps that were begun, each with its C(phases) in seconds.
-      type: dict
-      returned: always, but for what is left for a later play
+waiting:
+  description: The robot works, and the caller has to come back.
+  returned: with O(come_back), when so
+  type: bool
+at_work:
+  description: The robot is at work and has to be changed. It has no outcome yet.
+  returned: with O(at_work=false), when so
+  type: bool
 """

@@ -38,9 +38,9 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_observability": ("_model", "_objects"),
     # above the objects: an app's overrides are judged by the object that they are laid over
     "_validate": ("_model", "_objects", "_observability"),
-    # what actions share: how they run modules on the host at hand
-    "_action": ("_model", "_kube", "_images"),
     "_update": ("_model", "_kube", "_images", "_objects", "_observability"),
+    # what actions share: how they run modules on the host at hand, and what an update calls the ways in which they fail
+    "_action": ("_model", "_kube", "_images", "_update"),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
 POD_ROOMS = ("_common", "_ros", "_pod")  # all that goes into app pods, where nothing of Ansible's is

@@ -26,7 +26,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import t
 # In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words of outcomes.
 WOULD = {UPDATED: "would change", UNCHANGED: "would not change"}
 
-FACT = "fleet_outcome"
+FACTS = ("fleet_outcome", "fleet_k3s_outcome")  # the latter is site's own, of its stage k3s
+TELLING = ("robot_update", "fleet_status")  # actions whose result has an `outcome`
 SLOWEST = 10
 CHANGED_KEPT = 100
 HIDDEN = "hidden by no_log"
@@ -157,14 +158,17 @@ def _rollout_of(result: Mapping[str, Any]) -> dict[str, Any]:
     return {"elapsed": result.get("elapsed"), "objects": len(rows), "unmet": unmet}
 
 
-def _declared_of(result: Mapping[str, Any]) -> dict[str, Any]:
-    """An outcome that a play decided itself, with `set_fact: fleet_outcome`."""
+def _declared_of(action: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    """An outcome that an action of ours says, or that a play decided itself, with `set_fact: fleet_outcome`."""
     facts = result.get("ansible_facts")
-    return declared_in(facts.get(FACT) if isinstance(facts, Mapping) else None)
+    if action in TELLING:
+        return declared_in(result.get("outcome"))
+    told = [declared_in(facts.get(name)) for name in FACTS] if isinstance(facts, Mapping) else []
+    return next(filter(None, told), {})
 
 
 def declared_in(value: Any) -> dict[str, Any]:
-    """The fact's value, a word or `{outcome, reason, steps}`, as the latter; empty where it is none."""
+    """A word or `{outcome, reason, steps}`, as the latter; empty where it is none."""
     if isinstance(value, Mapping):
         word, reason = str(value.get("outcome", "")), str(value.get("reason") or "")
     else:
@@ -240,11 +244,11 @@ class RunReport:
         return task
 
     def _learn(self, task: _Task | None, host: str, result: Mapping[str, Any]) -> None:
-        declared = _declared_of(result)
+        action = task.action if task else ""
+        declared = _declared_of(action, result)
         if declared:
             self.host(host).declared = declared
         self._apis.update(result.get("apis") or {})
-        action = task.action if task else ""
         if action in ("ros_ready", "robot_update") and "verdict" in result:
             self.host(host).ready = _ready_of(result)
         if action == "rollout_ready" and "objects" in result:

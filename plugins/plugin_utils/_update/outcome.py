@@ -87,7 +87,7 @@ class RobotOutcome:
     steps: Sequence[StepResult] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """The fact `fleet_outcome`, which the report reads."""
+        """As the task returns it and the report reads it."""
         return {
             "outcome": self.outcome,
             "reason": printable(self.reason),

@@ -1,67 +1,13 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""site.yml and its robots as a run has them: ansible-playbook itself, a program in the place of ssh, an API of ours.
-
-No controller runs there: what is applied never gets ready.
-"""
+"""site.yml and its robots as a run has them: ansible-playbook itself, a program in the place of ssh, an API of ours."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Any
-
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE, PARTS, ground_objects
-from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, SSH, Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import PLACES, STAGES, WAVE, Run, path_of, runs
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
-
-STAGES = ",".join(PARTS)
-APP = {"name": "talker", "image": "x.example/talker:1", "command": ["run"], "pattern": "pubsub"}
-WAVE = "Robots are updated, wave by wave"
-PLACES = {"Deployment": "apis/apps/v1", "Service": "api/v1", "ConfigMap": "api/v1"}
-
-
-def path_of(kind: str, namespace: str, name: str) -> str:
-    return f"/{PLACES[kind]}/namespaces/{namespace}/{kind.lower()}s/{name}"
-
-
-def runs(server: Server, name: str) -> None:
-    """A robot that works, on an earlier version of its app."""
-    made = robot({**APP, "image": "x.example/talker:0"}, name=name)
-    space = f"/api/v1/namespaces/robot-{name}"
-    server.put(space, {"metadata": {}})
-    for item in [*ground_objects(made, ["apps"], [], CODE), *master_objects(made), *app_objects(made)]:
-        if item["kind"] in PLACES:
-            item = {**item, "spec": {**item.get("spec", {}), "clusterIP": "192.0.2.200"}}  # noqa: PLW2901
-            server.put(path_of(item["kind"], f"robot-{name}", item["metadata"]["name"]), item)
-
-
-class Run:
-    def __init__(
-        self, control: Control, robots: str, *arguments: str, playbook: str = "site", **variables: Any
-    ) -> None:
-        control.write("play.yml", f"- import_playbook: {CHECKOUT}/playbooks/{playbook}.yml\n")
-        said = {"ros_apps": [APP], "ros_app_rollout_timeout": 1, "update_failure_budget": 9, **variables}
-        done = control.run("--limit", robots, "-e", json.dumps(said), *arguments)
-        self.status, self.output = done.returncode, done.stdout + done.stderr
-        report: dict[str, Any] = json.loads((control.folder / "report.json").read_text())
-        self.hosts = {one["host"]: one for one in report["hosts"]}
-        self.plays = [play["name"] for play in report["plays"]]
-
-    def outcome(self, name: str) -> tuple[str, str]:
-        return self.hosts[name]["outcome"], self.hosts[name]["reason"]
-
-
-@pytest.fixture
-def control(tmp_path: Path, server: Server) -> Control:
-    made = Control(tmp_path, server)
-    robot3_is_off = SSH.format(folder=tmp_path).replace("= 192.0.2.1 ]", "= 192.0.2.1 -o $host = 192.0.2.13 ]")
-    made.write("ssh", robot3_is_off, 0o755)
-    return made
 
 
 def test_who_runs_nothing_comes_first_and_who_works_in_waves(server: Server, control: Control) -> None:

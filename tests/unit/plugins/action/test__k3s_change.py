@@ -13,6 +13,7 @@ import pytest
 from ansible.errors import AnsibleConnectionFailure
 from ansible_collections.rosops.fleet.plugins.action import _k3s_change
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
@@ -39,6 +40,7 @@ class Host:
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
         monkeypatch.setattr(ActionHost, "module", lambda _host, name, args, *_more: self.module(name, args))
+        monkeypatch.setattr(RobotHost, "there", lambda _host: self.module("true", {}))
         monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
         monkeypatch.setattr(_k3s_change, "KubeNodes", lambda *_args: Cluster(self))
         monkeypatch.setattr(_k3s_change.C, "DEFAULT_LOCAL_TMP", str(directory))

@@ -37,7 +37,8 @@ def cluster(server: Server, api: dict[str, Any], tmp_path: Path, monkeypatch: py
 
 def known(*here: str, **facts: Any) -> dict[str, Any]:
     hosts = [host for group in GROUPS.values() for host in group]
-    hostvars = {host: {"fleet_outcome": facts[host]} if host in facts else {} for host in hosts}
+    old = {"fleet_outcome": {"outcome": "rolled-back", "reason": "a fact of an earlier run"}}
+    hostvars = {host: {**old, "update_result": {"outcome": facts.get(host)}} for host in hosts}
     validated = {**fleet(GROUPS, hostvars).as_dict(), "name": "production"}
     return {"fleet": validated, "hostvars": hostvars, "ansible_play_hosts_all": hosts, "ansible_play_hosts": list(here)}
 
@@ -46,9 +47,9 @@ def noted() -> None:
     """What the callback writes down: edge1 was changed, robot1 was busy, 2 failed, 3 went away, 4 did nothing."""
     report = RunReport()
     report.play("Robots", [host for group in GROUPS.values() for host in group], 0)
-    report.task("t", TaskInfo("Apply", "command"), 0)
+    report.task("t", TaskInfo("Apply", "rosops.fleet.robot_update"), 0)
     report.ok("t", "edge1", {"changed": True}, 1)
-    report.ok("t", "robot1", {"ansible_facts": {"fleet_outcome": BUSY}}, 1)
+    report.ok("t", "robot1", {"outcome": BUSY}, 1)
     report.failed("t", "robot2", {"msg": "no space"}, 1)
     report.unreachable("t", "robot3", {"msg": "timed out"}, 1)
     note_run({"playbook": "update.yml", "started": "2026-11-22T06:00:00Z", "hosts": report.so_far()})
@@ -90,7 +91,7 @@ def test_a_later_run_on_one_host_keeps_the_others(server: Server) -> None:
     }  # fmt: skip
 
 
-def test_without_the_callback_the_facts_count() -> None:
+def test_without_the_callback_the_tasks_of_this_run_count() -> None:
     found = run(_outcomes, {}, known("robot1", robot1=BUSY))["ansible_stats"]["data"]["fleet_outcomes"]
     assert found["robot1"] == BUSY
     assert found["robot2"]["outcome"] == "failed"

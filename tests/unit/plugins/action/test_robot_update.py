@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The action: a robot's variables in, the engine on its cluster and its host, and the outcome as a fact."""
+"""The action: a robot's variables in, the engine on its cluster and its host, and the outcome."""
 
 from __future__ import annotations
 
@@ -9,13 +9,9 @@ from typing import Any
 
 import pytest
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible.errors import AnsibleConnectionFailure
 from ansible_collections.rosops.fleet.plugins.action import robot_update
-from ansible_collections.rosops.fleet.plugins.action.robot_update import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
@@ -39,7 +35,7 @@ NOWHERE = {"kubeconfig": "/nowhere/edge.yaml"}
 @pytest.fixture(autouse=True)
 def _control_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
-    monkeypatch.setattr(robot_update.ActionModule, "_reach", lambda _self: None)
+    monkeypatch.setattr(RobotHost, "there", lambda _self: None)
 
 
 def update(args: dict[str, Any], *parts: str, check_mode: bool = False, **options: Any) -> dict[str, Any]:
@@ -47,7 +43,7 @@ def update(args: dict[str, Any], *parts: str, check_mode: bool = False, **option
 
 
 def outcome(result: dict[str, Any]) -> dict[str, Any]:
-    return dict(result["ansible_facts"]["fleet_outcome"])
+    return dict(result["outcome"])
 
 
 # --- a robot's parts ------------------------------------------------------------------------------------------------
@@ -118,23 +114,6 @@ def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
     assert "import the playbook rosops.fleet.validate" in result["msg"]
 
 
-def away(*_args: Any) -> dict[str, Any]:
-    raise AnsibleConnectionFailure("no route to host")
-
-
-@pytest.mark.parametrize("method", ["module", "copy"])
-def test_a_robot_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
-    monkeypatch.setattr(ActionHost, method, away)
-    with pytest.raises(AwayError, match="no route to host"):
-        getattr(RobotHost(None, {"inventory_hostname": "robot1"}), method)("a", "b")
-
-
-def test_also_while_its_images_are_brought(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ActionHost, "module", away)
-    with pytest.raises(AwayError):
-        NodeImages(RobotHost(None, {"inventory_hostname": "robot1"})).bring([], ["redis:7"])
-
-
 class Turns:
     """The action of several robots of one run, each with the word that its engine comes to."""
 
@@ -169,7 +148,7 @@ def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(
     for name in ("robot1", "robot2", "robot3"):
         robots.take(name, own=False)
     assert robots.turns == [("robot1", False), ("robot2", False)]
-    assert robots.take("robot1", own=True)["ansible_facts"]["fleet_outcome"]["outcome"] == "updated"
+    assert robots.take("robot1", own=True)["outcome"]["outcome"] == "updated"
 
 
 def test_a_fleet_without_anything_shared_has_no_such_turn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -185,6 +164,7 @@ def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(
     robots = Turns(monkeypatch, tmp_path, robot1="rolled-back")
     robots.take("robot1", own=False)
     robots.take("robot2", own=False)
-    assert robots.take("robot1", own=True).get("ansible_facts") is None  # its outcome stays
-    told = robots.take("robot2", own=True)["ansible_facts"]["fleet_outcome"]
+    stays = robots.take("robot1", own=True)["outcome"]
+    assert stays == {"outcome": "rolled-back", "reason": "why", "steps": []}
+    told = robots.take("robot2", own=True)["outcome"]
     assert told["reason"] == "not begun: robot1 failed, which is more than update_failure_budget allows"

@@ -23,7 +23,7 @@ PLAY = """
   tasks:
     - name: Be unreachable never
       ansible.builtin.debug:
-        msg: "{{ inventory_hostname }} is {{ fleet_outcome.outcome }}"
+        msg: "{{ inventory_hostname }} is {{ update_result.outcome.outcome }}"
 """
 INVENTORY = """
 [robots]
@@ -45,8 +45,7 @@ class ActionModule(ActionBase):
             file.seek(0)
             waits = file.read().split().count(host) < int(task_vars["looks"])
             file.write(host + "\\n")
-        facts = {"fleet_waiting": waits}
-        return {"ansible_facts": facts if waits else {**facts, "fleet_outcome": {"outcome": "updated"}}}
+        return {"waiting": True} if waits else {"outcome": {"outcome": "updated"}}
 """
 
 

@@ -21,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.action import (
     rollout_ready,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import fleet_topology
@@ -48,7 +49,7 @@ def server() -> Iterator[Server]:
 def local_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(os, "environ", {key: value for key, value in os.environ.items() if "K8S_AUTH" not in key})
     monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(tmp_path))
-    monkeypatch.setattr(robot_update.ActionModule, "_reach", lambda _self: None)
+    monkeypatch.setattr(RobotHost, "there", lambda _self: None)
     return tmp_path
 
 
@@ -174,7 +175,7 @@ MINE = {
 def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server: Server) -> None:
     made_by(server, "staging")
     os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
-    outcome = run(robot_update, {}, inventory())["ansible_facts"]["fleet_outcome"]
+    outcome = run(robot_update, {}, inventory())["outcome"]
     assert outcome["outcome"] == "failed"
     assert "nothing was touched: " in outcome["reason"]
     assert (
@@ -287,7 +288,7 @@ SECRET = {"failed": True, "rc": 1, "msg": "Missing sudo password"}
 def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     servers = serve(monkeypatch, lambda _host: AWAY)
     for _robot in range(2):
-        outcome = run(robot_update, {}, inventory())["ansible_facts"]["fleet_outcome"]
+        outcome = run(robot_update, {}, inventory())["outcome"]
         assert outcome["outcome"] == "deferred-offline"
         assert "No server of the cluster edge can be reached over SSH" in outcome["reason"]
         assert "no route" in outcome["reason"]

@@ -106,6 +106,7 @@ def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
         ({"ansible_facts": {"fleet_outcome": "updated"}}, FAILED, ("failed", "")),
         ({"ansible_facts": {"fleet_outcome": "updated"}}, OK, ("updated", "")),
         ({"ansible_facts": {"fleet_outcome": "unchanged"}}, OK, ("unchanged", "")),
+        ({"ansible_facts": {"fleet_k3s_outcome": "rolled-back"}}, FAILED, ("rolled-back", "")),
         ({"ansible_facts": {"fleet_outcome": "unchanged"}}, {**OK, "changed": 2}, ("updated", "")),
         ({"ansible_facts": {"fleet_outcome": "splendid"}}, OK, ("unchanged", "")),
         ({"ansible_facts": {"fleet_outcome": {"outcome": "updated"}}}, DARK, ("deferred-offline", "")),
@@ -116,6 +117,17 @@ def test_declared_outcomes(fact: dict[str, Any], counts: dict[str, int], expecte
     report = started()
     report.ok("t1", "robot1", fact, 2.0)
     assert outcome(report, counts) == expected
+
+
+def test_an_update_and_a_look_say_their_outcome_themselves() -> None:
+    busy = {"outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE", "steps": [{"name": "dock"}]}}
+    for action, found in (("robot_update", busy), ("fleet_status", {"outcome": "unchanged"}), ("other", busy)):
+        report = started()
+        report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)
+        report.ok("t2", "robot1", {**found, "ansible_facts": {"fleet_outcome": "splendid"}}, 2.0)
+        word = "deferred-busy" if action == "robot_update" else "unchanged"
+        assert outcome(report, OK)[0] == word
+        assert bool(row(report)["steps"]) == (action == "robot_update")
 
 
 def test_the_verdict_of_ros_ready() -> None:

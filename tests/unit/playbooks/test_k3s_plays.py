@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 SERVERS, ROBOTS = ["edge1", "edge2", "edge3"], ["robot1", "robot2", "robot3"]
 LOOK = """
 - ansible.builtin.set_fact:
@@ -57,21 +58,25 @@ LAST = {
 
 @pytest.fixture
 def collection(tmp_path: Path) -> Path:
-    role = tmp_path / "collections/ansible_collections/rosops/fleet/roles/k3s/tasks"
+    ours = tmp_path / "collections/ansible_collections/rosops/fleet"
+    role = ours / "roles/k3s/tasks"
     role.mkdir(parents=True)
-    (role.parents[2] / "plugins").symlink_to(CHECKOUT / "plugins")  # names of modules have to be known
+    (ours / "plugins").symlink_to(CHECKOUT / "plugins")  # names of modules have to be known
     (role / "look.yml").write_text(LOOK)
     (role / "main.yml").write_text(WORK)
     shutil.copy(CHECKOUT / "roles/k3s/tasks/isolated.yml", role)
-    plays = yaml.safe_load((CHECKOUT / "playbooks/site.yml").read_text("utf-8"))
-    ours = [play for play in plays if play.get("tags") == ["k3s"]]
-    for play in ours:
-        play.update(become=False, vars_files=[], vars={"fleet_self": FLEET_SELF})
+    found = yaml.safe_load((CHECKOUT / "playbooks/site.yml").read_text("utf-8"))
+    plays = [play for play in found if "k3s" in play.get("tags", ())]
+    for play in plays:
+        play.update(become=False, vars_files=[], vars={"fleet_self": FLEET_SELF, "fleet": FLEET})
+    (tmp_path / "tasks").symlink_to(CHECKOUT / "playbooks/tasks")
     (tmp_path / "ansible.cfg").write_text("")
-    (tmp_path / "site.yml").write_text(yaml.safe_dump([*ours, LAST]))
+    (tmp_path / "site.yml").write_text(yaml.safe_dump([*plays, LAST]))
     return tmp_path
 
 
+GROUPS = {"edge": SERVERS, "robots": ROBOTS}
+FLEET = fleet(GROUPS, {name: {} for names in GROUPS.values() for name in names}).as_dict()
 FLEET_SELF = {
     "role": "{{ 'server' if inventory_hostname in groups['edge'] else 'agent' }}",
     "cluster": "edge",

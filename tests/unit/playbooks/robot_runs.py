@@ -1,0 +1,63 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs of the collection's own playbooks on robots that work, and on others.
+
+No controller runs there: what is applied never gets ready.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE, PARTS, ground_objects
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, Control
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+STAGES = ",".join(PARTS)
+APP = {"name": "talker", "image": "x.example/talker:1", "command": ["run"], "pattern": "pubsub"}
+WAVE = "Robots are updated, wave by wave"
+PLACES = {"Deployment": "apis/apps/v1", "Service": "api/v1", "ConfigMap": "api/v1"}
+
+
+def path_of(kind: str, namespace: str, name: str) -> str:
+    return f"/{PLACES[kind]}/namespaces/{namespace}/{kind.lower()}s/{name}"
+
+
+def runs(server: Server, name: str, image: str = "x.example/talker:0") -> None:
+    """A robot that works, on an earlier version of its app or on another one."""
+    made = robot({**APP, "image": image}, name=name)
+    space = f"/api/v1/namespaces/robot-{name}"
+    server.put(space, {"metadata": {}})
+    for item in [*ground_objects(made, ["apps"], [], CODE), *master_objects(made), *app_objects(made)]:
+        if item["kind"] in PLACES:
+            item = {**item, "spec": {**item.get("spec", {}), "clusterIP": "192.0.2.200"}}  # noqa: PLW2901
+            server.put(path_of(item["kind"], f"robot-{name}", item["metadata"]["name"]), item)
+
+
+class Run:
+    def __init__(
+        self,
+        control: Control,
+        robots: str,
+        *arguments: str,
+        playbook: str = "site",
+        environ: Mapping[str, str] = MappingProxyType({}),
+        **variables: Any,
+    ) -> None:
+        control.write("play.yml", f"- import_playbook: {CHECKOUT}/playbooks/{playbook}.yml\n")
+        said = {"ros_apps": [APP], "ros_app_rollout_timeout": 1, "update_failure_budget": 9, **variables}
+        done = control.run("--limit", robots, "-e", json.dumps(said), *arguments, **environ)
+        self.status, self.output = done.returncode, done.stdout + done.stderr
+        print(self.output)
+        report: dict[str, Any] = json.loads((control.folder / "report.json").read_text())
+        self.hosts = {one["host"]: one for one in report["hosts"]}
+        self.plays = [play["name"] for play in report["plays"]]
+
+    def outcome(self, name: str) -> tuple[str, str]:
+        return self.hosts[name]["outcome"], self.hosts[name]["reason"]

@@ -1,0 +1,108 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a playbook says of hosts is what became of them in this run, to every reader, and is each host's alone."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import WAVE, Run, runs
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+
+ASKS = """#!/bin/sh
+while [ "$1" != -p ]; do shift; done
+printf %s "$2" >&2
+read -r password
+echo "Sorry, try again." >&2
+exit 1
+"""
+
+
+def artifacts(run: Run) -> dict[str, str]:
+    """The outcomes that AWX would get, by host."""
+    said = run.output.partition("CUSTOM STATS")[2]
+    return dict(re.findall(r"(\w+):\s+outcome: (\S+)", said))
+
+
+def earlier_run(folder: Path, *hosts: str) -> dict[str, str]:
+    """A fact cache that holds what became of hosts in another run, and facts that are no variables."""
+    (folder / "facts").mkdir()
+    facts = {
+        "fleet_outcome": {"outcome": "rolled-back", "reason": "long ago", "steps": []},
+        "fleet_at_work": True,
+        "fleet_waiting": True,
+    }
+    for host in hosts:
+        (folder / "facts" / f"s1_{host}").write_text(json.dumps(facts))
+        (folder / "facts" / host).write_text(json.dumps(facts))
+    return {
+        "ANSIBLE_CACHE_PLUGIN": "ansible.builtin.jsonfile",
+        "ANSIBLE_CACHE_PLUGIN_CONNECTION": str(folder / "facts"),
+        "ANSIBLE_SHOW_CUSTOM_STATS": "1",
+    }
+
+
+@pytest.mark.parametrize("injected", ["True", "False"])
+def test_facts_neither_hide_nor_invent_outcomes(
+    server: Server, control: Control, tmp_path: Path, injected: str
+) -> None:
+    server.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
+    runs(server, "robot2")
+    runs(server, "robot4", "x.example/talker:1")
+    hosts = ("edge2", "robot2", "robot3", "robot4")
+    environ = {**earlier_run(tmp_path, *hosts), "ANSIBLE_INJECT_FACT_VARS": injected}
+    run = Run(control, ",".join(hosts), "--tags", "apps", environ=environ)
+    assert run.plays.count(WAVE) == 1
+    words = {name: run.outcome(name)[0] for name in hosts}
+    assert words == {
+        "edge2": "unchanged",
+        "robot2": "failed",
+        "robot3": "deferred-offline",
+        "robot4": "unchanged",
+    }
+    assert artifacts(run) == words
+    assert "long ago" not in run.output
+    assert run.status == 4
+    again = Run(control, "edge2,robot4", "--tags", "apps", environ=environ)
+    assert (again.status, again.output.count("take the robot's steps")) == (0, 1)  # no wave
+
+
+def test_a_host_on_which_ansible_cannot_work_fails_alone(server: Server, control: Control) -> None:
+    """It is the only one of the first wave, and sudo does not take its password."""
+    for name in ("robot2", "robot5"):
+        runs(server, name)
+    control.write("sudo-asks", ASKS, 0o755)
+    inventory = yaml.safe_load((control.folder / "hosts.yml").read_text())
+    asked = {"ansible_become_exe": str(control.folder / "sudo-asks"), "ansible_become_password": "wrong"}
+    inventory["all"]["children"]["robots"]["hosts"]["robot2"].update(asked)
+    control.write("hosts.yml", yaml.safe_dump(inventory))
+    run = Run(control, "robot2,robot5", playbook="update")
+    assert run.outcome("robot2")[0] == "failed"
+    assert "Incorrect sudo password" in run.outcome("robot2")[1]
+    assert "the ROS master does not answer" in run.outcome("robot5")[1]
+    assert run.plays[-1] == "What became of every host"
+
+
+@pytest.mark.parametrize("robots", ["robot3", "robot3,edge1"])
+def test_where_nobody_is_left_the_artifact_says_why(control: Control, robots: str) -> None:
+    environ = {"ANSIBLE_SHOW_CUSTOM_STATS": "1"}
+    run = Run(control, robots, "--tags", "preflight,k3s", environ=environ)
+    assert artifacts(run) == dict.fromkeys(robots.split(","), "deferred-offline")
+    assert {run.outcome(name)[0] for name in robots.split(",")} == {"deferred-offline"}
+    assert "No route to host" in run.outcome("robot3")[1]
+    assert run.status == 4
+    assert control.asked.count("192.0.2.13") == 1
+
+
+@pytest.mark.parametrize("tag", ["validate", "always"])
+def test_without_the_validation_no_cluster_is_asked(server: Server, control: Control, tag: str) -> None:
+    environ = {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "t"}
+    run = Run(control, "robot1", "--skip-tags", tag, "--tags", "node,apps", environ=environ)
+    assert run.status == 2
+    assert "import the playbook rosops.fleet.validate" in " ".join(run.output.split())
+    assert server.requests.empty()

@@ -1,0 +1,54 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whatever keeps Ansible from working on a robot's host is an error of ours, which becomes this robot's outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from ansible.errors import AnsibleConnectionFailure, AnsibleError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+
+
+def raises(error: Exception) -> Callable[..., Any]:
+    def method(*_args: Any, **_more: Any) -> None:
+        raise error
+
+    return method
+
+
+AWAY, SUDO = raises(AnsibleConnectionFailure("no route to host")), raises(AnsibleError("Incorrect sudo password"))
+
+
+def robot(reach: Callable[..., Any]) -> RobotHost:
+    return RobotHost(SimpleNamespace(_low_level_execute_command=reach), {"inventory_hostname": "robot1"})
+
+
+@pytest.mark.parametrize("method", ["module", "copy"])
+def test_a_robot_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+    monkeypatch.setattr(ActionHost, method, AWAY)
+    with pytest.raises(AwayError, match="no route to host"):
+        getattr(robot(AWAY), method)("a", "b")
+    with pytest.raises(AwayError, match="no route to host"):
+        robot(AWAY).there()
+
+
+@pytest.mark.parametrize("method", ["module", "copy"])
+def test_one_on_which_ansible_cannot_work(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+    monkeypatch.setattr(ActionHost, method, SUDO)
+    with pytest.raises(FleetError, match="did not run on robot1: Incorrect sudo password") as found:
+        getattr(robot(SUDO), method)("a", "b")
+    assert not isinstance(found.value, AwayError)
+
+
+def test_also_while_its_images_are_brought(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ActionHost, "module", AWAY)
+    with pytest.raises(AwayError):
+        NodeImages(robot(AWAY)).bring([], ["redis:7"])
