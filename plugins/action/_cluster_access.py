@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the playbook status: every host gets the access to its cluster, side by side, before one task asks them all.
+"""For the playbook status: a host of each cluster gets the access to it, side by side, before one task asks them all.
 
 Why there is none is what that task says of the cluster.
 """

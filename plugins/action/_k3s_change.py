@@ -28,6 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
@@ -155,7 +156,11 @@ class ActionModule(ClusterAction):
                 )
             robots = _robots(cluster, variables["k3s_node_name"], known, pods_notice)
             guarded = self._guarded(exchange, robots, cluster, variables, known, params["since"])
-            return guarded.run(), guarded.since
+            found = guarded.run()
+            if not (self._task.check_mode or found.outcome == WAITING):
+                told = found.told() if found.outcome == UPDATED else found.reason
+                keep_early(kube, known["inventory_hostname"], found.outcome, f"k3s: {told}", found.outcome == UPDATED)
+            return found, guarded.since
 
     def _guarded(  # noqa: PLR0913 - what the task is about
         self,

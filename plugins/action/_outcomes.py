@@ -16,12 +16,11 @@ from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_object, kept_part
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import PATIENCE, keep
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import declared_in
 
 display = Display()
@@ -35,7 +34,6 @@ UNKNOWN = {
         "reason": "it left the run; the callback fleet_report, which knows why, is not enabled",
     },
 }
-PATIENCE = 10.0  # for a word about a run that is over
 
 
 class ActionModule(ClusterAction):
@@ -75,22 +73,11 @@ class ActionModule(ClusterAction):
             path = str(hostvars[host].get("k3s_kubeconfig_path") or "")
             try:
                 with self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, PATIENCE) as kube:
-                    _merge(kube, kept_part(own))
+                    keep(kube, own)
             except NoClusterError:
                 continue  # nor is there anything to look at
             except FleetError as error:
                 display.warning(f"cluster {cluster}: what became of its hosts is not kept there: {error}")
-
-
-def _merge(kube: Kube, part: Mapping[str, Any]) -> None:
-    if kube.get(REF) is None:
-        try:
-            kube.create(kept_object(part))
-            return
-        except ApiError as error:
-            if error.status != 409:  # another run was faster
-                raise
-    kube.merge(REF, part)
 
 
 def _rows(known: Mapping[str, Any], hosts: Iterable[str]) -> Iterator[dict[str, Any]]:

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 
@@ -42,7 +43,8 @@ def outcome(report: Report) -> dict[str, Any]:
     }
     if report.fleet is not None:
         remote = {image for robot in report.fleet.robots.values() for image in images(robot, "remote")}
-        return {**result, **report.fleet.as_dict(), "remote_images": sorted(remote)}
+        shared = any(needs_fleet_namespace(robot) for robot in report.fleet.robots.values())
+        return {**result, **report.fleet.as_dict(), "remote_images": sorted(remote), "shared": shared}
     lines = "\n".join(problem.line() for problem in report.problems)
     words = f"{count} error{'s' if count > 1 else ''} in the fleet's variables:"
     return {**result, "failed": True, "msg": f"{words}\n{lines}"}

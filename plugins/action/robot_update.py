@@ -44,6 +44,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
     tagged_parts,
     workload_objects,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
@@ -176,6 +177,8 @@ class ActionModule(ClusterAction):
         with self.cluster(params, self._vars) as kube, cancellable():
             engine = Engine(robot, settings, self._world(kube, host))
             outcome, self._since = engine.run(), engine.waiting
+            if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
+                keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))
         result.update(engine.graph_told, changed=any(change.changed for change in engine.changes))
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)

@@ -101,6 +101,7 @@ class Fetch:
     read: Callable[[str], str]
     accepts: Callable[[str, int], bool] = accepts
     wall: Callable[[], float] = field(default=time.time)
+    say: Callable[[str], None] = lambda _text: None
 
     def way(self, home: Home, hostvars: Mapping[str, Any], options: Mapping[str, Any]) -> Way:
         """The way to a cluster, by the first of its servers that is there and serves."""
@@ -121,14 +122,23 @@ class Fetch:
             self._path(cluster, "yaml").unlink(missing_ok=True)
 
     def _kubeconfig(self, home: Home, hostvars: Mapping[str, Any]) -> str:
-        """Of a server that serves; of one that does not, where there is no other."""
+        """Of a server that serves; of one that does not, where there is no other.
+
+        One lost packet must not put off all robots of a cluster: where no server tells, each is asked once more.
+        """
         problems: dict[str, FleetError] = {}
-        second = ""
-        for server in home.part.servers:
+        servers, second = home.part.servers, ""
+        for number, server in enumerate([*servers, *servers]):
+            if number == len(servers) and second:
+                break
+            if isinstance(problems.get(server), NoClusterError):  # that is no hiccup
+                continue
             try:
                 text = self.read(server)
                 url = url_at(text, _place(server, hostvars))
             except FleetError as error:
+                if server not in problems:
+                    self.say(f"the cluster {home.part.cluster} gives no access on its server {server}: {error}")
                 problems[server] = error
                 continue
             found = local_kubeconfig(text, url, home.part.cluster)
@@ -181,6 +191,7 @@ def _together(cluster: str, problems: Mapping[str, FleetError]) -> FleetError:
         )
     if all(isinstance(error, ServersAwayError) for error in problems.values()):
         return ServersAwayError(
-            f"No server of the cluster {cluster} can be reached over SSH, where a run fetches its access to it ({said})"
+            f"No server of the cluster {cluster} can be reached over SSH, where a run fetches its access to it; "
+            f"each was tried twice ({said})"
         )
     return KubeError(f"There is no access to the cluster {cluster}: {said}")

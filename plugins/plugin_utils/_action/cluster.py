@@ -109,7 +109,7 @@ class ClusterAction(FleetAction):
         return given or self._fetch(known).way(home, hostvars, given_options(params))
 
     def _fetch(self, known: Mapping[str, Any]) -> Fetch:
-        return Fetch(Path(C.DEFAULT_LOCAL_TMP), lambda server: self._read(known, server))
+        return Fetch(Path(C.DEFAULT_LOCAL_TMP), lambda server: self._read(known, server), say=self.say(known))
 
     def _compared(self, way: Way, home: Home, known: Mapping[str, Any], patience: float) -> Kube:
         """An open connection to a cluster that says to be the host's."""

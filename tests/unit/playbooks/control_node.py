@@ -83,6 +83,11 @@ class Control:
         (self.folder / name).chmod(mode)
 
     def run(self, *arguments: str, **environ: str) -> subprocess.CompletedProcess[str]:
+        process = self.start(*arguments, **environ)
+        out, err = process.communicate(timeout=300)
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+    def start(self, *arguments: str, **environ: str) -> subprocess.Popen[str]:
         kept = {
             key: value for key, value in os.environ.items() if not key.startswith(("ANSIBLE_", "K8S_AUTH_", "KUBE"))
         }
@@ -98,8 +103,8 @@ class Control:
         }
         program = str(Path(sys.executable).parent / "ansible-playbook")
         command = [program, "-i", str(self.folder / "hosts.yml"), str(self.folder / "play.yml"), *arguments]
-        return subprocess.run(  # noqa: S603 - our own
-            command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=300, check=False
+        return subprocess.Popen(  # noqa: S603 - our own
+            command, cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
 
     @property

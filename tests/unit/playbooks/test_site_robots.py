@@ -36,7 +36,7 @@ def test_a_robot_that_is_off_ends_no_waves(server: Server, control: Control) -> 
     run = Run(control, "robot3,robot5", playbook="update")
     assert run.outcome("robot3")[0] == "deferred-offline"
     assert "the ROS master does not answer" in run.outcome("robot5")[1]
-    assert run.plays[-1] == "What became of every host"
+    assert "What became of every host" in run.plays
 
 
 def test_robots_that_fail_end_the_waves_as_in_an_update(server: Server, control: Control) -> None:

@@ -37,11 +37,13 @@ class Host:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, directory: Path) -> None:
         self.asked: list[str] = []
         self.args: dict[str, Any] = {}  # of the last call with each state
+        self.kept: list[tuple[Any, ...]] = []  # in the cluster, as soon as it is known
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
         self.nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
         monkeypatch.setattr(ActionHost, "module", lambda _host, name, args, *_more: self.module(name, args))
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.module("true", {}))
         monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
+        monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
         monkeypatch.setattr(_k3s_change, "KubeNodes", lambda *_args: Cluster(self))
         monkeypatch.setattr(_k3s_change.C, "DEFAULT_LOCAL_TMP", str(directory))
 
@@ -105,6 +107,7 @@ def test_what_was_staged_is_taken_and_proven(host: Host) -> None:
     assert found["msg"].startswith(f"k3s {OLD} -> {NEW} in ")
     assert host.asked == ["staged", "next", "staged", "proven"]
     assert host.args["proven"]["start"] == "after ['next', 'staged']"
+    assert host.kept == [("robot1", "updated", f"k3s: {found['msg']}", True)]
 
 
 def test_what_does_not_serve_is_taken_back(host: Host) -> None:
@@ -113,6 +116,7 @@ def test_what_does_not_serve_is_taken_back(host: Host) -> None:
     assert found["failed"]
     assert found["outcome"]["outcome"] == "rolled-back"
     assert "k3s will not become ready" in found["msg"]
+    assert [told[1] for told in host.kept] == ["rolled-back"]
     assert host.asked == ["staged", "next", "previous", "staged", "proven"]
 
 

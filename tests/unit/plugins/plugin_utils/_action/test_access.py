@@ -139,6 +139,25 @@ def test_any_living_server_will_do(tmp_path: Path) -> None:
     )
 
 
+def test_a_hiccup_puts_off_nobody_and_is_told(tmp_path: Path) -> None:
+    servers, told = Servers(), list[str]()
+    hiccups = [ServersAwayError("Connection reset by peer") for _server in HOME.part.servers]
+
+    def read(server: str) -> str:
+        text = servers.read(server)
+        if hiccups:
+            raise hiccups.pop()
+        return text
+
+    way = Fetch(tmp_path, read, servers.accepts, say=told.append).way(HOME, HOSTVARS, {})
+    assert server_of(way) == "https://10.0.0.1:6444"
+    assert servers.asked == ["edge1", "edge2", "edge3", "edge1"]
+    assert told == [
+        f"the cluster edge gives no access on its server {server}: Connection reset by peer"
+        for server in ("edge1", "edge2", "edge3")
+    ]
+
+
 def test_one_whose_k3s_is_down_only_where_there_is_no_other(tmp_path: Path) -> None:
     servers = Servers(edge3=ServersAwayError("no route"))
     servers.serving = {"2001:db8::2"}
@@ -174,7 +193,7 @@ def test_without_any_server_it_says_what_each_of_them_said(
             fetch.way(HOME, HOSTVARS, {})
         assert error.type is kind
         assert all(f"{server}: {each}" in str(error.value) for server in HOME.part.servers)
-    assert servers.asked == ["edge1", "edge2", "edge3"]
+    assert servers.asked == ["edge1", "edge2", "edge3"] * (1 if kind is NoClusterError else 2)
     servers.texts.clear()
     now[0] += AWAY_SECONDS
     assert fetch.way(HOME, HOSTVARS, {}).own

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import subprocess
@@ -15,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.run import COMMA
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import (
     MODULE_UTILS,
     app_files,
+    exporter_files,
     relative_imports,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
@@ -35,6 +37,22 @@ def test_every_command_is_there_with_all_that_it_imports() -> None:
 def test_imports_in_functions_and_of_names_count() -> None:
     text = "from . import a, b\nfrom .c import x\nimport os\nfrom .._d.e import y\ndef f():\n    from .._g import h\n"
     assert sorted(relative_imports("_p.q", text)) == ["_d.e", "_g.h", "_p.a", "_p.b", "_p.c"]
+
+
+def test_no_form_of_an_import_is_overlooked() -> None:
+    """What Python itself reads of the files."""
+    for name, text in {**FILES, **exporter_files()}.items():
+        module = "_pod.run" if name == "run.py" else name[: -len(".py")]
+        named = [item for item in ast.walk(ast.parse(text)) if isinstance(item, ast.ImportFrom) and item.level]
+        whole = [item.module for item in named if item.module]
+        found = relative_imports(module, text)
+        assert len([one for one in found if any(one.endswith(str(end)) for end in whole)]) >= len(whole), name
+        assert len(found) == sum(1 if _is_module(module, item) else len(item.names) for item in named), name
+
+
+def _is_module(module: str, item: ast.ImportFrom) -> bool:
+    """Whether it names a module, and not a package of which it takes modules."""
+    return bool(item.module) and (item.level < len(module.split(".")) or "." in str(item.module))
 
 
 def test_imports_of_a_package_in_a_package() -> None:
