@@ -36,6 +36,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UNCHANGED,
     UPDATED,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
     CODE,
@@ -170,9 +171,9 @@ class ActionModule(ClusterAction):
         there = RobotHost(self, self._vars)
         directory, limit = params["image_directory"], params["image_rate_limit"]
         node = NodeImages(there, directory, limit, self._say, self._pull_secrets())
-        images = ImageSource(node, params["image_archives"], params["image_names"])
+        source = ImageSource(node, params["image_archives"], params["image_names"])
         host = ModuleHost(
-            there.there, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), images, check
+            there.there, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), source, check
         )
         with self.cluster(params, self._vars) as kube, cancellable():
             engine = Engine(robot, settings, self._world(kube, host))
@@ -199,7 +200,12 @@ class ActionModule(ClusterAction):
         )
 
     def _edge_images(self) -> dict[str, list[str]]:
-        """What the play before this one saw on the edge hosts; those that it did not see may be away."""
+        """What the play before this one saw on the edge hosts; those that it did not see may be away.
+
+        Any of them knows it of all: looking at each of them would cost every robot as much as there are edge hosts.
+        """
+        if not images(robot_from_vars(self._vars), "remote"):
+            return {}
         hostvars, edge = self._vars["hostvars"], self._vars["groups"].get("edge", [])
-        seen = {name: (hostvars[name].get("images_brought") or {}).get("present") for name in edge}
-        return {name: list(present) for name, present in seen.items() if present}
+        told: Mapping[str, Any] = next(filter(None, (hostvars[name].get("edge_images") for name in edge)), {})
+        return {name: list(one["present"]) for name, one in told.items() if one.get("present")}

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 from ansible import constants as C  # noqa: N812 - its customary name
@@ -168,3 +168,42 @@ def test_whoever_could_not_change_what_is_the_fleets_goes_no_further(
     assert stays == {"outcome": "rolled-back", "reason": "why", "steps": []}
     told = robots.take("robot2", own=True)["outcome"]
     assert told["reason"] == "not begun: robot1 failed, which is more than update_failure_budget allows"
+
+
+class Edge(dict[str, Any]):
+    """Variables of edge hosts, and who was asked for them."""
+
+    def __init__(self, **hosts: Any) -> None:
+        super().__init__(hosts)
+        self.asked: list[str] = []
+
+    def __getitem__(self, name: str) -> Any:
+        self.asked.append(name)
+        return super().__getitem__(name)
+
+
+@pytest.mark.parametrize(("placement", "asked"), [("local", []), ("remote", ["edge1", "edge2"])])
+def test_images_of_all_edge_hosts_are_known_from_one(
+    monkeypatch: pytest.MonkeyPatch, api: dict[str, Any], placement: str, asked: list[str]
+) -> None:
+    told = {"edge2": {"present": ["apps:1.0"]}, "edge3": {"unreachable": True}}
+    edge, settings = Edge(edge1={}, edge2={"edge_images": told}, edge3={"edge_images": told}), list[Any]()
+
+    class Engine:
+        waiting: ClassVar[dict[str, float]] = {}
+        graph_told: ClassVar[dict[str, Any]] = {}
+        changes: ClassVar[list[Any]] = []
+        left = False
+
+        def __init__(self, _robot: Any, given: Any, _world: Any) -> None:
+            settings.append(given)
+
+        def run(self) -> RobotOutcome:
+            return RobotOutcome("unchanged")
+
+    monkeypatch.setattr(robot_update, "Engine", Engine)
+    known = {**VARIABLES, **fleet_of(robot({**APP, "placement": placement})), "hostvars": edge}
+    result = run(robot_update, api, {**known, "groups": {"edge": list(edge)}})
+    assert result["outcome"]["outcome"] == "unchanged"
+    assert edge.asked == asked
+    assert settings[0].edge_images == ({"edge2": ["apps:1.0"]} if asked else {})
