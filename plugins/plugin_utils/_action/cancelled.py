@@ -13,6 +13,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import CancelledError
 
 PARENT_SECONDS = 1.0  # a run that was killed is nobody's after that time
@@ -34,7 +35,7 @@ def cancellable() -> Iterator[None]:
 
     before = {number: signal.signal(number, cancel) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        with _watched_parent():
+        with ticking(PARENT_SECONDS, _end_with_parent):
             yield
     finally:
         for number, handler in before.items():
@@ -43,21 +44,8 @@ def cancellable() -> Iterator[None]:
             os.kill(os.getpid(), caught[0])
 
 
-@contextlib.contextmanager
-def _watched_parent() -> Iterator[None]:
-    """Send this process SIGTERM once the one that forked it has gone."""
-    parent, over = multiprocessing.parent_process(), threading.Event()
-
-    def watch() -> None:
-        while parent and not over.wait(PARENT_SECONDS):
-            if os.getppid() != parent.pid:
-                signal.pthread_kill(int(threading.main_thread().ident or 0), signal.SIGTERM)
-                return
-
-    thread = threading.Thread(target=watch, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+def _end_with_parent() -> None:
+    """Send this process SIGTERM where the one that forked it has gone."""
+    parent = multiprocessing.parent_process()
+    if parent and os.getppid() != parent.pid:
+        signal.pthread_kill(int(threading.main_thread().ident or 0), signal.SIGTERM)
