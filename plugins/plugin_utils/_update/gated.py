@@ -10,6 +10,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import MASTER_SECONDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
@@ -19,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     LostError,
 )
 
-MASTER_SECONDS = 30.0
 VERIFY_EXTRA = 20.0
 
 
@@ -151,8 +151,7 @@ class Gated:
         turn, step = self.turn, self.step
         if step.kind == "master":
             turn.meet_master()
-            # its pod is ready a moment before its Service leads there
-            turn.ready({}, MASTER_SECONDS, "the new master answers")
+            turn.master_answers("the new master answers")
             if turn.recorded:
                 turn.host.register(turn.master, self.now.graph)
         seconds = self.settings.verify_seconds

@@ -18,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Clock, Live, Object, Seen, World
 
+MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
 
 
@@ -88,6 +89,10 @@ class Hands:
         )
         if seen.verdict != PASS:
             raise NotReadyError(seen.reason)
+
+    def master_answers(self, what: str) -> None:
+        """Wait until it does; NotReadyError. A new one's pod is ready a moment before its Service leads there."""
+        self.ready({}, MASTER_SECONDS, what)
 
 
 @contextlib.contextmanager

@@ -136,10 +136,23 @@ def actions_to_rest(graph: Graph, nodes: Collection[str], besides: Iterable[str]
 
 def new_actions(step: Step, graph: Graph, pods: Iterable[Object]) -> list[dict[str, str]]:
     """What has to be idle before the step's new version goes again."""
+    own = own_nodes(step.new_nodes, graph, _new_pods(step, pods))
+    return actions_to_rest(graph, {node for found in own.values() for node in found})
+
+
+def is_dead(step: Step, pods: Iterable[Object]) -> bool:
+    """Whether no container of the new version runs."""
+    return not any(
+        "running" in (container.get("state") or {})
+        for pod in _new_pods(step, pods)
+        for container in (pod.get("status") or {}).get("containerStatuses") or ()
+    )
+
+
+def _new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
     revisions = {app: after["revision"] for app, after in step.after.items()}
     labels = names.LABEL_APP, names.LABEL_REVISION
-    new = [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
-    return actions_to_rest(graph, {node for found in own_nodes(step.new_nodes, graph, new).values() for node in found})
+    return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
 
 
 def at_work(graph: Graph, rest: Iterable[Mapping[str, str]]) -> bool:

@@ -5,26 +5,43 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
+
+UNKNOWN = "nobody can tell whether its new version is at work"
 
 
 def hold_new(turn: Turn, now: Now) -> None:
     """A version that goes may be at work, however bad it is. One that is dead is not, nor one that nobody finds."""
     if turn.policy(now.step) == "force" or now.step.kind == "master":
         return
-    try:
-        graph, pods = turn.host.graph(turn.master), turn.read().pods
-    except RosError:
+    pods = turn.read().pods
+    if decide.is_dead(now.step, pods):
         return
-    actions = decide.new_actions(now.step, graph, pods)
+    actions = decide.new_actions(now.step, _graph(turn, now), pods)
     if actions:
         seen = turn.rest(now, actions, "its new version is idle, to take it back")
         if seen.verdict == WAIT:
             raise BusyError(f"the new version is at work, so it was not taken back: {seen.reason}")
+        if seen.verdict == FAIL:
+            raise NotReadyError(f"{UNKNOWN}: {seen.reason}")
+
+
+def _graph(turn: Turn, now: Now) -> Graph:
+    """As it is now; a master that is silent for a moment is waited for."""
+    try:
+        return turn.host.graph(turn.master)
+    except RosError as error:
+        turn.say(f"{now.step.name}: {error}")
+    try:
+        turn.master_answers("the master answers, to ask whether the new version is at work")
+        return turn.host.graph(turn.master)
+    except (RosError, NotReadyError) as error:
+        raise NotReadyError(f"{UNKNOWN}: {error}") from error
 
 
 def go(turn: Turn, now: Now) -> None:

@@ -405,8 +405,12 @@ class Simulation(SimulatedRobot):
 
 def pod_object(pod: Pod) -> Object:
     labels = {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}
+    state = [{"state": {"running" if pod.up else "waiting": {}}}]
     address = f"10.42.0.{pod.uid}" if pod.process else None
-    return {"metadata": {"namespace": pod.key[0], "labels": labels}, "status": {"podIP": address}}
+    return {
+        "metadata": {"namespace": pod.key[0], "labels": labels},
+        "status": {"podIP": address, "containerStatuses": state},
+    }
 
 
 def by_keeper(before: Object, bad: Object) -> Object:

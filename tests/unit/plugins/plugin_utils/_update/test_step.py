@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step, update_plan
@@ -14,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     HISTORY_KEPT,
     NO_GRAPH,
     Bounds,
+    is_dead,
     proof,
     proof_of_old,
     proves_nothing,
@@ -354,3 +356,14 @@ def test_a_step_that_the_graph_says_nothing_of_proves_nothing_but_its_pod() -> N
     assert proves_nothing(proof(step, step_gate(step, NO_GRAPH, Live()).contracts, 0.1))
     named = sensor_step()
     assert not proves_nothing(proof(named, step_gate(named, NO_GRAPH, Live()).contracts, 0.1))
+
+
+@pytest.mark.parametrize(("states", "dead"), [([], True), (["waiting"], True), (["waiting", "running"], False)])
+def test_a_version_is_dead_when_none_of_its_containers_runs(states: list[str], dead: bool) -> None:
+    step = sensor_step()
+    labels = {names.LABEL_APP: "sensor", names.LABEL_REVISION: step.after["sensor"]["revision"]}
+    old = {**labels, names.LABEL_REVISION: step.before["sensor"]["revision"]}
+    new = {"metadata": {"labels": labels}, "status": {"containerStatuses": [{"state": {one: {}}} for one in states]}}
+    other = {"metadata": {"labels": old}, "status": {"containerStatuses": [{"state": {"running": {}}}]}}
+    assert is_dead(step, [other, new]) == dead
+    assert is_dead(step, [{"metadata": {"labels": labels}}])

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     INFRASTRUCTURE,
@@ -17,10 +18,12 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     running,
     settings,
 )
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import Goal, image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
     DAY,
     FAULTS,
     SimulatedHost,
+    Simulation,
 )
 
 UNSEEN = ("good", "crashes-once", "hangs")  # what is ready stays for the next run, and a node that hangs is
@@ -105,3 +108,30 @@ def test_the_way_back_does_not_wait_for_registrations(name: str, monkeypatch: py
     monkeypatch.setattr(SimulatedHost, "register", refuse)
     assert outcome_of(sim, wanted).outcome == "rolled-back"
     assert any("the ROS master does not answer" in text for text in sim.said)
+
+
+def bad_at_work(fault: str = "") -> tuple[Simulation, RobotOutcome, Goal]:
+    """A bad version with a goal that its stop hook would not wait for; the fault comes when it is to be looked at."""
+    calls: list[str] = []
+    for strikes in ("", fault):
+        sim, wanted = begin("drain", "half-the-rate")
+        goal = sim.goal("/plan", 60.0, after=3.0)
+        at = len(calls) - calls[::-1].index("graph") if calls else 0
+        found = sim.run(wanted, settings(busy_timeout=120.0), strikes, at)
+        calls = [*sim.calls]
+    assert found is not None
+    return sim, found, goal
+
+
+def test_a_version_of_which_nobody_can_tell_is_not_taken_back_at_once() -> None:
+    _sim, found, goal = bad_at_work("master-silent")
+    assert (found.outcome, goal.ended) == ("rolled-back", True)
+
+
+def test_a_version_of_which_nobody_ever_tells_is_left_to_the_next_run() -> None:
+    sim, found, goal = bad_at_work("master-gone")
+    assert (found.outcome, "nobody can tell whether its new version is at work" in found.reason) == ("failed", True)
+    assert "unproven" in found.reason
+    sim.restore()
+    assert outcome_of(sim, SCENARIOS["drain"].robot(image("half-the-rate"))).outcome == "rolled-back"
+    assert goal.ended
