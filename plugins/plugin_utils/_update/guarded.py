@@ -40,7 +40,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import SLICE, timed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.proof import Proof
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import HOLD_SECONDS, BusyError, Rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ward import Ward
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
@@ -149,16 +149,18 @@ class Guarded:
         wards = [ward for ward in self.wards if ward.actions and limits.on_busy != "force"]
         for ward in wards:
             ward.rest = Rest(ward, seconds, self.since)
-        waited = bool(wards)
-        while waited:  # what was held meanwhile has been let go by its keeper
-            waited = False
+        while True:
+            began = self.clock.now()
             for ward in wards:
                 look = None if limits.look is None else max(limits.look - (self.clock.now() - now), 0.0)
-                began = self.clock.now()
                 busy = self._rest(ward, look)
                 if busy:
                     raise BusyError(f"{ward.robot.name}: {busy}")
-                waited |= len(wards) > 1 and self.clock.now() - began > SLICE
+            if len(wards) < 2 or self.clock.now() - began < HOLD_SECONDS - SLICE:
+                return
+            # what was held first has been let go by its keeper meanwhile
+            if self.clock.now() >= self.since + seconds:
+                raise BusyError(f"{', '.join(ward.robot.name for ward in wards)} were not idle at the same time")
 
     def _rest(self, ward: Ward, look: float | None = None) -> str:
         """Have the robot at rest; why it is not, if it works still when the time is over."""

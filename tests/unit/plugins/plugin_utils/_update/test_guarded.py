@@ -74,6 +74,7 @@ class Site:
     goals: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # robot -> when one comes, how long it takes
     starts: dict[str, float] = field(default_factory=dict)
     holds: dict[str, float] = field(default_factory=dict)  # robot -> until when its goals are held
+    slow: float = 0.0  # seconds of a look at the actions
     lost_then: bool = False  # the Lease, once the change was made
     master_silent: bool = False
     other_run: bool = False
@@ -255,6 +256,7 @@ class Site:
         with self.call("hold"):
             assert [action["name"] for action in actions] == ["/plan"]
             assert seconds <= 60
+            self.time += self.slow
             name = f"robot{master.partition('10.43.0.')[2].partition(':')[0]}"
             self.time += min(timeout, max(self.works_until(name) - self.time, 0.0))
             if self.works_until(name) > self.time:
@@ -511,6 +513,14 @@ def test_a_robot_that_was_held_while_another_one_worked_is_looked_at_again() -> 
     site = Site(deployments=("robot1", "robot2"), busy_until=100.0, busy=("robot2",), goals={"robot1": (80.0, 40.0)})
     assert outcome(site, busy_timeout=300.0)[0] == "updated"
     assert site.time > 120.0
+
+
+def test_robots_that_cannot_be_held_together_are_left() -> None:
+    """Each look takes so long that the first one's hold is over when the second one's begins."""
+    site = Site(deployments=("robot1", "robot2"), slow=60.0)
+    word, reason = outcome(site, busy_timeout=100.0)
+    assert (word, site.changes) == ("deferred-busy", 0)
+    assert reason == "nothing was touched: robot1, robot2 were not idle at the same time"
 
 
 def test_what_another_run_has_by_now_is_not_taken_back_under_it() -> None:
