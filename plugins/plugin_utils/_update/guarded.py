@@ -5,8 +5,8 @@
 
     look      the robots that work there; where none does, nothing is waited for
     claim     this run alone changes them
-    record    their graphs
-    hold      idle, new goals held back
+    record    their graphs; what was recorded lies in their namespaces before the change, for whoever goes on from there
+    hold      all idle at the same time, new goals held back
     make      the change itself
     prove     the change works, the node and the Deployments are ready, the graphs are what was recorded
     or back   the change is undone, under the same proof
