@@ -26,6 +26,7 @@ from .step_watch import Robot, Staying, StepWatch
 NAME = "/ros_keeper"
 PORT = 11411
 TIMEOUT = 2.0
+STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
 WAKING = signal.SIGUSR1  # to itself: the master has ended
 
@@ -69,6 +70,7 @@ def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
     signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
+    threading.stack_size(STACK)
     chosen = options(words)
     record = Record(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")

@@ -14,6 +14,7 @@ import importlib
 import os
 import sys
 from importlib.machinery import ModuleSpec, SourceFileLoader
+from types import ModuleType
 
 COMMANDS = {
     "exec": "_pod.exec",
@@ -23,7 +24,21 @@ COMMANDS = {
     "exporter": "_exporter.main",
 }
 LONG_LIVED = ("keeper", "exporter")
+# What modules of the standard library load if it is there, and nobody needs: TLS of http.client, OpenSSL of hashlib,
+# and what shutil packs archives with. 5 MB.
+LEFT_OUT = ("ssl", "_hashlib", "bz2", "lzma")
+COMPILED = "ROSOPS_COMPILED"
 ROOT = "rosops_fleet"
+
+
+class Loader(SourceFileLoader):
+    """Knows whether a module had to be compiled, and what came of it was kept."""
+
+    compiled = False
+
+    def set_data(self, path: str, data: bytes, *, _mode: int = 0o666) -> None:  # type: ignore[override] # of typing
+        super().set_data(path, data, _mode=_mode)
+        Loader.compiled = Loader.compiled or os.path.exists(path)
 
 
 class Flat:
@@ -38,9 +53,23 @@ class Flat:
         file = f"{self.directory}/{name[len(ROOT) + 1 :]}.py"
         if not os.path.exists(file):
             return ModuleSpec(name, None, is_package=True)
-        spec = ModuleSpec(name, SourceFileLoader(name, file), origin=file)
+        spec = ModuleSpec(name, Loader(name, file), origin=file)
         spec.has_location = True
         return spec
+
+
+def leave_out() -> None:
+    """Whoever needs one of them all the same takes it off here first."""
+    modules: dict[str, object] = sys.modules  # type: ignore[assignment]
+    modules.update(dict.fromkeys(LEFT_OUT))
+    # http.server takes one function of html, which brings the names of two thousand characters along, 0.6 MB
+    modules["html.entities"] = entities = ModuleType("html.entities")
+    entities.html5 = {}  # type: ignore[attr-defined]
+
+
+def begin_anew(words: list[str]) -> None:
+    """The same process, with its memory as new."""
+    os.execv(sys.executable, [sys.executable, "-I", "-S", "-OO", *words])  # noqa: S606 - ourselves
 
 
 def main(words: list[str]) -> int:
@@ -50,6 +79,8 @@ def main(words: list[str]) -> int:
         return 2
     # not the real path: a ConfigMap's files are links, and the other files are where they appear
     directory = os.path.dirname(os.path.abspath(words[0]))
+    if words[1] in LONG_LIVED and sys.flags.optimize < 2:
+        begin_anew(words)  # without the texts that explain the standard library, 0.6 MB
     # The mount is read-only, so compiled modules go where the pod may write; a directory per user, as nobody else's is
     # to be trusted.
     sys.pycache_prefix = f"/tmp/rosops-fleet-{os.getuid()}/pycache"  # noqa: S108
@@ -58,10 +89,14 @@ def main(words: list[str]) -> int:
         # its container has no place to write to
         sys.dont_write_bytecode = True
     if words[1] in LONG_LIVED:
-        # ROS 1 knows no TLS. Without this, http.client would load OpenSSL, 4 MB, whether somebody uses it or not.
-        modules: dict[str, object] = sys.modules  # type: ignore[assignment]
-        modules["ssl"] = None
+        leave_out()
     module = importlib.import_module(f"{ROOT}.{COMMANDS[words[1]]}")
+    if words[1] in LONG_LIVED and Loader.compiled and COMPILED not in os.environ:
+        # To compile leaves 5 MB of holes in the memory, which a process that finds all compiled has no use for.
+        os.environ[COMPILED] = "yes"
+        del sys.modules["ssl"]
+        importlib.import_module("ssl")  # which the keeper loads when it needs it
+        begin_anew(words)
     result: int = module.main(words[2:])
     return result
 
