@@ -40,6 +40,7 @@ class FakeMaster:
         self.publishers: dict[str, list[str]] = {}
         self.subscribers: dict[str, list[str]] = {}
         self.away = False
+        self.silent = False  # what it has to tell subscribers does not reach them
         replies = {
             "getSystemState": self._state,
             "getTopicTypes": [1, "", []],
@@ -69,7 +70,7 @@ class FakeMaster:
             return [self.nodes[name] for name in self.publishers.get(topic, ())]
 
     def introduce(self, topic: str) -> None:
-        for name in self.subscribers.get(topic, ()):
+        for name in self.subscribers.get(topic, ()) if not self.silent else ():
             tell_publishers(self.nodes[name], topic, self.addresses(topic), 2.0)
 
     def _state(self) -> list[Any]:
@@ -125,13 +126,19 @@ class FakeClient(Slave):
 
 
 class FakeServer(Slave):
-    """Lists every goal that it gets as active, at once and again whenever somebody subscribes."""
+    """Lists every goal that it gets as active, at once and again whenever somebody subscribes.
+
+    As rospy does, it calls itself connected to a publisher from the moment on that it begins to connect.
+    """
 
     def __init__(self, master: FakeMaster, name: str = "/worker") -> None:
         super().__init__(name, "127.0.0.1", 0, master.uri)
         self.got: list[str] = []  # ids in their order; a cancel with a dash in front
         self.listed: dict[str, int] = {}
         self.streams: dict[tuple[str, str], TopicStream] = {}
+        self.begun: set[tuple[str, str]] = set()
+        self.way = threading.Event()  # cleared: the network lets no new connection through
+        self.way.set()
         self.ended = threading.Event()
         self.advertise(f"{ACTION}/status", STATUS)
         self.register({"publisherUpdate": self._update, "getBusInfo": self._edges})
@@ -160,13 +167,19 @@ class FakeServer(Slave):
             if key[0] == topic and (key[1] not in uris or not stream.open):
                 stream.close()
                 del self.streams[key]
-        for uri in uris:
-            if (topic, uri) not in self.streams:
-                stream = TopicStream(self.name, topic, uri, self._goal if topic.endswith("goal") else self._cancel)
-                with contextlib.suppress(RosError):  # a publisher that has just left says so
-                    stream.connect(2.0)
-                    self.streams[topic, uri] = stream
+        for key in [(topic, uri) for uri in uris]:
+            if key not in self.streams and key not in self.begun:
+                self.begun.add(key)
+                threading.Thread(target=self._connect, args=key, daemon=True).start()
         return [1, "", 0]
+
+    def _connect(self, topic: str, uri: str) -> None:
+        self.way.wait(20)
+        stream = TopicStream(self.name, topic, uri, self._goal if topic.endswith("goal") else self._cancel)
+        with contextlib.suppress(OSError, RosError):  # a publisher that has just left says so
+            stream.connect(2.0)
+            self.streams[topic, uri] = stream
+        self.begun.discard((topic, uri))
 
     def _goal(self, body: bytes) -> None:
         goal = goal_id(body)[0]
@@ -181,5 +194,6 @@ class FakeServer(Slave):
 
     def _edges(self, caller: str) -> list[Any]:
         rows = self._bus_info(caller)[2]
-        rows += [[99, uri, "i", "TCPROS", topic, True, ""] for (topic, uri), one in self.streams.items() if one.open]
+        open_ones = {key for key, one in self.streams.items() if one.open}
+        rows += [[99, uri, "i", "TCPROS", topic, True, ""] for topic, uri in sorted(open_ones | self.begun)]
         return [1, "", rows]

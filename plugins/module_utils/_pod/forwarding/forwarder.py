@@ -9,7 +9,7 @@ import threading
 import time
 from dataclasses import replace
 from functools import partial
-from typing import Any, Mapping, Protocol
+from typing import Any, Iterable, Mapping, Protocol
 
 from ..._common.errors import RosError
 from ..._ros.actionlib import (
@@ -24,7 +24,7 @@ from ..._ros.actionlib import (
 from ..._ros.raw_node import Slave
 from ..._ros.registrar import Registrar
 from ..._ros.replies import connections
-from ..._ros.rpc import Api, Deadline, reason, tell_publishers
+from ..._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from ..._ros.streams import TopicStream
 from . import rules
 from .participants import Participants
@@ -37,7 +37,7 @@ CONNECT = 2.0
 AGAIN = 0.3  # between attempts to connect to the same publisher
 AWAY = 1.0  # before the next look at a master that does not answer
 RECORD = 5.0  # between records of a hold of which nothing is new but the seconds to go
-INTRODUCE = 1.0  # between tellings of a server whose clients are still missing
+INTRODUCE = 1.0  # between tellings of a server that is not connected to all of its clients, or to us
 FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
 
@@ -191,8 +191,25 @@ class Forwarder(threading.Thread):
         living_clients = {client for client, uri in scene.clients.items() if self.is_open((GOALS, uri))}
         ready = all((topic, peer) in out for topic, peers in scene.hears.items() for peer in peers & living_clients)
         ready = ready and not any(role == TAKEN for role, _uri in self.pending)
-        direct = all(scene.clients[client] in into for client in living_clients)
+        uris = set(scene.clients.values())
+        direct = bool(self.hold.opened) and uris <= into and uris <= self._sending(uris, name)
         return Sight(server, listening, ready, direct, frozenset(into), self._stays(name, server))
+
+    def _sending(self, clients: Iterable[str], server: str) -> set[str]:
+        """The clients that have a connection to the server, by their own word: a subscriber says so before it has one.
+
+        Ours in its name is listed there, too.
+        """
+        topic = f"{self.hold.action}/goal"
+
+        def connected(uri: str) -> bool:
+            ours = server == self.hold.node and self.is_open((TAKEN, uri))
+            with Api(uri, self.keeper.name, Deadline(CONNECT)) as api:
+                edges = connections(api.call("getBusInfo"))
+            return sum((edge.topic, edge.peer, edge.direction) == (topic, server, "o") for edge in edges) > ours
+
+        found = in_parallel({uri: partial(connected, uri) for uri in clients}, CONNECT, lambda _uri, _error: False)
+        return {uri for uri, good in found.items() if good}
 
     def _stays(self, name: str, uri: str) -> bool:
         if uri != self.stayer and time.monotonic() - self.asked >= TRIAL:
@@ -230,11 +247,12 @@ class Forwarder(threading.Thread):
         self.introduced = time.monotonic()
         if scene is None:
             return
-        uris = [*scene.clients.values(), *([self.slave.uri] if self.advertised else [])]
-        if not uris:
-            return
+        own = [self.slave.uri] if self.advertised else []
+        told = {"goal": [*scene.clients.values(), *own], "cancel": [*scene.cancellers.values(), *own] if own else []}
         try:
-            tell_publishers(server, f"{self.hold.action}/goal", uris, CONNECT)
+            for topic, uris in told.items():
+                if uris:
+                    tell_publishers(server, f"{self.hold.action}/{topic}", uris, CONNECT)
         except Exception as error:
             self.log(f"the server was not told of its clients: {reason(error, server, CONNECT)}")
 
@@ -291,8 +309,8 @@ class Forwarder(threading.Thread):
     def tick(self) -> None:
         with self.lock:
             self.connect()
-        now = time.monotonic()
-        sight = self.sight(now)
+        sight = self.sight(time.monotonic())
+        now = time.monotonic()  # what a look has seen was not so before its end
         with self.lock:
             if sight.server != self.hold.server:
                 self._unadvertise()  # connections of a former server are no way to this one
@@ -303,11 +321,12 @@ class Forwarder(threading.Thread):
             if self.dirty or now - self.recorded > RECORD:
                 self.dirty, self.recorded = False, now
                 self.keeper.save()
-        if self.hold.opened and not sight.direct and time.monotonic() - self.introduced > INTRODUCE:
+        whole = sight.direct and (sight.connected or not self.advertised)
+        if self.hold.opened and not whole and time.monotonic() - self.introduced > INTRODUCE:
             self._introduce(self.hold.server)
 
     def finish(self) -> None:
-        self.keeper.ended(self)
         with self.lock:
             for stream in self.streams.values():
                 stream.close()
+        self.keeper.ended(self)

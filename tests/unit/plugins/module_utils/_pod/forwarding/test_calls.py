@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import errno
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -161,6 +162,33 @@ def test_a_release_hands_them_to_the_server_that_was_there_all_along(stage: Stag
     assert stage.keeper.release(ACTION) == [1, "", 1]
     assert stage.server.got == ["one"]
     assert stage.keeper.release(ACTION) == [1, "no goals of /work are held", 0]
+
+
+def test_it_lets_go_when_the_clients_connection_to_the_server_stands_and_no_sooner(stage: Stage) -> None:
+    """A subscriber calls itself connected before it is: what its client sends until then reaches nobody else."""
+    stage.keeper.hold(ACTION, SERVER, 60.0)
+    stage.server.way.clear()
+    threading.Thread(target=stage.keeper.release, args=(ACTION,), daemon=True).start()
+    until(lambda: stage.server.begun)
+    end = time.monotonic() + 4 * (rules.LINGER + rules.GRACE)
+    until(lambda: not stage.keeper.state()[2] or time.monotonic() > end)
+    stage.client.send("one")
+    stage.server.way.set()
+    until(lambda: stage.server.got == ["one"])
+    until(lambda: not stage.keeper.state()[2])
+    stage.client.send("two")
+    until(lambda: stage.server.got == ["one", "two"])
+
+
+def test_a_server_that_did_not_hear_of_the_keeper_is_told_again(stage: Stage) -> None:
+    """The master tells it once, and rospy tries a connection once: on a robot whose network is away, that is lost."""
+    stage.keeper.hold(ACTION, SERVER, 60.0)
+    stage.client.send("one")
+    until(lambda: stage.held() == ["one"])
+    stage.master.silent = True
+    stage.keeper.release(ACTION)
+    until(lambda: stage.server.got == ["one"])
+    until(lambda: not stage.keeper.state()[2])
 
 
 def test_a_hold_that_nobody_ends_ends_by_itself(stage: Stage) -> None:
