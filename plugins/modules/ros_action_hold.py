@@ -48,7 +48,9 @@ options:
     type: float
     default: 60.0
   timeout:
-    description: Seconds until the actions have to be idle. With V(0) it is looked twice.
+    description:
+      - Seconds until the actions have to be idle. With V(0) it is looked twice.
+      - With O(state=released), seconds for which a keeper that is away is asked again.
     type: float
     default: 60.0
   interval:
@@ -127,7 +129,7 @@ from typing import Any
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.errors import FleetError, RosError
-from ..module_utils._common.poll import FAIL, PASS, Seen
+from ..module_utils._common.poll import FAIL, PASS, WAIT, Seen, poll
 from ..module_utils._host.idle_hold import Held, hold_when_idle
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import Conditions, conditions_from
@@ -176,13 +178,22 @@ class Robot:
                 tell_publishers(uri, f"{action}/goal", [], self.ros.timeout)
 
 
-def release(keeper: KeeperCalls, actions: list[str], check_mode: bool) -> dict[str, Any]:
-    """Let go what is held of the actions."""
-    there = [action for action in actions if action in keeper.held()]
-    problems = [] if check_mode else [why for why in (keeper.release(action) for action in there) if why]
-    if problems:
-        raise RosError("; ".join(problems), held=there)
-    return {"changed": bool(there), "verdict": PASS, "reason": "", "held": [], "elapsed": 0.0}
+def release(keeper: KeeperCalls, actions: list[str], params: dict[str, Any], check_mode: bool) -> dict[str, Any]:
+    """Let go what is held of the actions. A keeper that is away is asked again until the time is over."""
+    there: set[str] = set()
+
+    def probe() -> Seen:
+        try:
+            there.update(keeper.held().keys() & set(actions))
+        except (FleetError, OSError) as error:
+            return Seen(WAIT, str(error))
+        problems = [] if check_mode else [why for why in map(keeper.release, sorted(there)) if why]
+        return Seen(WAIT if problems else PASS, "; ".join(problems))
+
+    ended = poll(probe, params["timeout"], params["interval"])
+    if ended.verdict != PASS:
+        raise RosError(ended.last, held=sorted(there))
+    return {"changed": bool(there), "verdict": PASS, "reason": "", "held": [], "elapsed": round(ended.elapsed, 3)}
 
 
 def result_of(ended: Held) -> dict[str, Any]:
@@ -209,7 +220,7 @@ def main() -> None:
     servers = {action["name"]: action["server"] for action in params["actions"] if action["server"]}
     try:
         if params["state"] == "released":
-            result = release(KeeperCalls(params["keeper_uri"], CALLER), names, module.check_mode)
+            result = release(KeeperCalls(params["keeper_uri"], CALLER), names, params, module.check_mode)
         else:
             wanted = {**params, "actions": [{**action, "state": "idle"} for action in params["actions"]]}
             robot = Robot(params, conditions_from(wanted))

@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import N
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object, Seen
 
 INTERVAL = 0.2
+RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken from the network
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class ModuleHost:
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
         if keeper:
-            asked = {"state": "released", "actions": list(actions)}
+            asked = {"state": "released", "actions": list(actions), "timeout": RELEASE_SECONDS}
             self._well("ros_action_hold", {"master_uri": master, "keeper_uri": keeper, **asked})
 
     def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:

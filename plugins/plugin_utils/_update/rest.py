@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
 
@@ -52,15 +52,19 @@ class Rest:
             since=self.since,
         )
         self.patient = hands.clock.now() < end
-        self.held = {**before, **{name: named[name] for name in seen.held}}
+        # all of them, and not only those of the answer: a keeper that answers too late holds, too
+        self.held = {**before, **(named if seen.verdict == PASS and not hands.check else {})}
         return seen
 
     def release(self) -> None:
-        """Let the goals go that are still held. If nobody can, the keeper does it by itself."""
+        """Let the goals go that are held: their clients wait. If nobody can, the keeper does it by itself."""
+        hands = self._hands
         if self.held:
-            held, self.held = [*self.held.values()], {}
-            with contextlib.suppress(FleetError):
-                self._hands.host.release(self._hands.master, self._hands.keeper, held)
+            held, self.held = self.held, {}
+            try:
+                hands.host.release(hands.master, hands.keeper, [*held.values()])
+            except FleetError as error:
+                hands.say(f"goals of {', '.join(held)} may be held for another {HOLD_SECONDS:.0f} s: {error}")
 
 
 def look_seconds(busy_timeout: float, again: bool) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
@@ -117,8 +118,25 @@ def test_release_in_check_mode_and_without_success(run: Run, monkeypatch: pytest
     assert run(keeper_uri=KEEPER, state="released", _ansible_check_mode=True)["changed"]
     assert FakeKeeper.calls == []
     monkeypatch.setattr(FakeKeeper, "says", "it hung up")
-    result = run(keeper_uri=KEEPER, state="released")
+    result = run(keeper_uri=KEEPER, state="released", timeout=0)
     assert (result["failed"], result["held"], result["msg"]) == (True, ["/work"], "it hung up")
+
+
+def test_a_keeper_that_is_away_for_a_moment_is_told_to_let_go(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kubelet that starts again takes it out of its Service for some seconds."""
+    answers: list[Any] = [ConnectionRefusedError("nothing listens there"), RosError("no answer"), {"/work": {}}]
+
+    def held(_self: FakeKeeper) -> dict[str, Any]:
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return dict(answer)
+
+    monkeypatch.setattr(FakeKeeper, "held", held)
+    assert run(keeper_uri=KEEPER, state="released", timeout=30)["changed"]
+    assert FakeKeeper.calls == [("release", "/work")]
+    answers.append(ConnectionRefusedError("nothing listens there"))
+    assert run(keeper_uri=KEEPER, state="released", timeout=0)["msg"] == "nothing listens there"
 
 
 def test_release_needs_a_keeper(run: Run) -> None:

@@ -104,6 +104,12 @@ def test_without_a_keeper_an_idle_action_is_enough_and_it_is_told() -> None:
     assert "isolate /worker" not in robot.told, "its clients' goals would be lost"
 
 
+def test_a_keeper_that_answered_too_late_is_told_to_let_go() -> None:
+    robot = Robot(refuses="no answer within 4 s", busy=[(0.15, 99)])
+    assert held(robot, timeout=1).held == ()
+    assert robot.told[-1] == "release /work"
+
+
 def test_an_action_that_only_has_to_rest_is_not_held() -> None:
     robot = Robot()
     assert held(robot, servers={}).held == ()

@@ -76,6 +76,8 @@ class Site:
     holds: dict[str, float] = field(default_factory=dict)  # robot -> until when its goals are held
     slow: float = 0.0  # seconds of a look at the actions
     lost_then: bool = False  # the Lease, once the change was made
+    late_keeper: bool = False  # it holds, and says so too late
+    keeper_away: bool = False  # when goals are to be let go
     master_silent: bool = False
     other_run: bool = False
     lost: bool = False
@@ -264,7 +266,7 @@ class Site:
             if keeper:
                 self.held |= {"/plan"}
                 self.holds[name] = self.time + seconds
-            return Seen("pass", "", ("/plan",) if keeper else ())
+            return Seen("pass", "", ("/plan",) if keeper and not self.late_keeper else ())
 
     def works_until(self, name: str) -> float:
         """When the robot is idle; a goal that is held begins when it is let go."""
@@ -275,6 +277,8 @@ class Site:
 
     def release(self, _master: str, _keeper: str, _actions: Sequence[Object]) -> None:
         with self.call("release"):
+            if self.keeper_away:
+                raise RosError("nothing listens at http://10.43.0.1:11411/")
             self.held = set()
 
     def ready(self, _master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
@@ -323,7 +327,7 @@ class Site:
         assert not self.claimed
         if word in ("updated", "rolled-back") and not self.at:
             assert not self.maps, "a contract that was fulfilled is kept"
-        if self.away_until < 0 and "release" not in self.calls[: self.at][-1:]:
+        if self.away_until < 0 and not self.keeper_away and "release" not in self.calls[: self.at][-1:]:
             assert not self.held, f"{found}: goals are held still"
         assert not self.interrupted, "a robot was interrupted at its work"
 
@@ -407,6 +411,16 @@ def test_what_the_kubelet_said_while_the_robot_was_waited_for_proves_nothing() -
     """It said a lot meanwhile, and nothing after the change."""
     site = Site(bad={"new": "beat"}, busy_until=45.0)
     assert outcome(site)[0] == "rolled-back"
+
+
+def test_a_hold_whose_answer_was_lost_is_ended_too() -> None:
+    assert outcome(Site(late_keeper=True))[0] == "updated"
+
+
+def test_goals_that_nobody_can_let_go_are_told_of_and_the_change_stands() -> None:
+    site = Site(keeper_away=True)
+    assert (outcome(site)[0], site.held) == ("updated", {"/plan"})
+    assert any("goals of /plan may be held for another 60 s: nothing listens" in text for text in site.said)
 
 
 def test_whoever_waits_may_come_back() -> None:

@@ -84,7 +84,7 @@ def test_goals_are_held_and_let_go() -> None:
     assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
     modules = Modules()
     host(modules).release(MASTER, KEEPER, REST)
-    asked = {"state": "released", "actions": REST}
+    asked = {"state": "released", "actions": REST, "timeout": 30.0}
     assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
 
 
