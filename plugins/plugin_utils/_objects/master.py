@@ -12,10 +12,8 @@ from __future__ import annotations
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    FOR_EVER,
     Object,
     cluster_service,
-    exec_probe,
     field_variable,
     node_selector,
     pod_spec,
@@ -41,6 +39,9 @@ sys.exit(0 if master.getPid("/rosops_probe")[0] == 1 and master.getSystemState("
 """.strip()
     % names.MASTER_PORT
 )
+
+
+UNTIL = 'until python3 -I -S -c "$0"; do sleep 0.2; done'
 
 
 def master_objects(robot: Robot) -> list[Object]:
@@ -70,18 +71,15 @@ def plain_master(robot: Robot) -> Object:
         # no ROS_MASTER_URI: roscore's own rosout would wait for a Service that waits for this pod to be ready
         "env": [field_variable("ROS_IP", "status.podIP")],
         "ports": [{"name": "xmlrpc", "containerPort": names.MASTER_PORT, "protocol": "TCP"}],
-        # Stay until kube-proxy on every host has taken the pod out of the Service. A connection opened to an address
-        # that has just gone hangs for two minutes: its retries go to the same dead pod.
-        "lifecycle": {"preStop": {"sleep": {"seconds": ENDPOINT_SECONDS}}},
-        "startupProbe": exec_probe(["python3", "-I", "-S", "-c", PROBE], period=1, timeout=5, failures=FOR_EVER),
-        # By the kubelet itself: a process every few seconds, for ever, would cost more than all the nodes of a small
-        # robot. The keeper asks the API all the time. No liveness probe: a restart loses every registration, which is
-        # worse than a slow answer.
-        "readinessProbe": {
-            "tcpSocket": {"port": names.MASTER_PORT},
-            "periodSeconds": 10,
-            "timeoutSeconds": 5,
-            "failureThreshold": 3,
+        # A hook and no probes. A kubelet that starts again takes a container with probes for not ready until it has
+        # passed them anew, and its pod out of the Service for up to ten seconds (Kubernetes before 1.35, KEP-4781): a
+        # restart of k3s must not take the master from its robot. Nothing asks it later: the keeper does so all the
+        # time, and a restart would lose every registration, which is worse than a slow answer.
+        "lifecycle": {
+            "postStart": {"exec": {"command": ["sh", "-c", UNTIL, PROBE]}},
+            # Stay until kube-proxy on every host has taken the pod out of the Service. A connection opened to an
+            # address that has just gone hangs for two minutes: its retries go to the same dead pod.
+            "preStop": {"sleep": {"seconds": ENDPOINT_SECONDS}},
         },
     }
     pod = pod_spec(

@@ -62,6 +62,10 @@ def test_probes_start_no_process() -> None:
     assert "livenessProbe" not in container
 
 
+def test_it_can_be_called_while_its_kubelet_starts_again() -> None:
+    assert objects()[1]["spec"]["publishNotReadyAddresses"] is True
+
+
 def test_the_masters_overrides_are_not_the_keepers() -> None:
     """Nor does a change of the master restart it: it is there to outlive that."""
     overrides = {"spec": {"template": {"spec": {"hostNetwork": True}}}}

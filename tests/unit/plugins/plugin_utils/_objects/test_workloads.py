@@ -400,12 +400,13 @@ def test_master_starts_roscore_as_measured() -> None:
     assert service["spec"]["ports"][0]["port"] == 11311
 
 
-def test_a_master_at_rest_starts_no_process_to_be_asked() -> None:
+def test_a_master_is_ready_once_its_api_answers_and_nothing_takes_that_back() -> None:
+    """A kubelet that starts again takes for not ready what has probes."""
     found = container(master.master_objects(robot())[0])
-    assert "exec" in found["startupProbe"]  # ready only once its API answers, and for that there is no hurry to kill it
-    assert found["startupProbe"]["failureThreshold"] >= 100000
-    assert found["readinessProbe"]["tcpSocket"] == {"port": 11311}
-    assert "livenessProbe" not in found
+    assert not {"startupProbe", "readinessProbe", "livenessProbe"} & set(found)
+    command = found["lifecycle"]["postStart"]["exec"]["command"]
+    assert command[-1] == master.PROBE
+    assert command[:3] == ["sh", "-c", master.UNTIL]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -421,10 +422,11 @@ def test_only_what_a_user_asked_for_is_started_again_and_again(name: str) -> Non
 
 @pytest.fixture
 def api_port(request: pytest.FixtureRequest) -> Iterator[int]:
-    """A stand-in for the master's XML-RPC API; `request.param` is the code of getSystemState."""
+    """A stand-in for the master's XML-RPC API; `request.param` has the codes of getSystemState, a call each."""
+    codes = iter(request.param)
     with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
         server.register_function(lambda _caller: [1, "", 42], "getPid")
-        server.register_function(lambda _caller: [request.param, "", [[], [], []]], "getSystemState")
+        server.register_function(lambda _caller: [next(codes), "", [[], [], []]], "getSystemState")
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield server.server_address[1]
@@ -437,9 +439,16 @@ def probe(port: int) -> int:
     return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode  # noqa: S603
 
 
-@pytest.mark.parametrize(("api_port", "status"), [(1, 0), (0, 1), (-1, 1)], indirect=["api_port"])
+@pytest.mark.parametrize(("api_port", "status"), [([1], 0), ([0], 1), ([-1], 1)], indirect=["api_port"])
 def test_master_probe_asks_the_api(api_port: int, status: int) -> None:
     assert probe(api_port) == status
+
+
+@pytest.mark.parametrize("api_port", [[0, -1, 1]], indirect=True)
+def test_a_masters_start_is_waited_for(api_port: int) -> None:
+    code = master.PROBE.replace("11311", str(api_port))
+    waited = subprocess.run(["sh", "-c", master.UNTIL, code], capture_output=True, check=False, timeout=60)  # noqa: S603, S607
+    assert (waited.returncode, waited.stderr) == (0, b"")
 
 
 def test_master_probe_fails_where_nobody_listens() -> None:
