@@ -147,11 +147,11 @@ class Experiment:
         }
 
     def _master(self) -> dict[str, Any]:
-        """The fleet arm's master as site.yml has made it: the plain arm's has the same image, flags and probe."""
+        """The fleet arm's master as site.yml has made it: the plain arm's has the same image, flags and hooks."""
         for item in self._cluster.deployments(FleetArm.namespace):
             if item["metadata"]["name"] == "ros-master":
                 container: dict[str, Any] = item["spec"]["template"]["spec"]["containers"][0]
-                return {key: container[key] for key in ("image", "args", "startupProbe", "readinessProbe")}
+                return {key: container[key] for key in ("image", "args", "lifecycle")}
         raise BenchError(f"site.yml has left no Deployment ros-master in {FleetArm.namespace}")
 
     def tear_down(self) -> None:
