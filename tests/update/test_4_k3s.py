@@ -59,6 +59,7 @@ def put_back(fleet: Fleet) -> Iterator[None]:
     fleet.wait_settled()
 
 
+@pytest.mark.promise("k3s is changed under robots at work, and they notice nothing")
 @pytest.mark.usefixtures("put_back")
 def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) -> None:
     before, pods = starts(fleet), fleet.running()
@@ -97,6 +98,7 @@ def test_a_busy_robot_keeps_its_k3s_and_holds_up_no_other(fleet: Fleet) -> None:
     assert fleet.update(normal, "--limit", "robot1,edge1").status == 0
 
 
+@pytest.mark.promise("a k3s that does not start is taken back")
 @pytest.mark.usefixtures("put_back")
 def test_a_configuration_with_which_k3s_does_not_start_is_taken_back(fleet: Fleet) -> None:
     pods, config = fleet.running(), on(fleet, "cat /etc/rancher/k3s/config.yaml")
