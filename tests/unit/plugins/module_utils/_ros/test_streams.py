@@ -6,12 +6,30 @@ from __future__ import annotations
 
 import socket
 import struct
-import threading
 import time
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import streams
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import TimedSocket
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import count_messages
+
+
+class Publisher:
+    """Sends messages of eight bytes at a steady rate, in a time that passes while the reader sleeps."""
+
+    def __init__(self, hz: float) -> None:
+        ours, self.theirs = socket.socketpair()
+        self.ours = TimedSocket(fileno=ours.detach())
+        self.ours.opened, self._hz, self._now, self._sent = 0.0, hz, 0.0, 0
+
+    def monotonic(self) -> float:
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        self._now += seconds
+        due = int(self._now * self._hz)
+        self.theirs.sendall((struct.pack("<I", 8) + bytes(8)) * (due - self._sent))
+        self._sent = due
 
 
 def test_what_waited_while_other_streams_were_opened_makes_no_topic_faster() -> None:
@@ -27,28 +45,14 @@ def test_what_waited_while_other_streams_were_opened_makes_no_topic_faster() -> 
     assert rate.seconds == pytest.approx(2.1, abs=0.1)
 
 
-def test_nor_does_it_make_a_topic_slower() -> None:
+def test_nor_does_it_make_a_topic_slower(monkeypatch: pytest.MonkeyPatch) -> None:
     """What may be expected of a publisher is told by the time in which its stream was read."""
-    ours, theirs = socket.socketpair()
-    stream = TimedSocket(fileno=ours.detach())
-    stream.opened = time.monotonic() - 2.0
-    frame, over = struct.pack("<I", 8) + bytes(8), threading.Event()
-    theirs.sendall(frame * 1000)
-
-    def publish() -> None:
-        began, sent = time.monotonic(), 0
-        while not over.wait(0.01):
-            due = int((time.monotonic() - began) * 500)
-            theirs.sendall(frame * (due - sent))
-            sent = due
-
-    publisher = threading.Thread(target=publish)
-    publisher.start()
-    with theirs:
-        rate = count_messages({("/scan", "/lidar"): (stream, {})}, {"/scan": 1.0})["/scan", "/lidar"]
-        over.set()
-        publisher.join()
-    assert rate.known == pytest.approx(500, rel=0.08)
+    publisher = Publisher(500)
+    monkeypatch.setattr(streams, "time", publisher)
+    publisher.sleep(2.0)
+    with publisher.theirs:
+        rate = count_messages({("/scan", "/lidar"): (publisher.ours, {})}, {"/scan": 1.0})["/scan", "/lidar"]
+    assert rate.known == pytest.approx(500, rel=0.05)
 
 
 @pytest.mark.parametrize(("latching", "known"), [("1", None), ("0", None)])
@@ -64,22 +68,11 @@ def test_a_latched_message_is_no_rate_and_nobody_waits_for_the_next_one(latching
     assert rate.seconds < 3
 
 
-def test_a_patient_look_goes_on_until_a_slow_rate_is_known() -> None:
-    ours, theirs = socket.socketpair()
-    stream = TimedSocket(fileno=ours.detach())
-    stream.opened = time.monotonic()
-    over = threading.Event()
-
-    def publish() -> None:
-        while not over.wait(0.2):
-            theirs.sendall(struct.pack("<I", 8) + bytes(8))
-
-    publisher = threading.Thread(target=publish)
-    publisher.start()
-    with theirs:
+def test_a_patient_look_goes_on_until_a_slow_rate_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    publisher = Publisher(5)
+    monkeypatch.setattr(streams, "time", publisher)
+    with publisher.theirs:
         key, header = ("/scan", "/lidar"), {"latching": "0"}
-        rate = count_messages({key: (stream, header)}, {"/scan": 0.3}, patient=True)[key]
-        over.set()
-        publisher.join()
+        rate = count_messages({key: (publisher.ours, header)}, {"/scan": 0.3}, patient=True)[key]
     assert rate.messages >= 6
-    assert rate.known is None or rate.known == pytest.approx(5, rel=0.2)
+    assert rate.known == pytest.approx(5, rel=0.1)
