@@ -124,7 +124,8 @@ elapsed:
 """
 
 import contextlib
-from typing import Any
+from functools import partial
+from typing import Any, Callable, Iterable, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
@@ -134,8 +135,8 @@ from ..module_utils._host.idle_hold import Held, hold_when_idle
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import Conditions, conditions_from
 from ..module_utils._ros.gate import Look, look
-from ..module_utils._ros.keeper_client import KeeperCalls
-from ..module_utils._ros.rpc import tell_publishers
+from ..module_utils._ros.keeper_client import TIMEOUT, KeeperCalls
+from ..module_utils._ros.rpc import in_parallel, tell_publishers
 
 CALLER = "/rosops_fleet_step"
 HOLD_ARGS: dict[str, dict[str, Any]] = {
@@ -165,17 +166,23 @@ class Robot:
         seen = look(self.ros, self.conditions)
         return Seen(seen.verdict, seen)
 
-    def hold(self, action: str, server: str) -> str:
-        return self.keeper.hold(action, server, self.seconds)
+    def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
+        return _at_once(
+            {name: partial(self.keeper.hold, name, server, self.seconds) for name, server in servers.items()}
+        )
 
-    def release(self, action: str) -> str:
-        return self.keeper.release(action)
+    def release(self, actions: Iterable[str]) -> Mapping[str, str]:
+        return _at_once({name: partial(self.keeper.release, name) for name in actions})
 
     def isolate(self, action: str, server: str) -> None:
         """roscpp's servers hang up; rospy's have lost their clients to the keeper already."""
         with contextlib.suppress(OSError, RosError):  # whatever comes through after all shows in the next look
             for uri in self.ros.addresses([server])[0].values():
                 tell_publishers(uri, f"{action}/goal", [], self.ros.timeout)
+
+
+def _at_once(calls: Mapping[str, Callable[[], str]]) -> Mapping[str, str]:
+    return in_parallel(calls, TIMEOUT + 1, lambda _action, error: str(error))
 
 
 def release(keeper: KeeperCalls, actions: list[str], params: dict[str, Any], check_mode: bool) -> dict[str, Any]:
@@ -187,7 +194,8 @@ def release(keeper: KeeperCalls, actions: list[str], params: dict[str, Any], che
             there.update(keeper.held().keys() & set(actions))
         except (FleetError, OSError) as error:
             return Seen(WAIT, str(error))
-        problems = [] if check_mode else [why for why in map(keeper.release, sorted(there)) if why]
+        calls = {} if check_mode else {name: partial(keeper.release, name) for name in sorted(there)}
+        problems = [why for why in _at_once(calls).values() if why]
         return Seen(WAIT if problems else PASS, "; ".join(problems))
 
     ended = poll(probe, params["timeout"], params["interval"])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Mapping, Protocol
+from typing import Any, Callable, Iterable, Mapping, Protocol
 
 from .._common.poll import PASS, WAIT, Seen, poll
 
@@ -26,14 +26,14 @@ class World(Protocol):
     def look(self) -> Seen:
         """Whether all actions are idle; what was observed is handed on."""
 
-    def hold(self, action: str, server: str) -> str:
-        """Why the goals are not held, or nothing."""
+    def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
+        """Action -> why its goals are not held, or nothing. All at once: who hangs is waited for a single time."""
 
     def isolate(self, action: str, server: str) -> None:
         """Tell the server that nobody sends it goals."""
 
-    def release(self, action: str) -> str:
-        """Why the goals may not have been let go, or nothing."""
+    def release(self, actions: Iterable[str]) -> Mapping[str, str]:
+        """Action -> why its goals may not have been let go, or nothing. All at once."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that ne
         ended = poll(world.look, left, interval, 1 if servers else CONSECUTIVE, now=now, sleep=sleep)
         if ended.verdict != PASS or not servers:
             return Held(ended.verdict, ended.last, now() - start, called_off=called_off)
-        refused = {action: world.hold(action, server) for action, server in servers.items()}
+        refused = world.hold(servers)
         held = {action: server for action, server in servers.items() if not refused[action]}
         problems = [f"goals of {action} are not held: {why}" for action, why in refused.items() if why]
         again = poll(_isolated(world, held), SECOND_LOOK, INTERVAL, CONSECUTIVE, now=now, sleep=sleep)
         if again.verdict == PASS:
             return Held(PASS, again.last, now() - start, tuple(held), tuple(problems), called_off)
-        let_go = {action: world.release(action) for action in servers}  # a keeper that answered too late holds, too
+        let_go = world.release(servers)  # of all: a keeper that answered too late holds, too
         problems += [why for action, why in let_go.items() if why and action in held]
         called_off += 1
         if again.verdict != WAIT or now() - start >= timeout:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from typing import Any
 
 import pytest
@@ -103,6 +104,25 @@ def test_a_keeper_that_cannot_is_a_warning(run: Run, monkeypatch: pytest.MonkeyP
     assert (result["changed"], result["verdict"]) == (False, PASS)
     assert warned == ["goals of /work are not held: nothing listens there"]
     assert result["reason"] == warned[0]
+
+
+@pytest.mark.parametrize("state", ["held", "released"])
+def test_a_keeper_that_hangs_is_asked_for_all_actions_at_once(
+    run: Run, monkeypatch: pytest.MonkeyPatch, state: str
+) -> None:
+    """One after the other, the first of fifteen would be let go by itself before the last one is held."""
+    actions = [{"name": f"/work{number}", "server": "/worker"} for number in range(8)]
+    asked = threading.Barrier(len(actions))
+
+    def hang(_self: FakeKeeper, *_params: Any) -> str:
+        asked.wait(timeout=30)  # passed by all together, or by none
+        return ""
+
+    monkeypatch.setattr(FakeKeeper, "hold", hang)
+    monkeypatch.setattr(FakeKeeper, "release", hang)
+    monkeypatch.setattr(FakeKeeper, "there", {action["name"]: {} for action in actions})
+    result = run(keeper_uri=KEEPER, state=state, actions=actions)
+    assert (result["changed"], result["reason"]) == (True, "")
 
 
 def test_release_lets_go_what_is_held_and_nothing_else(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

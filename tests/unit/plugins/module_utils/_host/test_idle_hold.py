@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, Seen
@@ -33,17 +34,17 @@ class Robot:
             return Seen(FAIL, "broken")
         return Seen(WAIT, "1 goal active") if seen else Seen(PASS, "idle")
 
-    def hold(self, action: str, server: str) -> str:
-        self.told.append(f"hold {action} of {server}")
-        return self.refuses
+    def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
+        self.told += [f"hold {action} of {server}" for action, server in servers.items()]
+        return dict.fromkeys(servers, self.refuses)
 
     def isolate(self, action: str, server: str) -> None:
         self.told.append(f"isolate {server}")
         assert action == "/work"
 
-    def release(self, action: str) -> str:
-        self.told.append(f"release {action}")
-        return ""
+    def release(self, actions: Iterable[str]) -> Mapping[str, str]:
+        self.told += [f"release {action}" for action in actions]
+        return dict.fromkeys(actions, "")
 
 
 def held(robot: Robot, timeout: float = 60, servers: dict[str, str] | None = None) -> Held:

@@ -616,7 +616,10 @@ class KeeperOf:
         found = gate.look(self.sim, self.conditions)
         return Look(found.verdict, found)
 
-    def hold(self, action: str, server: str) -> str:
+    def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
+        return {action: self._hold(action, server) for action, server in servers.items()}
+
+    def _hold(self, action: str, server: str) -> str:
         sim = self.sim
         if not sim.is_up(names.KEEPER_NAME):
             return "there is no keeper"
@@ -627,6 +630,7 @@ class KeeperOf:
     def isolate(self, action: str, server: str) -> None:
         """Nothing that is simulated."""
 
-    def release(self, action: str) -> str:
-        self.sim.let_go(action)
-        return ""
+    def release(self, actions: Iterable[str]) -> Mapping[str, str]:
+        for action in actions:
+            self.sim.let_go(action)
+        return dict.fromkeys(actions, "")
