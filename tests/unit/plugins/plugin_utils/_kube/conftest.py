@@ -8,20 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
-
-
-class Clock:
-    """Time passes only while somebody sleeps."""
-
-    def __init__(self) -> None:
-        self.time = 0.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 
 
 @pytest.fixture

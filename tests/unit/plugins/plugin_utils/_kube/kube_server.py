@@ -22,6 +22,19 @@ PLURALS = {resource.plural for resource in RESOURCES.values()}
 END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
 
 
+class Clock:
+    """Time passes only while somebody sleeps."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+
+    def now(self) -> float:
+        return self.time
+
+    def sleep(self, seconds: float) -> None:
+        self.time += seconds
+
+
 class Server(ThreadingHTTPServer):
     """One path, one list; `events` feeds whichever watch of that path is open."""
 

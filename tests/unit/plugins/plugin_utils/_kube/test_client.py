@@ -15,9 +15,8 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError, Kube
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.conftest import Clock
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 
 NAMESPACES = "/api/v1/namespaces"
 MAPS = f"{NAMESPACES}/robot-robot1/configmaps"

@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster impor
     _Claim,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, unheard
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 
 
 class Lease:
@@ -94,19 +94,6 @@ MAP = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "a", "names
 MAP_PATH = "/api/v1/namespaces/r/configmaps/a"
 LEASE_PATH = "/apis/coordination.k8s.io/v1/namespaces/r/leases/robot-update"
 BACK = 40.0  # seconds until the API is there again
-
-
-class Clock:
-    """Time passes only while somebody sleeps."""
-
-    def __init__(self) -> None:
-        self.time = 0.0
-
-    def now(self) -> float:
-        return self.time
-
-    def sleep(self, seconds: float) -> None:
-        self.time += seconds
 
 
 @pytest.fixture
