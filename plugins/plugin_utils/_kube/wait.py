@@ -86,6 +86,7 @@ class Settings:
     """How long to wait, and what a test replaces."""
 
     timeout: float = 300.0
+    unread: float = 0.0  # seconds for the API to show the objects, which the time-out then begins after
     grace: float = 10.0
     fail_on_restart: bool = False
     say: Callable[[str], None] = say_nothing
@@ -133,10 +134,16 @@ class _Wait:
         self.before: dict[str, dict[str, int]] = {}  # by pod uid, the restarts that are none of this rollout's
         self.unlisted = set(targets_for(refs))
         self.lost: dict[Target, ApiError] = {}
-        self.start = settings.now()
+        self.start = self.seen = settings.now()
+
+    def end(self) -> float:
+        """When the time is over."""
+        if self.unlisted:
+            return self.start + max(self.settings.timeout, self.settings.unread)
+        return self.seen + self.settings.timeout
 
     def take(self, change: Change, stream: Stream) -> None:
-        target = change.target
+        target, blind = change.target, bool(self.unlisted)
         if change.what == "listed":
             self.unlisted.discard(target)
             self.view.replace(target.kind, target.namespace, change.objects)
@@ -148,6 +155,8 @@ class _Wait:
             self.lost.pop(target, None)
         elif change.what == "refused" and change.error:
             self._refused(target, change.error, stream)
+        if blind and not self.unlisted and self.settings.unread:
+            self.seen = self.settings.now()
 
     def _refused(self, target: Target, error: ApiError, stream: Stream) -> None:
         namespaces = watched(self.refs).get(target.kind, set())
@@ -234,7 +243,7 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             verdict, now = overall([row.verdict.verdict for row in rows]), settings.now()
             if verdict == PASS:
                 return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
-            over = now >= wait.start + settings.timeout
+            over = now >= wait.end()
             if wait.unlisted and wait.lost and (over or wait.elapsed() >= PATIENCE):
                 raise next(iter(wait.lost.values()))
             if verdict == FAIL or over:
@@ -242,7 +251,7 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if now >= say_at:
                 settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [wait.start + settings.timeout, say_at, wait.tracker.due(), wait.news.due(wait.starting(), now)]
+            ends = [wait.end(), say_at, wait.tracker.due(), wait.news.due(wait.starting(), now)]
             until = min(end for end in ends if end is not None)
             if wait.unlisted:
                 until = min(until, now + 1.0)

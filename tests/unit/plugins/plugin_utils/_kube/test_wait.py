@@ -248,6 +248,17 @@ def test_never_reached_within_a_short_timeout() -> None:
     assert done.took == pytest.approx(3)
 
 
+def test_the_silence_of_the_api_is_none_of_the_objects_time() -> None:
+    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(new_pod)), timeout=3, unread=PATIENCE)
+    assert done.error is None
+    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(old_pod)), timeout=3, unread=PATIENCE)
+    assert "old pod talker-old-1" in done.message
+    assert done.took == pytest.approx(23)
+    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=3, unread=PATIENCE)
+    assert done.error is REFUSED
+    assert done.took == pytest.approx(PATIENCE, abs=1)
+
+
 def test_reached_after_some_tries() -> None:
     assert Run((0.0, [lost(DEPLOYMENTS)]), (6.0, lists(new_pod))).error is None
 
