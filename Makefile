@@ -61,7 +61,7 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 	@ansible-playbook -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
-HOSTLESS := lint test-unit sanity units test-bad-input test-go test-browser test-ros
+HOSTLESS := lint test-unit sanity test-bad-input test-go test-browser test-ros
 
 .PHONY: test
 test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
@@ -73,7 +73,7 @@ test: ## What CI runs: everything that needs no host, and on hosts one case for 
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
 	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
 	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
-	    --lane $(HOSTLESS)
+	    --lane $(HOSTLESS) units
 
 .PHONY: check
 check: ruff mypy ## In seconds, without a host: lint, and the unit tests near what changed since main

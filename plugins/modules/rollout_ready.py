@@ -46,7 +46,7 @@ options:
     required: true
     aliases: [definitions]
   timeout:
-    description: Seconds to wait.
+    description: Seconds to wait from when the API shows the objects, which may itself take 60 s.
     type: float
     default: 300
   unschedulable_grace:

@@ -6,7 +6,7 @@
 A step of an update marks its Deployments, and leaves beside each (ConfigMap `<app>-update`) a contract and the version
 before. Whoever takes the step renews the robot's Lease. When nobody does any more, a version that is Ready has
 fulfilled its contract by its own probe: it stays, marked, for the next run. One that does not get ready is taken back,
-with all apps of its step.
+with all apps of its step; at once if its container ended with an error, as a run does.
 
 One that was Ready once and is not any more proves nothing against itself: its node may be away, or its robot have been
 rebooted. Only if its container ends again and again it is taken back all the same, however often it is Ready between.
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any, Iterable, Mapping, Sequence
+from typing import Any, Iterable, Iterator, Mapping, Sequence
 
 from .subset import is_in
 
@@ -29,6 +29,8 @@ MASTER = "ros-master"
 LEASE_SECONDS = 15.0
 READY_TIMEOUT = 180.0  # where the contract does not say it
 FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
+STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
+LOST = "Unknown"  # the kubelet's reason for a container that is not there any more: its host was rebooted
 UPDATING = "rosops.fleet/updating"
 WENT_BACK = "rosops.fleet/went-back"
 NODE = "rosops.fleet/ros-node"
@@ -68,8 +70,21 @@ def rolled_out(deployment: Object) -> bool:
 
 def crashes(pod: Object) -> bool:
     """Whether the kubelet waits before it starts a container of the pod once more, because it ended again and again."""
-    statuses = (pod.get("status") or {}).get("containerStatuses") or []
-    return any(((one.get("state") or {}).get("waiting") or {}).get("reason") == "CrashLoopBackOff" for one in statuses)
+    return any(state.get("waiting", {}).get("reason") == "CrashLoopBackOff" for state in _states(pod))
+
+
+def error_of(pod: Object) -> str:
+    """The exit code of a container of the pod that ended by an error of its own; empty: none did."""
+    ends = [state["terminated"] for state in _states(pod) if state.get("terminated")]
+    codes = [end.get("exitCode", 0) for end in ends if LOST not in str(end.get("reason"))]
+    return next((str(code) for code in codes if code not in STOPPED), "")
+
+
+def _states(pod: Object) -> Iterator[Object]:
+    """Of its containers now, and before they were started anew."""
+    for one in (pod.get("status") or {}).get("containerStatuses") or []:
+        for key in ("state", "lastState"):
+            yield one.get(key) or {}
 
 
 @dataclass(frozen=True)
@@ -169,6 +184,12 @@ class Step:
         return self.begun or any(member.differs and _is_bad(member, came_up) for member in self.members)
 
     @property
+    def error(self) -> str:
+        """Of a version that has not come up."""
+        pods = [pod for one in self.members if not rolled_out(one.deployment) for pod in one.pods]
+        return next(filter(None, map(error_of, pods)), "")
+
+    @property
     def going_back(self) -> list[Unproven]:
         """All of it together, but what the step made: there is nothing that it could go back to."""
         return [member for member in self.members if member.before is not None]
@@ -244,13 +265,22 @@ class Observed:
         resting = {key: known[key] for key, seconds in self.rested.items() if seconds < FORGIVEN}
         waiting = {one.key: known[one.key] + self._passed if one.key in known else 0.0 for one in failing}
         self.waited = {**resting, **waiting}
-        return [step for step in failing if step.begun or self.waited[step.key] >= step.ready_timeout]
+        return [step for step in failing if step.begun or self._died(step) or self._late(step)]
+
+    def _died(self, step: Step) -> str:
+        return "" if self.up(step) else step.error
+
+    def _late(self, step: Step) -> bool:
+        return self.waited[step.key] >= step.ready_timeout
 
     def up(self, step: Step) -> bool:
         """Whether all of it was rolled out at some time."""
         return step.key in self.came_up
 
     def why(self, step: Step) -> str:
+        code = self._died(step)
+        if code:
+            return f"ended with exit code {code}"
         return f"{'crashed again and again' if self.up(step) else 'not ready'} {self.waited[step.key]:.0f} s"
 
     def failing(self, step: Step) -> bool:

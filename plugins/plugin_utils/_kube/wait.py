@@ -86,7 +86,7 @@ class Settings:
     """How long to wait, and what a test replaces."""
 
     timeout: float = 300.0
-    unread: float = 0.0  # seconds for the API to show the objects, which the time-out then begins after
+    unread: float = PATIENCE  # seconds for the API to show the objects: the time-out is theirs, and begins then
     grace: float = 10.0
     fail_on_restart: bool = False
     say: Callable[[str], None] = say_nothing
@@ -138,9 +138,7 @@ class _Wait:
 
     def end(self) -> float:
         """When the time is over."""
-        if self.unlisted:
-            return self.start + max(self.settings.timeout, self.settings.unread)
-        return self.seen + self.settings.timeout
+        return self.start + self.settings.unread if self.unlisted else self.seen + self.settings.timeout
 
     def take(self, change: Change, stream: Stream) -> None:
         target, blind = change.target, bool(self.unlisted)
@@ -155,7 +153,7 @@ class _Wait:
             self.lost.pop(target, None)
         elif change.what == "refused" and change.error:
             self._refused(target, change.error, stream)
-        if blind and not self.unlisted and self.settings.unread:
+        if blind and not self.unlisted:
             self.seen = self.settings.now()
 
     def _refused(self, target: Target, error: ApiError, stream: Stream) -> None:
@@ -244,7 +242,7 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if verdict == PASS:
                 return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
             over = now >= wait.end()
-            if wait.unlisted and wait.lost and (over or wait.elapsed() >= PATIENCE):
+            if over and wait.unlisted and wait.lost:
                 raise next(iter(wait.lost.values()))
             if verdict == FAIL or over:
                 break

@@ -16,12 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import (
-    PATIENCE,
-    ApiError,
-    Kube,
-    ref_of,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -98,9 +93,7 @@ class KubeCluster:
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         refs = parse_refs([dict(item) for item in objects])
         if refs:
-            # an API server that restarts says nothing against what it does not show
-            settings = Settings(timeout, unread=PATIENCE, fail_on_restart=fail_on_restart, say=self._say)
-            wait_for_rollout(self._kube, refs, settings)
+            wait_for_rollout(self._kube, refs, Settings(timeout, fail_on_restart=fail_on_restart, say=self._say))
 
 
 def awake_or_not() -> float:

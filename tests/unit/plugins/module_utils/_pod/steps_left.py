@@ -54,13 +54,16 @@ def left(*before: dict[str, Any], **contract: Any) -> dict[str, Any]:
     return {"data": {"history.json": json.dumps(history), "contract.json": json.dumps(contract)}}
 
 
-def pod(app: str, number: int, address: str = "10.42.0.9", *, crashes: bool = False) -> dict[str, Any]:
-    """A pod of a version; `crashes`: it is waited before its container is started once more."""
+def pod(
+    app: str, number: int, address: str = "10.42.0.9", *, crashes: bool = False, ended: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """A pod of a version; `crashes`: it is waited before its container is started once more; `ended`: how it did."""
     state = {"waiting": {"reason": "CrashLoopBackOff"}} if crashes else {"running": {}}
+    last = {"terminated": ended} if ended else {}
     return {
         "metadata": {"labels": {"rosops.fleet/app": app, "rosops.fleet/revision": f"rev{number}"}},
         "spec": {},
-        "status": {"podIP": address, "containerStatuses": [{"name": "ros-app", "state": state}]},
+        "status": {"podIP": address, "containerStatuses": [{"name": "ros-app", "state": state, "lastState": last}]},
     }
 
 

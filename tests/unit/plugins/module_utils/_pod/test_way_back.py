@@ -299,6 +299,35 @@ def test_crashes_of_another_day_are_forgiven() -> None:
             assert look(lease(""), UP) == []
 
 
+@pytest.mark.parametrize("reason", ["Error", "StartError"])
+def test_a_version_that_ended_with_an_error_before_it_came_up_is_due_at_once(reason: str) -> None:
+    """As a run says it: whoever waits for the old server must not wait for a time-out."""
+    died = at([pod("camera", 2, ended={"exitCode": 3, "reason": reason})])
+    look = Look()
+    assert look(lease(RUN), died) == []
+    assert look(lease(""), died) == [died]
+    assert look.seen.why(died) == "ended with exit code 3"
+    waits = json.loads(json.dumps(died.members[0].pods[0]))
+    status = waits["status"]["containerStatuses"][0]
+    status["state"], status["lastState"] = {"terminated": {"exitCode": 3, "reason": reason}}, {}
+    assert Look()(lease(""), at([waits])) != []
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [(0, "Completed"), (143, "Error"), (137, "Error"), (255, "Unknown"), (137, "ContainerStatusUnknown")],
+)
+def test_a_reboot_is_no_error_of_the_version(code: int, reason: str) -> None:
+    again = at([pod("camera", 2, ended={"exitCode": code, "reason": reason})])
+    assert Look()(lease(""), again) == []
+
+
+def test_an_error_after_it_came_up_is_no_crash_loop() -> None:
+    look, died = Look(), at([pod("camera", 2, ended={"exitCode": 3, "reason": "Error"})])
+    look(lease(""), UP)
+    assert [look(lease(""), died) for _look in range(100)] == [[]] * 100
+
+
 def test_another_version_has_to_come_up_itself() -> None:
     look = Look()
     look(lease(""), UP)

@@ -192,14 +192,14 @@ def test_unschedulable_fails_after_the_grace_without_any_further_news() -> None:
 def test_time_out_names_everything_that_is_open_and_its_last_reason() -> None:
     refs = [DEPLOYMENT, ref("Deployment", "listener"), ref("ConfigMap", "params")]
     done = Run((0.1, lists(new_pod, old_pod)), refs=refs, timeout=25)
-    assert done.took == pytest.approx(25)
+    assert done.took == pytest.approx(25.1)
     assert done.message == (
         "2 of 3 are not rolled out after 25 s:\n"
         f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1\n"
         f"  Deployment {NS}/listener: is not there yet"
     )
     assert [row["verdict"] for row in done.result["objects"]] == ["wait", "wait", "pass"]
-    assert done.result["elapsed"] == 25
+    assert done.result["elapsed"] == 25.1
 
 
 def test_says_every_ten_seconds_what_is_open() -> None:
@@ -218,7 +218,8 @@ def test_a_progress_message_stays_short() -> None:
 
 
 def test_a_timeout_of_zero_looks_once() -> None:
-    assert "0 s" in Run((0.1, lists(new_pod)), timeout=0).message
+    assert Run((0.1, lists(new_pod)), timeout=0).error is None
+    assert "0 s" in Run((0.1, lists(old_pod)), timeout=0).message
 
 
 def test_nothing_to_wait_for() -> None:
@@ -242,19 +243,13 @@ def test_never_reached_fails_soon_with_the_cause() -> None:
     assert done.took == pytest.approx(PATIENCE, abs=1)
 
 
-def test_never_reached_within_a_short_timeout() -> None:
-    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=3)
-    assert done.error is REFUSED
-    assert done.took == pytest.approx(3)
-
-
 def test_the_silence_of_the_api_is_none_of_the_objects_time() -> None:
-    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(new_pod)), timeout=3, unread=PATIENCE)
+    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(new_pod)), timeout=3)
     assert done.error is None
-    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(old_pod)), timeout=3, unread=PATIENCE)
+    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(old_pod)), timeout=3)
     assert "old pod talker-old-1" in done.message
     assert done.took == pytest.approx(23)
-    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=3, unread=PATIENCE)
+    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=3)
     assert done.error is REFUSED
     assert done.took == pytest.approx(PATIENCE, abs=1)
 
@@ -382,7 +377,7 @@ def test_an_end_with_an_error_fails_at_once_with_exit_code_and_log() -> None:
         "  log of pod talker-new-1, container ros-app: Traceback",
         "  log of pod talker-new-1, container ros-app: ImportError: rospy",
     ]
-    assert Run(*steps, timeout=5).took == pytest.approx(5)  # without the option it may come back
+    assert Run(*steps, timeout=5).took == pytest.approx(5.1)  # without the option it may come back
 
 
 def test_an_end_that_was_missed_is_seen_by_the_restart_even_if_the_pod_is_ready_again() -> None:
@@ -477,14 +472,14 @@ def test_events_of_other_pods_say_nothing_here() -> None:
     starting = pod("talker-new-1", NEW, [app()])
     unready_old = pod("talker-old-1", OLD, [app()])
     done = Run((0.1, lists(starting, unready_old)), kube=FakeKube({"Event": events}), timeout=3)
-    assert done.took == pytest.approx(3)
+    assert done.took == pytest.approx(3.1)
     assert "never" not in done.message.splitlines()[1]
 
 
 def test_events_that_may_not_be_read_are_asked_for_once() -> None:
     kube = FakeKube(refuse=403)
     done = Run((0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), kube=kube, timeout=20)
-    assert done.took == pytest.approx(20)
+    assert done.took == pytest.approx(20.1)
     assert len(kube.asked) == 2  # and once for the message
 
 
