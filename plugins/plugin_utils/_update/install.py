@@ -16,9 +16,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
-    Plan,
-    Step,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Step
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     app_of,
     deployments_of,
     read_contracts,

@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING, members, promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import deployments_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import marked
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import UNFINISHED, Now, Turn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (

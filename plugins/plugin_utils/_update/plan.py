@@ -9,15 +9,12 @@ to apply, what was there before, the ROS nodes' old and new names, and what has 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
@@ -29,16 +26,28 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import MASTER as MASTER_PART
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import intended
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
+    Key,
+    app_of,
+    deployments_of,
+    described,
+    hash_of,
+    identity,
+    is_updating,
+    kept,
+    key_of,
+    node_of,
+    read_contracts,
+    read_histories,
+    revision_of,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 MASTER, KEEPER = names.MASTER_NAME, names.KEEPER_NAME
-HISTORY_KEY = "history.json"
-CONTRACT_KEY = "contract.json"
 PREVIOUS = "previous"
 # When apps of one step hand over in different ways, the one that asks for more care names the step.
 HANDOFFS = ("overlap", "replace", "drain")
 
-Key = tuple[str, str]
 Histories = Mapping[str, Sequence[Object]]  # app -> its earlier versions, the last one first
 
 
@@ -121,17 +130,17 @@ class _Robot:
         first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
         unproven = [
             app for app in members for item in deployments_of(self.desired[app])
-            if self._unproven(self.live.get(_key(item)))
+            if self._unproven(self.live.get(key_of(item)))
         ]  # fmt: skip
         changed = any(self.differs(item) for item in deployments_of(objects))
         previous = self._previous(objects)
-        running = {app: _node(self.live[_key(first[app])]) for app in apps if _key(first[app]) in self.live}
-        old_nodes = {app: _node(previous[app]) for app in apps if app in previous} if unproven else running
+        running = {app: node_of(self.live[key_of(first[app])]) for app in apps if key_of(first[app]) in self.live}
+        old_nodes = {app: node_of(previous[app]) for app in apps if app in previous} if unproven else running
         return Step(
             name=members[0] if len(members) == 1 else str(next(iter(apps.values())).update.group),
             kind="master" if list(members) == [MASTER] else "app",
             apps=list(members),
-            drifted=any(_key(item) in self.drifted for item in deployments_of(objects)),
+            drifted=any(key_of(item) in self.drifted for item in deployments_of(objects)),
             handoff=max([app.handoff for app in apps.values()] or ["replace"], key=HANDOFFS.index),
             objects=objects,
             previous=previous,
@@ -141,7 +150,7 @@ class _Robot:
             resume=bool(unproven) and not changed,
             proven=not (unproven or changed),
             unproven=unproven,
-            new_nodes={app: _node(first[app]) for app in apps},
+            new_nodes={app: node_of(first[app]) for app in apps},
             old_nodes=old_nodes,
             actions=self._actions(apps.values(), "own"),
             idle=self._actions(apps.values(), "idle"),
@@ -156,22 +165,22 @@ class _Robot:
 
     def differs(self, item: Object) -> bool:
         """Whether something else was applied, or is there."""
-        there = self.live.get(_key(item))
-        return there is None or _hash(there) != _hash(item) or _key(item) in self.drifted
+        there = self.live.get(key_of(item))
+        return there is None or hash_of(there) != hash_of(item) or key_of(item) in self.drifted
 
     def open(self, item: Object) -> bool:
         """Whether it has to be changed, or a step on it was cut off."""
-        return self.differs(item) or _updating(self.live.get(_key(item)))
+        return self.differs(item) or is_updating(self.live.get(key_of(item)))
 
     def _previous(self, objects: Sequence[Object]) -> dict[str, Object]:
         """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven."""
         found: dict[str, Object] = {}
         for item in deployments_of(objects):
-            app, there = app_of(item), self.live.get(_key(item))
+            app, there = app_of(item), self.live.get(key_of(item))
             if there is None:
                 continue
             if not self._unproven(there):
-                found.setdefault(app, kept(there, whole=_key(there) in self.drifted))
+                found.setdefault(app, kept(there, whole=key_of(there) in self.drifted))
             elif self.histories.get(app):
                 found[app] = self.histories[app][0]["deployment"]
         return found
@@ -181,7 +190,7 @@ class _Robot:
 
         A step proves all its apps at once, and then says so of one after the other.
         """
-        if there is None or not _updating(there):
+        if there is None or not is_updating(there):
             return False
         own = self.contracts.get(app_of(there)) or {}
         step = [self.contracts.get(app) or {} for app in [app_of(there), *own.get("apps", [])]]
@@ -210,7 +219,7 @@ def update_plan(
     unknown = sorted(set(request.only) - set(desired))
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
-    running = {_key(item): item for item in live.deployments}
+    running = {key_of(item): item for item in live.deployments}
     there = _Robot(robot, desired, running, read_histories(live.maps), read_contracts(live.maps), drifted)
     brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
     asked = [
@@ -224,7 +233,7 @@ def update_plan(
 
 def _forward(there: _Robot, asked: Sequence[str]) -> Plan:
     changed = [app for app in asked if any(there.open(item) for item in deployments_of(there.desired[app]))]
-    known = {_key(item) for objects in there.desired.values() for item in deployments_of(objects)}
+    known = {key_of(item) for objects in there.desired.values() for item in deployments_of(objects)}
     return Plan(
         [there.step(members) for members in ordered(there.robot.apps, changed)],
         [app for app in asked if app not in changed],
@@ -255,10 +264,10 @@ def _back(there: _Robot, asked: Sequence[str], request: Request) -> Plan:
 
 def _earlier(there: _Robot, app: str, to: str) -> Object | None:
     """The Deployment of the history that is meant; the one that runs is no way back."""
-    key = next(_key(item) for item in deployments_of(there.desired[app]))
-    running = _hash(there.live[key]) if key in there.live else ""
+    key = next(key_of(item) for item in deployments_of(there.desired[app]))
+    running = hash_of(there.live[key]) if key in there.live else ""
     for entry in there.histories.get(app, []):
-        if _hash(entry["deployment"]) != running and to in (PREVIOUS, entry["revision"]):
+        if hash_of(entry["deployment"]) != running and to in (PREVIOUS, entry["revision"]):
             found: Object = entry["deployment"]
             return found
     return None
@@ -268,24 +277,6 @@ def _no_history(app: str, there: _Robot, to: str) -> str:
     kept_ones = [f"{entry['revision']} ({entry.get('image', '?')})" for entry in there.histories.get(app, [])]
     wanted = "previous revision" if to == PREVIOUS else f"revision {to}"
     return f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {', '.join(kept_ones) or 'none'}"
-
-
-def read_histories(maps: Iterable[Object]) -> dict[str, list[dict[str, Any]]]:
-    """App -> what its ConfigMap `<app>-update` keeps, the last one first."""
-    return {
-        str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(HISTORY_KEY) or "[]")
-        for item in maps
-        if names.LABEL_APP in (item["metadata"].get("labels") or {})
-    }
-
-
-def read_contracts(maps: Iterable[Object]) -> dict[str, Object]:
-    """App -> what its last step asked of it (`_ros/contract.py`), with `revision`, `apps` and `proven`."""
-    return {
-        str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(CONTRACT_KEY) or "{}")
-        for item in maps
-        if names.LABEL_APP in (item["metadata"].get("labels") or {})
-    }
 
 
 def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
@@ -322,69 +313,5 @@ def _desired(robot: Robot) -> dict[str, list[Object]]:
     return found
 
 
-def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:
-    """A live Deployment in the form in which it can be applied again; `whole` with what others changed of it."""
-    part = None if whole else applied_part(deployment, names.MANAGER)
-    if part is None:
-        # somebody else applied it: without what the API server keeps for itself it is what it was
-        own = {"name", "namespace", "labels", "annotations"}
-        metadata = {key: value for key, value in deployment["metadata"].items() if key in own}
-        spec = {key: value for key, value in deployment["spec"].items() if key != "paused"}  # nothing would go back
-        part = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": spec}
-    passing = (names.ANNOTATION_UPDATING, names.ANNOTATION_WENT_BACK)  # of this time, not of the next
-    annotations = {key: text for key, text in _annotations(part).items() if key not in passing}
-    return {**part, "metadata": {**part["metadata"], "annotations": annotations}}
-
-
-def described(deployment: Object) -> dict[str, str]:
-    """What an operator wants to read of a version."""
-    images = [container.get("image", "") for container in deployment["spec"]["template"]["spec"]["containers"]]
-    return {"image": images[0] if images else "", "revision": revision_of(deployment)}
-
-
-def revision_of(deployment: Object) -> str:
-    """The first digits of the pod template's hash."""
-    metadata = deployment["spec"]["template"]["metadata"]
-    label = (metadata.get("labels") or {}).get(names.LABEL_REVISION)
-    return str(label or (metadata.get("annotations") or {}).get(names.ANNOTATION_HASH, "")[:8])
-
-
-def deployments_of(objects: Iterable[Object]) -> list[Object]:
-    """The Deployments among the objects."""
-    return [item for item in objects if item["kind"] == "Deployment"]
-
-
-def app_of(deployment: Object) -> str:
-    """The app that a Deployment of ours belongs to."""
-    return str((deployment["metadata"].get("labels") or {}).get(names.LABEL_APP, ""))
-
-
-def identity(item: Object) -> dict[str, Any]:
-    """As much of an object as deleting it takes."""
-    metadata = {key: item["metadata"][key] for key in ("name", "namespace")}
-    return {"apiVersion": item["apiVersion"], "kind": item["kind"], "metadata": metadata}
-
-
-def _key(item: Object) -> Key:
-    return str(item["metadata"]["namespace"]), str(item["metadata"]["name"])
-
-
 def _is_shared(objects: Sequence[Object]) -> bool:
     return any(item["metadata"]["namespace"] == names.FLEET_NAMESPACE for item in objects)
-
-
-def _annotations(item: Object | None) -> Mapping[str, str]:
-    return ((item or {}).get("metadata") or {}).get("annotations") or {}
-
-
-def _hash(item: Object | None) -> str:
-    return _annotations(item).get(names.ANNOTATION_HASH, "")
-
-
-def _updating(item: Object | None) -> bool:
-    return names.ANNOTATION_UPDATING in _annotations(item)
-
-
-def _node(deployment: Object) -> str:
-    """The app's ROS node in the graph; empty where it has none that can be known."""
-    return str((deployment["spec"]["template"]["metadata"].get("annotations") or {}).get(names.ANNOTATION_NODE, ""))

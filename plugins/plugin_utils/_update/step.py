@@ -16,10 +16,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import own_nodes
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     CONTRACT_KEY,
     HISTORY_KEY,
-    Step,
     app_of,
     described,
     read_contracts,

@@ -11,7 +11,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import way_back
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Observed, Step, steps_of, unproven
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import CONTRACT_KEY, HISTORY_KEY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import CONTRACT_KEY, HISTORY_KEY
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
     UPDATING,
     WENT_BACK,

@@ -26,7 +26,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import app_of, revision_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
 EPOCH = 1795252000.0

@@ -33,7 +33,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import app_of, revision_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,

@@ -11,14 +11,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
-    Plan,
-    Request,
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, update_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     app_of,
     described,
     kept,
     read_histories,
-    update_plan,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,

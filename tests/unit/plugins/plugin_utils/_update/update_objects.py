@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import kept
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import kept
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 
 
