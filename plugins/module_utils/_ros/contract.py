@@ -107,6 +107,13 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
     }
 
 
+def rated(graph: Mapping[str, Any], nodes: Sequence[str], intended: Intended) -> set[str]:
+    """Those of the nodes that publish something at a rate that `record` would take down."""
+    taken = _Recorder(graph, nodes, {}, intended)
+    topics = [entry for topic, entry in graph["topics"].items() if taken.counts(topic) and taken.has_rate(topic)]
+    return {name for entry in topics for name in taken.own(entry["publishers"])}
+
+
 class _Recorder:
     def __init__(
         self,
@@ -178,8 +185,11 @@ class _Recorder:
 
     def publisher(self, topic: str, entry: Mapping[str, Any], name: str) -> dict[str, Any]:
         rate, least = (entry.get("rates") or {}).get(name), self.intended.rate(self.new(topic))
-        # an action's topics carry what its goals make them carry; its server is judged by its status
-        return {"rate": None if topic in self.action_topics else rate, **({} if least is None else {"least": least})}
+        return {"rate": rate if self.has_rate(topic) else None, **({} if least is None else {"least": least})}
+
+    def has_rate(self, topic: str) -> bool:
+        """An action's topics carry what its goals make them carry; its server is judged by its status."""
+        return topic not in self.action_topics
 
     def follows(self, topic: str, node: str) -> bool:
         """Whether a node goes on using the topic under the name that it will have."""

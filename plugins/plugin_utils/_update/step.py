@@ -51,15 +51,14 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     """`images` is edge host -> full names of its images."""
     own = own_nodes(step.old_nodes, graph, live.pods)
     nodes = {node for found in own.values() for node in found}
-    publish = {name for topic in graph["topics"].values() for name in topic["publishers"]}
-    recorded = {node for app, found in own.items() if app not in step.unproven for node in found}
+    recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
     return Gate(
         step_contracts(step, graph, live),
         [*_problems(step, graph), *_images_missing(step, images or {})],
         _warnings(graph, nodes),
         actions_to_rest(graph, nodes, [*step.actions, *step.idle]),
         allowed(graph, sorted(nodes), step.intended),
-        recorded & publish,
+        ros_contract.rated(graph, recorded, step.intended),
     )
 
 

@@ -203,6 +203,16 @@ def test_rates_are_asked_of_what_the_step_replaces() -> None:
     assert step_gate(step, graph, Live()).nodes == {*step.old_nodes.values()}
 
 
+def test_what_carries_no_rate_of_its_own_is_not_listened_to() -> None:
+    """A second of listening on the robot, for nothing that anybody would hold the next version to."""
+    step = sensor_step()
+    (old,) = step.old_nodes.values()
+    graph = graph_of(step, actions={"/plan": served(old)})
+    (entry,) = graph["topics"].values()
+    graph["topics"] = {"/rosout": entry, "/plan/status": entry}
+    assert step_gate(step, graph, Live()).nodes == set()
+
+
 def test_an_image_that_an_edge_host_lacks_forbids_the_step() -> None:
     step = sensor_step(placement="remote")
     listings = {
