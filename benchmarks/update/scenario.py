@@ -21,7 +21,8 @@ TEMPERATURE = "rosops_apps/Temperature"
 
 # What all of an arm's pods ask of the scheduler. Without it they have the least weight that there is (BestEffort), and
 # under stress the kernel gives nearly everything to whatever else runs on the host: both arms would lose to that alone.
-REQUESTED = {"cpu": "100m", "memory": "64Mi"}
+# So little that all of them and the new pods of twelve apps are within the one core that a host may have.
+REQUESTED = {"cpu": "25m", "memory": "64Mi"}
 
 
 @dataclass(frozen=True)
