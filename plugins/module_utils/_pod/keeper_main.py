@@ -1,7 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The keeper's process: `run.py keeper --record DIRECTORY`."""
+"""The keeper's process: `run.py keeper --record DIRECTORY`.
+
+It is not replaced with the code in its ConfigMap: when that has changed, and nobody needs it, it begins anew by itself.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +32,7 @@ TIMEOUT = 2.0
 STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
 WAKING = signal.SIGUSR1  # to itself: the master has ended
+ANEW = -1  # what main returns to be begun anew
 
 
 def tell(line: str) -> None:
@@ -66,12 +70,29 @@ def told_to_end(seconds: float) -> bool:
     return came is not None and came.si_signo != WAKING
 
 
+class Code:
+    """The files that this process was begun from. The kubelet brings others by changing one link beside them."""
+
+    def __init__(self, script: str) -> None:
+        self.link = f"{script.rpartition('/')[0]}/..data"
+        self.begun = self._now()
+
+    def _now(self) -> str:
+        try:
+            return os.readlink(self.link)
+        except OSError:  # by hand, without a ConfigMap
+            return ""
+
+    def changed(self) -> bool:
+        return self._now() != self.begun
+
+
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
     signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
     threading.stack_size(STACK)
-    chosen = options(words)
+    chosen, code = options(words), Code(sys.argv[0])
     record = Record(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
@@ -88,6 +109,7 @@ def main(words: list[str]) -> int:
     offer(calls, slave)
     calls.resume(record.load("goals") or [])
     slave.start()
+    watch = None
     if cluster:
         robot = Robot(calls.hold, calls.release, keeper.take_back)
         watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, record, tell)
@@ -95,6 +117,9 @@ def main(words: list[str]) -> int:
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0
     while not told_to_end(pause):
+        if code.changed() and not calls.state()[2] and (watch is None or watch.rests()):
+            tell("its code has changed: it begins anew")
+            return ANEW
         try:
             pause = keeper.step()
         except Exception as error:  # whatever one look brings, the next one may be better

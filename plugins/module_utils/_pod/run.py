@@ -98,6 +98,9 @@ def main(words: list[str]) -> int:
         importlib.import_module("ssl")  # which the keeper loads when it needs it
         begin_anew(words)
     result: int = module.main(words[2:])
+    if result < 0:  # it asks for that, as its code has changed
+        os.environ.pop(COMPILED, None)
+        begin_anew(words)
     return result
 
 

@@ -128,6 +128,10 @@ class StepWatch:
             return pause if isinstance(error, ApiError) and error.status else LOOK
         return pause
 
+    def rests(self) -> bool:
+        """Whether, as far as was seen, nobody takes a step, and none has been left."""
+        return bool(self.observed) and all(seen.free and seen.nothing is not None for seen in self.observed.values())
+
     def _tell(self, about: str, text: str) -> None:
         """What is so now; once, and not again before it changes."""
         if text != self.said.get(about, ""):

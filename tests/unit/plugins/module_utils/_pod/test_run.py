@@ -53,6 +53,27 @@ def test_what_lives_long_compiles_nothing_and_loads_only_what_it_needs(tmp_path:
     assert not told["compiled"]
 
 
+AGAIN = """
+import os, pathlib
+
+def main(words):
+    mark = pathlib.Path(os.environ["MARK"])
+    if not mark.exists():
+        mark.write_text("x")
+        os.utime(__file__, (1, 1))  # other code, which has to be compiled
+        return -1
+    return looked(words)
+"""
+
+
+def test_what_asks_to_begin_anew_does_so_with_nothing_left_of_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MARK", str(tmp_path / "mark"))
+    told = started(tmp_path, "keeper", LOOKS.replace("def main", "def looked") + AGAIN)
+    assert (told["words"], told["optimize"], told["compiled"]) == (["--record", "x"], 2, False)
+
+
 def test_a_probe_is_one_process(tmp_path: Path) -> None:
     assert started(tmp_path, "started")["optimize"] == 0
 

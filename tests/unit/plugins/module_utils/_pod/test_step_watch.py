@@ -285,6 +285,31 @@ def test_an_api_that_is_away_is_weather() -> None:
     assert world.said[:2] == [f"{NAMESPACE}: nothing listens", f"{NAMESPACE}: the Kubernetes API answers"]
 
 
+def test_a_version_that_ended_with_an_error_is_taken_back_at_once() -> None:
+    """Goals that are held for the old server do not wait for the time that a version has to get ready."""
+    world = World()
+    world.put(live(version("camera", 2)), left(version("camera", 1), ready_timeout=600))
+    world.pods_now = [pod("camera", 2, ended={"exitCode": 1, "reason": "Error"})]
+    world.run(LOOK)
+    assert world.revision("camera") == "rev1"
+    assert "ended with exit code 1 after the run that began it had gone" in world.said[-1]
+
+
+def test_it_rests_where_nobody_takes_a_step_and_none_is_left() -> None:
+    world = World()
+    assert not world.watch.rests()  # nothing was seen yet
+    world.leases[NAMESPACE] = lease("host 77")
+    world.run(LOOK)
+    assert not world.watch.rests()
+    world.leases[NAMESPACE] = lease("", 2)
+    world.run(LOOK)
+    assert world.watch.rests()
+    world.put(live(version("camera", 2)), left(version("camera", 1)))
+    world.leases[NAMESPACE] = lease("", 3)  # a run that has come and gone
+    world.run(LOOK)
+    assert not world.watch.rests()
+
+
 def test_a_keeper_started_anew_begins_anew() -> None:
     world = left_alone(ready_timeout=120)
     world.run(130)
