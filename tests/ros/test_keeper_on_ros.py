@@ -238,6 +238,26 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def test_it_begins_anew_with_its_code_but_not_while_it_holds_goals(scene: Scene) -> None:
+    """As the kubelet brings other files: by changing one link beside them."""
+    link = scene.directory / "hooks" / "..data"
+    link.parent.mkdir()
+    link.symlink_to("..2026_01_01")
+    start_all(scene)
+    process, before = scene.processes["keeper"], scene.registered()
+    scene.keeper_api.hold("/work", "/worker", 60.0)
+    link.unlink()
+    link.symlink_to("..2026_01_02")
+    time.sleep(3.0)  # that nothing happens is what is looked for
+    assert "begins anew" not in scene.said()
+    scene.keeper_api.release("/work")
+    until("the keeper to begin anew", lambda: scene.said().count("keeping ") == 2)
+    until("the keeper", scene.keeper_ready)
+    assert process.poll() is None
+    assert scene.registered() == before
+    assert scene.keeper_api.state()[2] == {}  # type: ignore[index]
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_it_ends_when_it_is_told_to(scene: Scene, number: int) -> None:
     scene.start_master()
