@@ -12,6 +12,8 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY, STARTED_WITH
 
 HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
+# A starting pod must not take the processor from a robot's other pods; a server's API is what other hosts wait for.
+WEIGHTS = {"agent": "10", "server": ""}
 UNIT = """[Unit]
 Description=k3s {role}
 Documentation=https://docs.k3s.io
@@ -42,7 +44,11 @@ WantedBy=multi-user.target
 
 def unit_text(role: str, service: str, started_with: Sequence[str], variables: Mapping[str, Any]) -> str:
     """The unit; `started_with` are the files whose state it records when it starts."""
+    weight = WEIGHTS[role] if variables["k3s_cpu_weight"] == "auto" else variables["k3s_cpu_weight"]
     limits = {
+        # in system.slice it would be a weight against other services, and not against pods, which are beside that
+        "Slice": "-.slice" if weight else "",
+        "CPUWeight": weight,
         "LimitNOFILE": variables["k3s_limit_nofile"],
         "LimitNPROC": variables["k3s_limit_nproc"],
         "LimitCORE": "infinity",

@@ -100,7 +100,7 @@ def test_the_environment_is_sorted_and_quoted_and_secret() -> None:
 
 
 def test_the_unit_records_what_it_starts_with() -> None:
-    agent = part("robot1", k3s_memory_high="700M")
+    agent = part("robot1", k3s_memory_high="700M", k3s_cpu_weight="")
     unit = agent.files[1]
     assert (unit.path, unit.mode) == ("/etc/systemd/system/k3s-agent.service", "0644")
     record = (
@@ -118,6 +118,17 @@ def test_the_unit_records_what_it_starts_with() -> None:
         "MemoryHigh=700M",
         "# A robot that boots without its server's network goes on trying; the role has a time limit of its own.",
     ]
+
+
+def test_the_weight_counts_beside_the_pods_or_not_at_all() -> None:
+    lines = part("edge1", k3s_cpu_weight="30").files[1].content.splitlines()
+    assert lines[lines.index("Delegate=yes") + 1 :][:2] == ["Slice=-.slice", "CPUWeight=30"]
+    assert "Slice" not in part("robot1", k3s_cpu_weight="").files[1].content
+
+
+def test_agents_have_a_small_weight_by_themselves() -> None:
+    assert "CPUWeight=10\n" in part("robot1").files[1].content
+    assert "CPUWeight" not in part("edge1").files[1].content
 
 
 NEW = {"data": False, "server_url": "", "answering": []}
