@@ -7,7 +7,8 @@
 
 Lanes run side by side, the stages of one after each other; those after `--first` come before all lanes. A failed stage
 does not stop the later ones: one run shows all that is broken. Only those that prepare what their lane needs do.
-Each stage's output is printed in one piece when it ends, and kept in reports/stages.
+Each stage's output is printed in one piece when it ends, and kept in reports/stages. Why a stage failed is said again
+at the end: of a long log often only that is at hand.
 
 The first lane is the one that works on hosts, and hosts have clocks: the others leave it half of the machine's cores.
 """
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -28,6 +30,9 @@ from typing import NamedTuple, NoReturn
 PREPARING = ("setup-tests", "artifacts")
 CHECKOUT = Path(__file__).resolve().parent.parent
 LOGS = CHECKOUT / "reports" / "stages"
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+# pytest's, also where another tool prints it within its own lines
+REASON = re.compile(r"\b(FAILED|ERROR) \S+::|\bE   ")
 
 
 class Result(NamedTuple):
@@ -36,6 +41,7 @@ class Result(NamedTuple):
     name: str
     verdict: str  # passed, FAILED, not run
     seconds: float = 0.0
+    why: tuple[str, ...] = ()  # lines of its output
 
 
 class Stages:
@@ -65,13 +71,20 @@ class Stages:
         self._say(f"=== {name} begins")
         began = time.monotonic()
         with log.open("wb") as output:
-            process = subprocess.Popen([*self._command, name], cwd=CHECKOUT, stdout=output, stderr=subprocess.STDOUT)  # noqa: S603 - make itself started this
+            process = subprocess.Popen(  # noqa: S603 - make itself started this
+                [*self._command, name],
+                cwd=CHECKOUT,
+                env={**os.environ, "COLUMNS": "200"},  # pytest and Molecule cut and break lines at 80
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
             self._running.append(process)
             if self._ended:
                 process.terminate()
             status = process.wait()
-        result = Result(name, "FAILED" if status else "passed", time.monotonic() - began)
+        seconds = time.monotonic() - began
         text = log.read_text("utf-8", errors="replace").rstrip("\n")
+        result = Result(name, "FAILED", seconds, reasons(text)) if status else Result(name, "passed", seconds)
         self._say(
             "\n".join([f"=== {name}", *filter(None, [text]), f"=== {name} {result.verdict}: {result.seconds:.1f} s"])
         )
@@ -103,12 +116,19 @@ def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result
         return results + [result for lane in running for result in lane.result()]
 
 
+def reasons(output: str) -> tuple[str, ...]:
+    """The lines that say why: pytest's, or the last ones."""
+    lines = COLOUR.sub("", output).splitlines()
+    return tuple([line for line in lines if REASON.search(line)][-60:] or lines[-20:])
+
+
 def summary(results: list[Result], seconds: float) -> str:
-    """The table, and the line that counts."""
+    """Why stages failed, the table, and the line that counts."""
+    whys = [line for one in results if one.why for line in (f"=== {one.name}: why it failed", *one.why)]
     lines = [f"{one.name:<22} {one.verdict:<8} {one.seconds:7.1f} s" for one in results]
     passed = sum(one.verdict == "passed" for one in results)
     ending = [f"stages took {seconds:.0f} s", f"{passed} passed, {len(results) - passed} failed"]
-    return "\n".join(["=== stages", *lines, *ending])
+    return "\n".join([*whys, "=== stages", *lines, *ending])
 
 
 def main(words: list[str], command: tuple[str, ...] = ("make",), logs: Path = LOGS) -> int:

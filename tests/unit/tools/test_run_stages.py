@@ -62,6 +62,22 @@ def test_a_failed_stage_stops_no_other(tmp_path: Path, capsys: pytest.CaptureFix
     printed = capsys.readouterr().out
     assert table(printed) == {"bad": "FAILED", "b": "passed", "c": "passed"}
     assert printed.splitlines()[-1] == "2 passed, 1 failed"
+    assert "c ends\n=== c passed" in printed
+    assert "=== bad: why it failed\nbad begins\nbad ends\n=== stages\n" in printed
+
+
+def test_why_a_stage_failed_is_what_pytest_says() -> None:
+    output = """\
+=== FAILURES ===
+    assert 1 == 2
+E   assert 1 == 2
+\x1b[31m  | - E       AssertionError: as Molecule prints it\x1b[0m
+FAILED tests/update/test_1.py::test_it[case] - assert 1 == 2
+  | - FAILED tests/update/test_1.py::test_other - AssertionError
+make: *** [molecule-update] Error 2"""
+    assert run_stages.reasons(output) == tuple(
+        line.replace("\x1b[31m", "").replace("\x1b[0m", "") for line in output.splitlines()[2:6]
+    )
 
 
 @pytest.mark.parametrize(
