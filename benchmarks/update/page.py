@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""docs/benchmarks.md and its pictures, out of the committed trials and nothing else."""
+"""docs/benchmarks.md and its pictures, out of what is committed beside the trials and nothing else."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from .verdicts import MISS, PASS, TITLES, judge, verdicts
 
 PAGE = CHECKOUT / "docs" / "benchmarks.md"
 REST = TRIALS.with_name("at_rest.json")
+TRIED = TRIALS.with_name("tried.md")
 PICTURES = CHECKOUT / "docs" / "benchmarks"
 ABOUT = ("machine", "kernel", "system", "hosts", "k3s", "containerd", "ros", "ansible", "collection", "date")
 
@@ -50,25 +51,6 @@ Take lines away to have them measured anew. Logs and counters of a run stay in `
 in the repository. The robot's container has cores of its own; the control node and the edge host have the others.
 """
 
-TRIED = """What was tried to keep a service's response where it was: four to six steps each in one lab (p95 before and
-during the update, ms; a trial's own differs by 10 ms from the next one's).
-
-* As it was: 15.8 -> 38.3, with a step of 11 s.
-* Without listening for rates where nothing is published at one (it is so now): 12.9 -> 31.0, with a step of 7 s.
-* Besides, the new pod with the least CPU weight there is until it had taken over, as a resize in place would give it:
-  13.1 -> 29.0.
-* Besides, k3s, containerd and what Ansible starts on the robot at nice 15: 11.3 -> 44.1; only what asks the graph
-  there: 11.8 -> 28.9. Both are in `system.slice`, and nice counts only among those who are in there together.
-* **Besides, `system.slice` of both hosts with a CPU weight of 50 instead of 1024, which pods (`kubepods`) have:
-  8.9 -> 16.0**; with the control node on nothing but idle time, too: 8.6 -> 13.9; weights as before: 12.0 -> 25.7.
-* Plain Kubernetes in the same lab: 23.0 -> 50.8. Its probes start a process in each of twenty pods every second.
-
-The same steps, of a service that has nothing to do with it, cost a publisher at 500 Hz with a queue of 10 (20 ms)
-between 0 and 99 messages each, from the moment at which the run begins to look at the robot; with the weights 0, 0, 0,
-0, 1, 0, 1 and 8 in eight steps. So it is k3s and what is started over SSH, as a group, that keep pods waiting. The
-trials above are without these weights.
-"""
-
 
 def text(trials: Trials, rest: Mapping[str, Any] | None = None) -> str:
     """The page; `rest` is the result of `make bench-probe`."""
@@ -88,7 +70,7 @@ def text(trials: Trials, rest: Mapping[str, Any] | None = None) -> str:
             loss_table(trials.details),
             "## Where the time goes\n\nSeconds by phase.",
             phase_table(trials.details),
-            TRIED.rstrip(),
+            TRIED.read_text(encoding="utf-8").rstrip(),
             "## CPU and memory",
             usage_table(trials.details),
         ]
