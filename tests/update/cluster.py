@@ -37,6 +37,7 @@ class Pod:
     ready: bool
     going: bool
     restarts: int
+    ended: str  # how its container did last, if it was started again
 
 
 class Cluster:
@@ -52,6 +53,7 @@ class Cluster:
         for item in self._core.list_namespaced_pod(f"robot-{robot}", _request_timeout=20).items:
             labels = item.metadata.labels or {}
             status = (item.status.container_statuses or [None])[0]
+            end = status.last_state.terminated if status else None
             conditions = {one.type: one.status for one in item.status.conditions or []}
             pod = Pod(
                 uid=item.metadata.uid,
@@ -61,6 +63,7 @@ class Cluster:
                 ready=conditions.get("Ready") == "True",
                 going=item.metadata.deletion_timestamp is not None,
                 restarts=status.restart_count if status else 0,
+                ended=f"{end.reason} ({end.exit_code}) {end.finished_at}" if end else "",
             )
             found.setdefault(labels.get(APP, item.metadata.name), []).append(pod)
         return found
@@ -100,6 +103,20 @@ class Cluster:
                 found[f"{namespace}/{item.metadata.name}"] = str(item.metadata.generation)
             for item in self._core.list_namespaced_config_map(namespace, _request_timeout=20).items:
                 found[f"{namespace}/{item.metadata.name}, a ConfigMap"] = str(item.metadata.resource_version)
+        return found
+
+    def last_words(self, robot: str, app: str) -> list[str]:
+        """How containers of the app's pods ended that were started again, and the last that they printed."""
+        found = []
+        for pod in self.pods(robot).get(app, []):
+            if pod.ended:
+                try:
+                    log = self._core.read_namespaced_pod_log(
+                        pod.name, f"robot-{robot}", previous=True, tail_lines=10, _request_timeout=20
+                    )
+                except client.ApiException as error:  # the container may be gone with its log
+                    log = f"its log cannot be read: {error.reason}"
+                found.append(f"{pod.name} {pod.ended}: {log}")
         return found
 
     def delete_pod(self, robot: str, app: str) -> None:

@@ -70,6 +70,17 @@ class Fleet:
         """Robot -> app -> (UID, restarts) of its pods."""
         return {robot: running(pods) for robot, pods in self.pods().items()}
 
+    def assert_still_running(self, before: Mapping[str, Any], *robots: str) -> None:
+        """Every pod is the one that it was when `running` said so, and was not started again."""
+        now = self.running()
+        changed = [
+            f"{robot}: {app}: {before[robot].get(app)} -> {now[robot].get(app)} {self.cluster.last_words(robot, app)}"
+            for robot in robots or self.robots
+            for app in sorted({*before[robot], *now[robot]})
+            if before[robot].get(app) != now[robot].get(app)
+        ]
+        assert not changed, "\n".join(changed)
+
     def revisions(self) -> dict[str, dict[str, list[tuple[str, str]]]]:
         """Robot -> app -> (image, revision) of its pods."""
         return {

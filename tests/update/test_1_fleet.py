@@ -27,7 +27,7 @@ def test_what_site_brought_is_unchanged(fleet: Fleet) -> None:
     for run in (fleet.playbooks.run("site", fleet.variables), fleet.update(fleet.variables)):
         assert (run.status, run.changed) == (0, 0), run
         assert run.outcomes == dict.fromkeys(ROBOTS, "unchanged"), run
-    assert fleet.running() == before
+    fleet.assert_still_running(before)
 
 
 @pytest.mark.promise("check mode tells the truth and touches nothing")
@@ -42,7 +42,7 @@ def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> 
     assert "lab/apps:1.1" in run.output, "--diff does not show the new image"
     # each robot's actions are idle or busy just now, and which of it is said
     assert run.output.count("idle now") + run.output.count("busy now") >= len(ROBOTS), run.output[-4000:]
-    assert fleet.running() == before
+    fleet.assert_still_running(before)
 
 
 @pytest.mark.promise("an update of a whole fleet loses nothing")
@@ -65,7 +65,7 @@ def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     again = fleet.update(fleet.variables)
     assert (again.status, again.changed) == (0, 0), again
     assert again.outcomes == dict.fromkeys(ROBOTS, "unchanged"), again
-    assert fleet.running() == before
+    fleet.assert_still_running(before)
 
 
 def test_group_is_one_step(fleet: Fleet) -> None:

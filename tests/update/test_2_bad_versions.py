@@ -15,10 +15,10 @@ PATIENCE: dict[str, Any] = {"update_ready_timeout": 30}
 LIMIT = ("--limit", "robot1,edge1")
 
 
-def assert_taken_back(fleet: Fleet, before: dict[str, Any], app: str) -> None:
+def assert_taken_back(fleet: Fleet, before: dict[str, Any]) -> None:
     """The old pod is the one that was there before, never started again, and alone."""
     fleet.wait_settled()
-    assert fleet.running()["robot1"] == before["robot1"], f"{app} of robot1 is not as it was"
+    fleet.assert_still_running(before, "robot1")
 
 
 def test_image_that_is_nowhere_is_refused(fleet: Fleet) -> None:
@@ -33,7 +33,7 @@ def test_image_that_is_nowhere_is_refused(fleet: Fleet) -> None:
     for robot in ("robot1", "robot2"):
         assert "nothing was touched" in run.host(robot)["reason"], run
         assert "lab/apps:nowhere" in run.host(robot)["reason"], run
-    assert fleet.running() == before
+    fleet.assert_still_running(before)
     watch.assert_nothing_lost(goals=False)
 
 
@@ -44,8 +44,21 @@ def test_image_whose_programs_cannot_start(fleet: Fleet) -> None:
     run = fleet.update(bad, *LIMIT, **PATIENCE)
     assert run.status == 2, run
     assert run.outcomes == {"robot1": "rolled-back"}, run
-    assert_taken_back(fleet, before, "temperature")
+    assert_taken_back(fleet, before)
     watch.assert_nothing_lost("robot1", goals=False)
+
+
+def test_action_server_whose_program_is_not_there(fleet: Fleet) -> None:
+    """It shows beside the old one, which is never stopped for it."""
+    before = fleet.running()
+    watch = fleet.watch()
+    bad = fleet.changed("robot1", "prime-factors", command=["/nowhere/server"])
+    run = fleet.update(bad, *LIMIT, **PATIENCE)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back"}, run
+    assert "/nowhere/server" in run.host("robot1")["reason"], run
+    assert_taken_back(fleet, before)
+    watch.assert_nothing_lost("robot1")
 
 
 @pytest.mark.promise("a bad version is taken back, and the budget ends the waves")
@@ -59,8 +72,8 @@ def test_crashing_version_ends_the_waves(fleet: Fleet) -> None:
     assert run.status == 2, run
     assert run.outcomes == {"robot1": "rolled-back", "robot2": "unchanged"}, run
     assert "not begun: robot1 failed" in run.host("robot2")["reason"], run
-    assert_taken_back(fleet, before, "temperature")
-    assert fleet.running() == before
+    assert_taken_back(fleet, before)
+    fleet.assert_still_running(before)
     watch.assert_nothing_lost(goals=False)
 
 
@@ -73,7 +86,7 @@ def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
     run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=1, **PATIENCE)
     assert run.status == 2, run
     assert run.outcomes == {"robot1": "rolled-back", "robot2": "updated"}, run
-    assert_taken_back(fleet, before, "temperature")
+    assert_taken_back(fleet, before)
     assert fleet.running()["robot2"]["temperature"] != before["robot2"]["temperature"]
     watch.assert_nothing_lost(goals=False)
     fleet.accept(good)
@@ -88,7 +101,7 @@ def test_bad_and_good_version_by_site(fleet: Fleet) -> None:
     run = fleet.playbooks.run("site", {**bad, **PATIENCE}, *stages)
     assert run.status == 2, run
     assert run.outcomes == {"robot1": "rolled-back"}, run
-    assert_taken_back(fleet, before, "temperature")
+    assert_taken_back(fleet, before)
     good = fleet.new_version("robot1", "temperature")
     run = fleet.playbooks.run("site", good, *stages)
     assert run.status == 0, run
@@ -107,7 +120,7 @@ def test_version_at_half_the_rate(fleet: Fleet) -> None:
     assert run.status == 2, run
     assert run.outcomes == {"robot1": "rolled-back"}, run
     assert "rate" in run.host("robot1")["reason"], run
-    assert_taken_back(fleet, before, "temperature")
+    assert_taken_back(fleet, before)
     watch.assert_nothing_lost("robot1", goals=False)
 
 

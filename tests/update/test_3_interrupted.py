@@ -57,7 +57,7 @@ def test_busy_robot_is_deferred_then_updated(fleet: Fleet) -> None:
     assert run.status == 2, run
     assert run.outcomes == {"robot1": "deferred-busy", "robot2": "updated"}, run
     assert action in run.host("robot1")["reason"], run
-    assert fleet.running()["robot1"] == before["robot1"]
+    fleet.assert_still_running(before, "robot1")
 
     wanted = fleet.new_version("robot2", "temperature", on=wanted)
     wait_for_new_goal(fleet, "robot1")
@@ -105,7 +105,7 @@ def test_robot_that_is_off_is_picked_up_by_the_next_run(fleet: Fleet) -> None:
     assert run.status == 0, run
     assert run.outcomes == {"robot1": "unchanged", "robot2": "updated"}, run
     assert [step["name"] for step in run.steps("robot2")] == ["temperature"], run
-    assert fleet.running()["robot1"] == before["robot1"]
+    fleet.assert_still_running(before, "robot1")
     watch.assert_nothing_lost()
 
 
@@ -168,6 +168,7 @@ PHASES = {
     "apply-begun": ("temperature", begins("temperature", "apply")),
     "apply-midway": ("temperature", "history"),
     "rollout": ("temperature", "two pods"),
+    "beside": ("prime-factors", "two pods"),
     "drain": ("prime-factors", begins("prime-factors", "rollout")),
     "verify": ("temperature", begins("temperature", "verify")),
     "proven": ("temperature", begins("temperature", "finish")),  # but its mark is still on
@@ -223,7 +224,7 @@ def test_control_node_killed(fleet: Fleet, phase: str) -> None:
     ids=["rollback", "rollout"],
 )
 def test_control_node_killed_with_a_bad_version(fleet: Fleet, seen: str) -> None:
-    before = fleet.running()["robot1"]
+    before = fleet.running()
     bad = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
     watch = fleet.watch()
     update = fleet.start_update(bad, *LIMIT, update_ready_timeout=30)
@@ -235,5 +236,5 @@ def test_control_node_killed_with_a_bad_version(fleet: Fleet, seen: str) -> None
     assert run.status == 2, run
     assert run.outcomes == {"robot1": "rolled-back"}, run
     fleet.wait_settled()
-    assert fleet.running()["robot1"] == before, "robot1 is not as it was"
+    fleet.assert_still_running(before, "robot1")
     watch.assert_nothing_lost("robot1", goals=False)

@@ -59,6 +59,14 @@ def put_back(fleet: Fleet) -> Iterator[None]:
     fleet.wait_settled()
 
 
+def test_k3s_is_light_beside_the_pods_of_a_robot(fleet: Fleet) -> None:
+    found = on(fleet, "systemctl show k3s k3s-agent -p ActiveState -p CPUWeight -p ControlGroup")
+    for host in HOSTS:
+        unit = next(one for one in found[host].split("\n\n") if "ActiveState=active" in one)
+        group, weight = ("/system.slice/k3s.service", "[not set]") if host == EDGE else ("/k3s-agent.service", "10")
+        assert {f"ControlGroup={group}", f"CPUWeight={weight}"} <= {*unit.splitlines()}, found[host]
+
+
 @pytest.mark.promise("k3s is changed under robots at work, and they notice nothing")
 @pytest.mark.usefixtures("put_back")
 def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) -> None:
@@ -74,7 +82,7 @@ def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) 
     now = starts(fleet)
     assert all(now[host] != before[host] for host in HOSTS), run
     assert not any(unproven(fleet, host) for host in HOSTS)
-    assert fleet.running() == pods, "a restart of k3s is none of the pods"
+    fleet.assert_still_running(pods)  # a restart of k3s is none of theirs
     watch.assert_only_lookups_failed()  # kube-proxy is a part of k3s
 
     again = change(fleet, k3s_config=SETTINGS)
@@ -109,7 +117,7 @@ def test_a_configuration_with_which_k3s_does_not_start_is_taken_back(fleet: Flee
     assert on(fleet, "cat /etc/rancher/k3s/config.yaml") == config
     assert not unproven(fleet, "robot1")
     fleet.wait_settled()
-    assert fleet.running() == pods
+    fleet.assert_still_running(pods)
     again = change(fleet)
     assert (again.status, again.changed) == (0, 0), again
 
@@ -138,7 +146,7 @@ def test_another_version_comes_and_the_one_before_is_refused(fleet: Fleet) -> No
     assert all(now[host] != before[host] for host in HOSTS), now
     assert on(fleet, f"{BINARY}.previous --version | head -1") == before
     assert "rosops-before-" in fleet.hosts.ssh(EDGE, "ls /var/lib/rancher/k3s/server/db/snapshots")
-    assert fleet.running() == pods
+    fleet.assert_still_running(pods)
     watch.assert_nothing_lost()
 
     down = change(fleet)

@@ -18,7 +18,7 @@ LIMIT = ("--limit", "robot1,edge1")
 )
 def test_second_run_is_told_who_is_there(fleet: Fleet, second: str) -> None:
     """The first one is at it for a minute: its version never gets ready."""
-    before = fleet.running()["robot1"]
+    before = fleet.running()
     watch = fleet.watch()
     bad = fleet.new_version("robot1", "temperature", NEVER_CONNECT="true")
     first = fleet.start_update(bad, *LIMIT, update_ready_timeout=60)
@@ -29,7 +29,7 @@ def test_second_run_is_told_who_is_there(fleet: Fleet, second: str) -> None:
     ended = first.finish()
     assert (ended.status, ended.outcomes) == (2, {"robot1": "rolled-back"}), ended
     fleet.wait_settled()
-    assert fleet.running()["robot1"] == before
+    fleet.assert_still_running(before, "robot1")
     watch.assert_nothing_lost("robot1")
 
 
