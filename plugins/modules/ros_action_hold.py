@@ -44,7 +44,9 @@ options:
         module only waits until the actions are idle.
     type: str
   seconds:
-    description: Seconds after which the keeper lets go, to the old server, if no new one came.
+    description:
+      - Seconds after which the keeper lets go, to the old server, if no new one came.
+      - With V(0) nothing is held, and one look that finds the actions idle is enough.
     type: float
     default: 60.0
   timeout:
@@ -131,7 +133,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils._common.errors import FleetError, RosError
 from ..module_utils._common.poll import FAIL, PASS, WAIT, Seen, poll
-from ..module_utils._host.idle_hold import Held, hold_when_idle
+from ..module_utils._host.idle_hold import CONSECUTIVE, Held, hold_when_idle
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import Conditions, conditions_from
 from ..module_utils._ros.gate import Look, look
@@ -232,8 +234,9 @@ def main() -> None:
         else:
             wanted = {**params, "actions": [{**action, "state": "idle"} for action in params["actions"]]}
             robot = Robot(params, conditions_from(wanted))
-            only_look = module.check_mode or not params["keeper_uri"]
-            ended = hold_when_idle(robot, {} if only_look else servers, params["timeout"], params["interval"])
+            only_look = module.check_mode or not (params["keeper_uri"] and params["seconds"])
+            looks = CONSECUTIVE if params["seconds"] else 1
+            ended = hold_when_idle(robot, {} if only_look else servers, params["timeout"], params["interval"], looks)
             for problem in ended.problems:
                 module.warn(problem)
             result = result_of(ended)

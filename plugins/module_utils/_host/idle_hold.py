@@ -53,10 +53,13 @@ def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that ne
     servers: Mapping[str, str],
     timeout: float,
     interval: float,
+    looks: int = CONSECUTIVE,
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Held:
     """Wait until all actions are idle, and hold the goals of those in `servers` (action -> its server's node).
+
+    `looks` in a row have to find them idle where nothing is held.
 
     What cannot be held is told and is no reason to wait: without a keeper an idle action is the best there is.
     """
@@ -64,7 +67,7 @@ def hold_when_idle(  # noqa: PLR0913 - the clocks are the price of tests that ne
     while True:
         left = max(interval, start + timeout - now())  # never less than two looks, whoever does not want to wait
         # before a hold once is enough: what counts is the look after it
-        ended = poll(world.look, left, interval, 1 if servers else CONSECUTIVE, now=now, sleep=sleep)
+        ended = poll(world.look, left, interval, 1 if servers else looks, now=now, sleep=sleep)
         if ended.verdict != PASS or not servers:
             return Held(ended.verdict, ended.last, now() - start, called_off=called_off)
         refused = world.hold(servers)

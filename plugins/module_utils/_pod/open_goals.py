@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from .._common.errors import RosError
 from .._ros.backend import Backend
 from .._ros.graph import BUSY_STATES, GOAL_STATES, MasterState, Questions, action_names, action_of
-from .way_back import MASTER, Step, Unproven, node_of
+from .way_back import MASTER, Object, Step, node_of
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,14 @@ def open_goals(ros: Backend, step: Step) -> Goals:
 def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str, ...]]:
     """Action -> the new nodes that serve it; a launch file's are those at its pod's address, and of its actions' names.
 
-    An old node of another name works on by itself, and stays.
+    An old node of another name works on by itself, and stays; so does one of the same name, beside which the new
+    version only waits.
     """
     servers = {name: action_of(state, name).servers for name in action_names(state)}
+    every = {server for found in servers.values() for server in found}
     nodes = {node_of(member.deployment) for member in step.going_back} - {""}
-    nodes |= _at_pods(ros, state, step.going_back, {server for found in servers.values() for server in found})
+    nodes -= _at(ros, state, [pod for member in step.going_back for pod in member.others], every)
+    nodes |= _at(ros, state, [pod for member in step.going_back for pod in member.pods], every)
     old = {node_of(member.before) for member in step.going_back if member.before} - nodes
     known = {name for member in step.going_back for name in member.actions}
     found = {}
@@ -65,10 +68,10 @@ def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str
     return {name: own for name, own in found.items() if own}
 
 
-def _at_pods(ros: Backend, state: MasterState, members: Iterable[Unproven], servers: Iterable[str]) -> set[str]:
-    """Those of the servers that are in the new pods. A host's address is that of others, too, and tells nothing."""
-    pods = [pod for member in members for pod in member.pods if not (pod.get("spec") or {}).get("hostNetwork")]
-    addresses = {(pod.get("status") or {}).get("podIP") for pod in pods} - {None, ""}
+def _at(ros: Backend, state: MasterState, pods: Iterable[Object], servers: Iterable[str]) -> set[str]:
+    """Those of the servers that are in these pods. A host's address is that of others, too, and tells nothing."""
+    alone = [pod for pod in pods if not (pod.get("spec") or {}).get("hostNetwork")]
+    addresses = {(pod.get("status") or {}).get("podIP") for pod in alone} - {None, ""}
     if not addresses:
         return set()
     asked = ros.ask(state, Questions({name: frozenset() for name in servers})).nodes

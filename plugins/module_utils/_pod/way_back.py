@@ -70,7 +70,7 @@ def rolled_out(deployment: Object) -> bool:
 
 def crashes(pod: Object) -> bool:
     """Whether the kubelet waits before it starts a container of the pod once more, because it ended again and again."""
-    return any(state.get("waiting", {}).get("reason") == "CrashLoopBackOff" for state in _states(pod))
+    return any((state.get("waiting") or {}).get("reason") == "CrashLoopBackOff" for state in _states(pod))
 
 
 def error_of(pod: Object) -> str:
@@ -89,12 +89,13 @@ def _states(pod: Object) -> Iterator[Object]:
 
 @dataclass(frozen=True)
 class Unproven:
-    """A Deployment with the mark, what its step left beside it, and the pods of just this version."""
+    """A Deployment with the mark, what its step left beside it, and its pods: of just this version, and of others."""
 
     deployment: Object
     contract: Mapping[str, Any]
     before: Object | None  # the Deployment to go back to; None: the step made it
     pods: Sequence[Object] = ()
+    others: Sequence[Object] = ()
 
     @property
     def name(self) -> str:
@@ -136,13 +137,10 @@ def unproven(deployment: Object, left: Object | None, pods: Iterable[Object] = (
     first = history[0] if isinstance(history, list) and history else {}
     before = first.get("deployment") if isinstance(first, dict) else None
     same = isinstance(before, dict) and (before.get("metadata") or {}).get("name") == name_of(deployment)
-    own = [pod for pod in pods if _is_of(pod["metadata"], deployment)]
-    return Unproven(deployment, contract if isinstance(contract, dict) else {}, before if same else None, own)
-
-
-def _is_of(pod: Object, deployment: Object) -> bool:
-    app = (pod.get("labels") or {}).get(APP)
-    return bool(app == name_of(deployment)) and _revision(pod) == revision_of(deployment)
+    of_app = [pod for pod in pods if (pod["metadata"].get("labels") or {}).get(APP) == name_of(deployment)]
+    own = [pod for pod in of_app if _revision(pod["metadata"]) == revision_of(deployment)]
+    others = [pod for pod in of_app if pod not in own]
+    return Unproven(deployment, contract if isinstance(contract, dict) else {}, before if same else None, own, others)
 
 
 def _json(text: Any) -> Any:

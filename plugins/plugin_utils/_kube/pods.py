@@ -22,6 +22,7 @@ CONFIG_ERRORS = frozenset({"CreateContainerConfigError"})
 # container runtime on a busy robot; so these must last a while before they count.
 RUNTIME_ERRORS = frozenset({"CreateContainerError", "RunContainerError", "CreatePodSandboxError"})
 CRASH_LOOP = "CrashLoopBackOff"
+UNSCHEDULABLE, REFUSED = "Unschedulable", "ReplicaFailure"
 # These say that the kubelet itself was too slow, not that the configuration is wrong.
 KUBELET_TOO_SLOW = ("failed to sync", "timed out", "context deadline exceeded")
 
@@ -144,11 +145,11 @@ def trouble(pod: Mapping[str, Any], crashes: bool = True) -> Verdict | None:
             return found
         suspect = suspect or found
     scheduled = condition(pod, "PodScheduled")
-    if scheduled.get("status") == "False" and scheduled.get("reason") == "Unschedulable":
+    if scheduled.get("status") == "False" and scheduled.get("reason") == UNSCHEDULABLE:
         message = str(scheduled.get("message") or "")
         # The volume is still being made: that is its provisioner's work, not a verdict of the scheduler.
         unbound = "unbound immediate PersistentVolumeClaims" in message
-        return Verdict(WAIT, _words(who, "Unschedulable", message), suspect="" if unbound else "Unschedulable")
+        return Verdict(WAIT, _words(who, UNSCHEDULABLE, message), suspect="" if unbound else UNSCHEDULABLE)
     return suspect
 
 

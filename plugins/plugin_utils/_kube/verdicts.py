@@ -20,6 +20,8 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, has_rollout, owned_by
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
+    REFUSED,
+    UNSCHEDULABLE,
     Object,
     Verdict,
     condition,
@@ -65,7 +67,7 @@ def _worst(pods: Iterable[Mapping[str, Any]], room_is_coming: bool, crashes: boo
         found = trouble(pod, crashes)
         if found and found.verdict == FAIL:
             return found
-        if found and found.suspect and not (room_is_coming and found.suspect == "Unschedulable"):
+        if found and found.suspect and not (room_is_coming and found.suspect == UNSCHEDULABLE):
             suspicious = suspicious or found
     return suspicious
 
@@ -136,12 +138,12 @@ def _deadline(obj: Mapping[str, Any], current: Sequence[Mapping[str, Any]]) -> V
 
 def _refused(obj: Mapping[str, Any], old: Sequence[Object]) -> Verdict | None:
     """No pod may be made (quota, admission). An old pod that goes may free what is missing."""
-    found = condition(obj, "ReplicaFailure")
+    found = condition(obj, REFUSED)
     if found.get("status") != "True":
         return None
     reason = f"its pods are refused: {found.get('reason', '')}: {found.get('message', '')}"
     going = any(is_terminating(pod) for pod in old)
-    return Verdict(WAIT, reason, suspect="" if going else "ReplicaFailure")
+    return Verdict(WAIT, reason, suspect="" if going else REFUSED)
 
 
 def _deployment_waits(obj: Mapping[str, Any], current: Sequence[Object], old: Sequence[Object]) -> str:

@@ -25,6 +25,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import (
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     IMAGE_ERRORS,
+    REFUSED,
+    UNSCHEDULABLE,
     Object,
     Verdict,
     condition,
@@ -51,6 +53,8 @@ ROLLOUT_ARGS: dict[str, dict[str, Any]] = {
 
 SAY_SECONDS = 10.0  # below the idle time-outs of the tools that run playbooks
 SHARED_FROM = 5  # from so many namespaces on, one stream for the whole cluster is cheaper than one each
+BEGUN_SECONDS = 1.0  # after that what runs has found its command
+NO_PLACE = (UNSCHEDULABLE, REFUSED)  # no room on a node, or in a quota
 SHOWN = 12  # lines of a progress message
 
 
@@ -86,9 +90,9 @@ class Settings:
     """How long to wait, and what a test replaces."""
 
     timeout: float = 300.0
-    unread: float = PATIENCE  # seconds for the API to show the objects: the time-out is theirs, and begins then
     grace: float = 10.0
     fail_on_restart: bool = False
+    begun: bool = False  # enough that the new pods run, or have no place before the old ones have gone
     say: Callable[[str], None] = say_nothing
     now: Callable[[], float] = time.monotonic
     watch: Callable[[Any, Iterable[Target]], Stream] = Watch
@@ -132,13 +136,14 @@ class _Wait:
         self.refs, self.settings = refs, settings
         self.view, self.tracker, self.news = View(), Tracker(settings.grace), ProbeNews()
         self.before: dict[str, dict[str, int]] = {}  # by pod uid, the restarts that are none of this rollout's
+        self.up: dict[str, float] = {}  # by pod uid, since when one was seen to run that is to begin
         self.unlisted = set(targets_for(refs))
         self.lost: dict[Target, ApiError] = {}
         self.start = self.seen = settings.now()
 
     def end(self) -> float:
-        """When the time is over."""
-        return self.start + self.settings.unread if self.unlisted else self.seen + self.settings.timeout
+        """When the time is over: that of the objects begins when the API has shown them."""
+        return self.start + PATIENCE if self.unlisted else self.seen + self.settings.timeout
 
     def take(self, change: Change, stream: Stream) -> None:
         target, blind = change.target, bool(self.unlisted)
@@ -173,13 +178,20 @@ class _Wait:
         """The verdicts now. Until every stream has listed, nothing passes: what is missing may only be unseen."""
         now, rows = self.settings.now(), []
         for ref in self.refs:
-            verdict = judge(ref, self.view, self.refs)
+            verdict, pods = judge(ref, self.view, self.refs), present_pods(ref, self.view)
             if self.unlisted:
                 verdict = Verdict(WAIT, self.unreachable() or "is being looked up")
             elif verdict.verdict != FAIL:
-                verdict = self._with_pods(present_pods(ref, self.view), verdict)
+                verdict = self._with_pods(pods, verdict)
+                if self.settings.begun and verdict.verdict == WAIT and self._have_begun(pods, verdict, now):
+                    verdict = Verdict(PASS, verdict.reason)
             rows.append(Row(ref, self.tracker.settle(ref, verdict, now)))
         return rows
+
+    def _have_begun(self, pods: Sequence[Object], verdict: Verdict, now: float) -> bool:
+        """Whether they run, and not only until they see that they cannot; or have no place yet."""
+        up = [self.up.setdefault(uid_of(pod), now) for pod in pods if is_up(pod)]
+        return verdict.suspect in NO_PLACE or any(now - since >= BEGUN_SECONDS for since in up)
 
     def _with_pods(self, pods: Sequence[Object], verdict: Verdict) -> Verdict:
         """The verdict with what the present pods have to add: an end with an error, and the last words of a probe."""
@@ -197,6 +209,11 @@ class _Wait:
             return verdict
         heard = "; ".join(f"pod {name_of(pod)}: {line.text}" for pod, line in said[:3])
         return Verdict(verdict.verdict, f"{verdict.reason}; {heard}", verdict.suspect)
+
+    def begun_at(self, now: float) -> float | None:
+        """When the next of those that run will have run for long enough."""
+        due = [since + BEGUN_SECONDS for since in self.up.values() if since + BEGUN_SECONDS > now]
+        return min(due, default=None)
 
     def starting(self) -> set[str]:
         """Namespaces where a present pod is up but not ready: only its probe knows why."""
@@ -249,7 +266,7 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if now >= say_at:
                 settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [wait.end(), say_at, wait.tracker.due(), wait.news.due(wait.starting(), now)]
+            ends = [wait.end(), say_at, wait.tracker.due(), wait.news.due(wait.starting(), now), wait.begun_at(now)]
             until = min(end for end in ends if end is not None)
             if wait.unlisted:
                 until = min(until, now + 1.0)

@@ -28,10 +28,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
     app_probes,
-    code_command,
     code_mount,
     code_volume,
     command_probes,
+    exec_command,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import APPS, harden
@@ -121,7 +121,7 @@ def _container(app: App, robot: Robot) -> Object:
     if app.hooks:
         container.update(app_probes(app.readiness.command))
         if app.command:  # without one only the image knows what it starts
-            container["command"] = [*code_command("exec"), *app.command]
+            container["command"] = [*exec_command(app, context.graph_node(app, robot)), *app.command]
     elif app.readiness.command:
         container.update(command_probes(app.readiness.command))
     return container

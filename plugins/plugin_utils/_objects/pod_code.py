@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.exec import AFTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, Object, exec_probe, mount
@@ -24,6 +25,24 @@ def code_command(word: str) -> list[str]:
     ['python3', '-I', '-S', '/opt/rosops-fleet/hooks/run.py', 'stop']
     """
     return ["python3", "-I", "-S", f"{names.CODE_DIR}/run.py", word]
+
+
+def exec_command(app: App, node: str) -> list[str]:
+    """What comes before an app's own command.
+
+    Where all versions share the node's name, a new one waits for the old one's end. With the host's network nobody can
+    tell by its address whose a process is.
+    """
+    alone = app.handoff != "overlap" and app.readiness.nodes and not app.host_network
+    return [*code_command("exec"), *([AFTER, node] if alone else [])]
+
+
+def waits_for_the_old(deployment: Mapping[str, Any]) -> bool:
+    """Whether its pod may start beside the one that it replaces; kept Deployments of earlier releases may not."""
+    containers = deployment["spec"]["template"]["spec"]["containers"]
+    own = [one.get("command") or [] for one in containers if one["name"] == names.APP_CONTAINER]
+    word = code_command("exec")
+    return any(command[: len(word) + 1] == [*word, AFTER] for command in own)
 
 
 def code_mount() -> Object:

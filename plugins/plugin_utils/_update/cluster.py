@@ -90,10 +90,16 @@ class KubeCluster:
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         return self._writer.delete([ref_of(item) for item in objects], dry_run)
 
+    def begin(self, objects: Sequence[Object], timeout: float) -> None:
+        self._wait(objects, Settings(timeout, fail_on_restart=True, begun=True, say=self._say))
+
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
+        self._wait(objects, Settings(timeout, fail_on_restart=fail_on_restart, say=self._say))
+
+    def _wait(self, objects: Sequence[Object], settings: Settings) -> None:
         refs = parse_refs([dict(item) for item in objects])
         if refs:
-            wait_for_rollout(self._kube, refs, Settings(timeout, fail_on_restart=fail_on_restart, say=self._say))
+            wait_for_rollout(self._kube, refs, settings)
 
 
 def awake_or_not() -> float:

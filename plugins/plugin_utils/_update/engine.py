@@ -11,6 +11,7 @@ then, where no app is at work, all that is new at once: applied, awaited, and th
     record    the graph, once for all steps
     and for every step
     gate      what has to hold, and whether anything forbids the step
+    start     a new version that cannot work beside the old one waits there for its end
     hold      idle, new goals held back, idle still; now the rates of what the step replaces are those of rest
     apply     record, way back and new version, marked as not proven
     hand over by the pods themselves; awaited

@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import beside, early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import MASTER_SECONDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
@@ -18,9 +21,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     AwayError,
     CancelledError,
     LostError,
+    Object,
 )
 
 VERIFY_EXTRA = 20.0
+AT_REST_SECONDS = 2.0  # in which a robot shows that it is at rest now and then
+BESIDE_SECONDS = 10.0  # that a new version waits beside the old one for a robot that went to work again
 
 
 class Gated:
@@ -38,8 +44,8 @@ class Gated:
         try:
             with turn.phase(now, "gate"):
                 gate = self._gate()
-            with turn.phase(now, "wait"):
-                self._hold(gate)
+            gate = self._begin(gate)
+            self._come_to_rest(gate)
             with turn.phase(now, "record"):
                 gate = self._rates(gate)
             with turn.phase(now, "apply"):
@@ -94,15 +100,61 @@ class Gated:
         now.gate = decide.step_gate(self.step, now.graph, turn.live, self.settings.edge_images)
         return now.gate
 
+    def _begin(self, gate: decide.Gate) -> decide.Gate:
+        """Start what can wait beside the old version for its end, before any goal is held for it.
+
+        It takes a second moment of rest. A robot that hardly has one is not asked for two.
+        """
+        turn, now = self.turn, self.now
+        chosen = early(self.step) if turn.recorded and not turn.check else []
+        unrated = bool({*gate.nodes} - turn.rated)
+        if not (chosen and self._rests_now(gate, hold=unrated)):  # rates are those of rest only while no goal can come
+            return gate
+        with turn.phase(now, "record"):  # its pod is held to what was recorded when it started
+            gate = self._rates(gate)
+        now.rest.let_go()
+        with turn.phase(now, "start"):
+            objects = self._marked(gate)
+            now.applied = now.beside = True  # from the first of these objects on
+            turn.apply_all([turn.events(now), *beside(objects, chosen)])
+            turn.cluster.begin(chosen, self.settings.ready_timeout)
+        return gate
+
+    def _rests_now(self, gate: decide.Gate, hold: bool) -> bool:
+        turn, now = self.turn, self.now
+        if not gate.rest or turn.policy(self.step) == "force":
+            return True
+        if self.step.name in self.settings.since:  # it was waited for already
+            return False
+        with turn.phase(now, "wait"):
+            return turn.rest(now, gate.rest, "the robot is idle", hold, AT_REST_SECONDS).verdict == PASS
+
+    def _come_to_rest(self, gate: decide.Gate) -> None:
+        """New goals are held. A robot that went to work again is waited for without a pod beside it."""
+        turn, now = self.turn, self.now
+        try:
+            with turn.phase(now, "wait"):
+                self._hold(gate)
+        except BusyError as error:
+            if not now.beside:
+                raise
+            self.say(f"{self.step.name}: {error}")
+            self._go_back()
+            now.applied, now.beside, now.withdrawn = False, False, True
+            with turn.phase(now, "wait"):
+                self._hold(gate)
+
     def _hold(self, gate: decide.Gate) -> None:
         """Wait until the robot is idle, and hold new goals back, so that none comes before the old server's end."""
         turn, name, policy = self.turn, self.step.name, self.turn.policy(self.step)
         if not gate.rest or policy == "force":
             return
-        if policy == "wait" and not turn.check:
+        if policy == "wait" and not turn.check and not self.now.beside:
             # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
             turn.apply_all([turn.events(self.now, word=WAITING)])
-        seen = turn.rest(self.now, gate.rest, "the robot is idle")
+        # a pod that waits beside the old one takes place, and the robot was at rest a moment ago
+        seconds = BESIDE_SECONDS if self.now.beside else None
+        seen = turn.rest(self.now, gate.rest, "the robot is idle", seconds=seconds)
         if turn.check:
             self.say(f"{name}: {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
         # in check mode nobody has waited: what would be waited for is no reason to leave out the rest of the plan
@@ -140,11 +192,16 @@ class Gated:
         if turn.check:
             turn.apply_all(self.step.objects)
             return
-        bounds = decide.Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
-        objects = decide.step_objects(self.step, gate.contracts, bounds, turn.clock.wall())
-        now.maps = [item for item in objects if item["kind"] == "ConfigMap"]
-        now.applied = True  # from the first of these objects on
+        objects = self._marked(gate)
+        now.applied, now.beside = True, False  # from the first of these objects on
         turn.apply_all([turn.events(now), *objects])
+
+    def _marked(self, gate: decide.Gate) -> Sequence[Object]:
+        """The step's objects with the contracts, the way back, and the mark of what is not proven."""
+        bounds = decide.Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
+        objects = decide.step_objects(self.step, gate.contracts, bounds, self.now.started)
+        self.now.maps = [item for item in objects if item["kind"] == "ConfigMap"]
+        return objects
 
     def _verify(self, gate: decide.Gate) -> None:
         """The graph is what was recorded, for as long as asked, and nothing was started again meanwhile."""
@@ -189,13 +246,10 @@ class Gated:
         self.say(f"{self.step.name}: {error}")
         if not now.applied:
             now.rest.release()
-            return turn.result(now, FAILED, f"nothing was touched: {error}")
+            return turn.result(now, FAILED, f"{now.left}: {error}")
         try:
             turn.host.there()  # a robot that is away proves nothing, and cannot be helped from here
-            with turn.phase(now, "wait"):
-                way_back.hold_new(turn, now)
-            with turn.phase(now, "rollback"):
-                way_back.go(turn, now)
+            self._go_back()
         except (AwayError, BusyError, LostError) as other:
             return turn.broken_off(now, other, str(error))
         except FleetError as worse:
@@ -204,3 +258,9 @@ class Gated:
             return turn.result(now, FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
         now.rest.release()
         return turn.result(now, ROLLED_BACK, str(error))
+
+    def _go_back(self) -> None:
+        with self.turn.phase(self.now, "wait"):
+            way_back.hold_new(self.turn, self.now)
+        with self.turn.phase(self.now, "rollback"):
+            way_back.go(self.turn, self.now)

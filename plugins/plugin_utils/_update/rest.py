@@ -33,38 +33,50 @@ class Rest:
         self.held: dict[str, Mapping[str, str]] = {}  # by name, actions whose new goals are, or may be, held back
         self.patient = False  # its time is not over
 
-    def idle(self, actions: Sequence[Mapping[str, str]], what: str, look: float | None = None) -> Seen:
-        """Wait until they are idle, and hold new goals, so that none comes before the change; in check mode only look.
+    def idle(
+        self,
+        actions: Sequence[Mapping[str, str]],
+        what: str,
+        look: float | None = None,
+        hold: bool = True,
+        seconds: float | None = None,
+    ) -> Seen:
+        """Wait until they are idle, and hold new goals, so that none comes before the change.
 
-        `what` says who waits for what, `look` how many seconds may pass in this call; None: all that are left.
+        `what` says who waits for what, `look` how many seconds may pass in this call; None: all that are left. Or
+        `seconds`, whatever is left. Without `hold`, and in check mode, it is only looked.
         """
         hands, now = self._hands, self._hands.clock.now()
         self.since = now if self.since is None else self.since
         end = self.since + self._seconds
         left, keeper = max(end - now, 0.0), "" if hands.check else hands.keeper
-        before, named = self.held, {action["name"]: action for action in actions}
+        before, named = self.held, {action["name"]: action for action in actions if hold and not hands.check}
         # as long as nobody knows better: an answer may be lost
-        self.held = {**before, **({} if hands.check else named)}
+        self.held = {**before, **named}
         seen = hands.until(
-            lambda seconds: hands.host.hold(hands.master, keeper, actions, HOLD_SECONDS, seconds),
-            left if look is None else min(left, look),
+            lambda slice_: hands.host.hold(hands.master, keeper, actions, HOLD_SECONDS if hold else 0.0, slice_),
+            min(left, left if look is None else look) if seconds is None else seconds,
             what,
             since=self.since,
         )
         self.patient = hands.clock.now() < end
         # all of them, and not only those of the answer: a keeper that answers too late holds, too
-        self.held = {**before, **(named if seen.verdict == PASS and not hands.check else {})}
+        self.held = {**before, **(named if seen.verdict == PASS else {})}
         return seen
 
-    def release(self) -> None:
-        """Let the goals go that are held: their clients wait. If nobody can, the keeper does it by itself."""
-        hands = self._hands
+    def let_go(self) -> None:
+        """Let the goals go that are held: their clients wait. FleetError; they may be held still."""
         if self.held:
-            held, self.held = self.held, {}
-            try:
-                hands.host.release(hands.master, hands.keeper, [*held.values()])
-            except FleetError as error:
-                hands.say(f"goals of {', '.join(held)} may be held for another {HOLD_SECONDS:.0f} s: {error}")
+            self._hands.host.release(self._hands.master, self._hands.keeper, [*self.held.values()])
+            self.held = {}
+
+    def release(self) -> None:
+        """The same at the end of all. If nobody can, the keeper does it by itself."""
+        try:
+            self.let_go()
+        except FleetError as error:
+            self._hands.say(f"goals of {', '.join(self.held)} may be held for another {HOLD_SECONDS:.0f} s: {error}")
+            self.held = {}
 
 
 def look_seconds(busy_timeout: float, again: bool) -> float:

@@ -21,17 +21,17 @@ Key = tuple[str, str]  # namespace, name
 
 def read_histories(maps: Iterable[Object]) -> dict[str, list[dict[str, Any]]]:
     """App -> what its ConfigMap `<app>-update` keeps, the last one first."""
-    return {
-        str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(HISTORY_KEY) or "[]")
-        for item in maps
-        if names.LABEL_APP in (item["metadata"].get("labels") or {})
-    }
+    return _read(maps, HISTORY_KEY, "[]")
 
 
 def read_contracts(maps: Iterable[Object]) -> dict[str, Object]:
     """App -> what its last step asked of it (`_ros/contract.py`), with `revision`, `apps` and `proven`."""
+    return _read(maps, CONTRACT_KEY, "{}")
+
+
+def _read(maps: Iterable[Object], key: str, empty: str) -> dict[str, Any]:
     return {
-        str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(CONTRACT_KEY) or "{}")
+        str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(key) or empty)
         for item in maps
         if names.LABEL_APP in (item["metadata"].get("labels") or {})
     }

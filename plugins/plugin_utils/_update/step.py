@@ -135,20 +135,23 @@ def actions_to_rest(graph: Graph, nodes: Collection[str], besides: Iterable[str]
 
 def new_actions(step: Step, graph: Graph, pods: Iterable[Object]) -> list[dict[str, str]]:
     """What has to be idle before the step's new version goes again."""
-    own = own_nodes(step.new_nodes, graph, _new_pods(step, pods))
+    own = own_nodes(step.new_nodes, graph, new_pods(step, pods))
     return actions_to_rest(graph, {node for found in own.values() for node in found})
 
 
 def is_dead(step: Step, pods: Iterable[Object]) -> bool:
     """Whether no container of the new version runs."""
-    return not any(
-        "running" in (container.get("state") or {})
-        for pod in _new_pods(step, pods)
-        for container in (pod.get("status") or {}).get("containerStatuses") or ()
-    )
+    return not any("running" in (container.get("state") or {}) for container in new_containers(step, pods))
 
 
-def _new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
+def new_containers(step: Step, pods: Iterable[Object]) -> list[Object]:
+    """What is known of those of the step's new version."""
+    statuses = ((pod.get("status") or {}).get("containerStatuses") or () for pod in new_pods(step, pods))
+    return [container for found in statuses for container in found]
+
+
+def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
+    """Those of the step's new version."""
     revisions = {app: after["revision"] for app, after in step.after.items()}
     labels = names.LABEL_APP, names.LABEL_REVISION
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
@@ -271,12 +274,16 @@ def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, 
     """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
     maps = [_update_map(item, step, contracts.get(app_of(item), NO_CONTRACT), bounds, now) for item in step.workloads]
     # the node's name is taken by what runs: for the time of the step the old one goes first
-    objects = [_one_after_the_other(item) for item in step.objects] if step.drifted else step.objects
+    objects = with_strategy(step.objects, RECREATE_STRATEGY) if step.drifted else step.objects
     return [*maps, *marked(objects, str(int(now)))]
 
 
-def _one_after_the_other(item: Object) -> Object:
-    return {**item, "spec": {**item["spec"], "strategy": RECREATE_STRATEGY}} if item["kind"] == "Deployment" else item
+def with_strategy(objects: Iterable[Object], strategy: Mapping[str, Any]) -> list[Object]:
+    """These objects, with their Deployments' pods replaced in this way."""
+    return [
+        {**item, "spec": {**item["spec"], "strategy": dict(strategy)}} if item["kind"] == "Deployment" else item
+        for item in objects
+    ]
 
 
 def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:

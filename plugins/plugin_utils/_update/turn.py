@@ -40,6 +40,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     World,
 )
 
+WITHDRAWN = "the new version, which had not begun, was taken back"
 UNFINISHED = "what came up stays as it is; the next run goes on from there"
 
 
@@ -55,6 +56,15 @@ class Now:
     gate: Gate | None = None
     maps: Sequence[Object] = ()  # the contracts and the way back, as they were applied
     applied: bool = False
+    beside: bool = False  # what is applied only waits beside the old version
+    withdrawn: bool = False  # it did so, and was taken back
+
+    @property
+    def left(self) -> str:
+        """What this run leaves of the step, in words."""
+        if self.applied:
+            return UNFINISHED if self.step.kind == INSTALL else UNPROVEN
+        return WITHDRAWN if self.withdrawn else "nothing was touched"
 
 
 class Turn(Hands):
@@ -88,10 +98,19 @@ class Turn(Hands):
         """What to do about a robot that works: wait, defer or force."""
         return step.on_busy or self.settings.on_busy
 
-    def rest(self, now: Now, actions: Sequence[Mapping[str, str]], what: str) -> Seen:
-        """Until the actions are idle and new goals held, for as long as the policy says."""
+    def rest(
+        self,
+        now: Now,
+        actions: Sequence[Mapping[str, str]],
+        what: str,
+        hold: bool = True,
+        seconds: float | None = None,
+    ) -> Seen:
+        """Until the actions are idle and new goals held, for as long as the policy says, or so many seconds."""
         try:
-            return now.rest.idle(actions, f"{now.step.name} waits until {what}", self.settings.look_timeout)
+            return now.rest.idle(
+                actions, f"{now.step.name} waits until {what}", self.settings.look_timeout, hold, seconds
+            )
         finally:
             if now.rest.since is not None:
                 self.waiting[now.step.name] = now.rest.since
@@ -125,8 +144,7 @@ class Turn(Hands):
             BusyError: WAITING if now.rest.patient else BUSY,
         }
         word = words.get(type(error), FAILED if now.applied else BUSY)
-        left = UNFINISHED if now.step.kind == INSTALL else UNPROVEN
-        return self.result(now, word, f"{away}{error}{after}; {left if now.applied else 'nothing was touched'}")
+        return self.result(now, word, f"{away}{error}{after}; {now.left}")
 
     # --- the record of the robot's updates --------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import took_over
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
@@ -20,8 +21,9 @@ def hold_new(turn: Turn, now: Now) -> None:
     if turn.policy(now.step) == "force" or now.step.kind == "master":
         return
     pods = turn.read().pods
-    if decide.is_dead(now.step, pods):
+    if decide.is_dead(now.step, pods) or (now.beside and not took_over(now.step, pods)):
         return
+    now.beside = False  # it works
     actions = decide.new_actions(now.step, _graph(turn, now), pods)
     if actions:
         seen = turn.rest(now, actions, "its new version is idle, to take it back")

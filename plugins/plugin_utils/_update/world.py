@@ -70,6 +70,9 @@ class Cluster(Protocol):
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         """What is not there is no error."""
 
+    def begin(self, objects: Sequence[Object], timeout: float) -> None:
+        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError."""
+
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
 
@@ -96,7 +99,10 @@ class Host(Protocol):
         """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
 
     def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
-        """Wait until the actions are idle; then hold new goals of those with a `server`, for `seconds` at most."""
+        """Wait until the actions are idle; then hold new goals of those with a `server`, for `seconds` at most.
+
+        With none nothing is held, and one look that finds them idle is enough.
+        """
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
         """Let the held goals go."""

@@ -95,6 +95,12 @@ def test_check_mode_and_a_robot_without_keeper_only_look(run: Run, params: dict[
     assert FakeKeeper.calls == []
 
 
+def test_for_no_seconds_nothing_is_held_and_one_look_is_enough(run: Run) -> None:
+    result = run(keeper_uri=KEEPER, seconds=0)
+    assert (result["changed"], result["verdict"], result["held"]) == (False, PASS, [])
+    assert (FakeKeeper.calls, len(run.looked)) == ([], 1)
+
+
 def test_a_keeper_that_cannot_is_a_warning(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     warned: list[str] = []
     monkeypatch.setattr(FakeKeeper, "says", "nothing listens there")

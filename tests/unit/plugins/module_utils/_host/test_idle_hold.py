@@ -48,7 +48,7 @@ class Robot:
 
 
 def held(robot: Robot, timeout: float = 60, servers: dict[str, str] | None = None) -> Held:
-    return hold_when_idle(robot, WORK if servers is None else servers, timeout, 0.2, robot.now, robot.sleep)
+    return hold_when_idle(robot, WORK if servers is None else servers, timeout, 0.2, now=robot.now, sleep=robot.sleep)
 
 
 def test_an_idle_server_is_held_and_looked_at_again() -> None:

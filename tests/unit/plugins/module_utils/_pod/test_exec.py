@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -77,6 +78,25 @@ def listening() -> int:
     master = socket.create_server(("127.0.0.1", 0))
     threading.Thread(target=lambda: master.accept() and master.close(), daemon=True).start()
     return int(master.getsockname()[1])
+
+
+def test_who_waits_can_be_stopped(tmp_path: Path) -> None:
+    """The first process of a container is deaf to signals that it does not ask for."""
+    with socket.socket() as master:
+        master.bind(("127.0.0.1", 0))
+        process = started(tmp_path, master.getsockname()[1], "true")
+        deadline = time.monotonic() + 20
+        while not caught(process.pid, signal.SIGTERM):
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        process.terminate()
+        assert process.wait(timeout=20) == 143
+
+
+def caught(pid: int, number: int) -> bool:
+    status = Path(f"/proc/{pid}/status").read_text("utf-8")
+    mask = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(mask, 16) & (1 << (number - 1)))
 
 
 def test_a_command_that_is_not_there(tmp_path: Path, listening: int) -> None:

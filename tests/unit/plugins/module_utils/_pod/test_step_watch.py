@@ -417,6 +417,16 @@ def test_the_old_nodes_goals_are_its_own() -> None:
     assert (world.revision("camera"), world.held) == ("rev1", [])
 
 
+@pytest.mark.parametrize(("address", "back"), [("10.42.0.7", True), ("10.42.0.8", False)])
+def test_a_version_that_only_waits_beside_the_old_one_has_no_goals(address: str, back: bool) -> None:
+    """It has the same node name; the old one works on, and its goals are not held for nobody."""
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.pods_now = [pod("camera", 2, "10.42.0.8"), pod("camera", 1, "10.42.0.7")]
+    world.uris, world.goals = {"/camera": f"http://{address}:4000/"}, {"/camera": busy(ACTIVE)}
+    world.run(100)
+    assert (world.revision("camera"), world.held) == ("rev1" if back else "rev2", [])
+
+
 def test_where_nothing_can_be_held_it_is_looked_twice_all_the_same() -> None:
     world = drained(left_alone(node="/camera", ready_timeout=60))
     world.goals["/camera"], world.refuses_holds = busy(), True

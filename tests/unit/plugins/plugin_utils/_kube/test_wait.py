@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Obj
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import latest, probe_line
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
+    BEGUN_SECONDS,
     Settings,
     look_once,
     run,
@@ -415,6 +416,43 @@ def test_an_old_pods_crash_is_not_this_rollouts() -> None:
     crashed = pod("talker-old-1", OLD, [app(restartCount=1, lastState=CRASHED)])
     done = Run((0.1, lists(new_pod, crashed)), (1.0, [changed(PODS, crashed, "gone")]), fail_on_restart=True)
     assert done.error is None
+
+
+# --- who is beside the old pod ---------------------------------------------------------------------------------------
+
+
+def test_a_new_pod_that_runs_beside_the_old_one_is_enough() -> None:
+    made, runs = pod("talker-new-1", NEW, [waiting("ContainerCreating")]), pod("talker-new-1", NEW, [app()])
+    done = Run((0.1, lists(old_pod)), (0.5, [changed(PODS, made)]), (2.0, [changed(PODS, runs)]), begun=True)
+    assert (done.error, done.took) == (None, pytest.approx(2.0 + BEGUN_SECONDS))
+
+
+def test_one_that_ends_at_once_has_not_begun() -> None:
+    runs, ended = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW, [app(state=CRASHED)])
+    steps = [(0.1, lists(old_pod)), (0.5, [changed(PODS, runs)]), (1.2, [changed(PODS, ended)])]
+    assert "exit code 3" in Run(*steps, begun=True, fail_on_restart=True).message
+
+
+def test_one_that_has_no_place_before_the_old_one_has_gone_is_not_waited_for() -> None:
+    stuck = unscheduled("talker-new-1", NEW, "0/1 nodes are available: 1 node(s) didn't have free ports")
+    done = Run((0.1, lists(old_pod)), (0.5, [changed(PODS, stuck)]), begun=True)
+    assert (done.error, done.took) == (None, pytest.approx(0.5))
+
+
+def test_one_that_has_no_place_in_the_quota_is_not_waited_for() -> None:
+    refused = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota"}
+    done = Run((0.1, lists(old_pod, status={"updatedReplicas": 0, "conditions": [refused]})), begun=True)
+    assert (done.error, done.took) == (None, pytest.approx(0.1))
+
+
+def test_one_that_cannot_run_fails_beside_the_old_one() -> None:
+    bad = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "not found")])
+    assert "not found" in Run((0.1, lists(old_pod)), (1.0, [changed(PODS, bad)]), begun=True).message
+
+
+def test_an_old_pod_that_runs_is_none_that_has_begun() -> None:
+    starting = pod("talker-old-1", OLD, [app()])
+    assert Run((0.1, lists(starting)), begun=True, timeout=5).took == pytest.approx(5.1)
 
 
 # --- what probes say -------------------------------------------------------------------------------------------------

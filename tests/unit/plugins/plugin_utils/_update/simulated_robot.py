@@ -34,6 +34,7 @@ FOREVER = 1e12
 LEAST = 0.001  # what is left of a wait after rounding must not take for ever
 PROBE = 0.5  # between two looks of a pod's startup probe
 START, REGISTER, STOP = 1.0, 0.3, 0.5  # of a container, of its node, of a pod that has nothing to drain
+WAITS = 0.1  # between two looks of a pod whether its node's name is free
 BACKOFF = 10.0  # between the second start of a container that crashes and the next
 DRAIN = 30.0  # a pod's stop hook waits so long for an open goal
 REAP = 15.0  # until the keeper takes away what a killed process left
@@ -145,6 +146,7 @@ class Pod:
     hopeless: str = ""
     stopping: bool = False
     gone: bool = False
+    waits: bool = False  # its container runs, and waits for the end of the process that has its node's name
 
     @property
     def up(self) -> bool:
@@ -276,6 +278,12 @@ class SimulatedRobot:
             self.changed()
             self.later(BACKOFF, lambda: self.run_pod(pod))
             return
+        before, pod.waits = pod.waits, self.taken(pod)
+        if pod.waits != before:
+            self.changed()
+        if pod.waits:
+            self.later(WAITS, lambda: self.run_pod(pod))
+            return
         pod.boot = self.time
         start = pod.restarts
         if pod.restarts < pod.version.crashes:
@@ -286,6 +294,10 @@ class SimulatedRobot:
         self.changed()
         self.later(REGISTER, lambda: self.enter(pod, start))
         self.later(PROBE, lambda: self.probe(pod, start))
+
+    def taken(self, pod: Pod) -> bool:
+        """Whether another pod's process has the name of its node."""
+        return any(one is not pod and one.node == pod.node and one.up and not one.gone for one in self.pods if one.node)
 
     def process_of(self, pod: Pod) -> Process:
         below, offer, all_of_it = pod.node.rpartition("/")[0], pod.offer, pod.version.offers_all

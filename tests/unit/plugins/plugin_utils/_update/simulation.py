@@ -17,7 +17,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, poll
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen as Look
-from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import hold_when_idle
+from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import CONSECUTIVE, hold_when_idle
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ended
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
@@ -327,7 +327,8 @@ class Simulation(SimulatedRobot):
             return
         if word == "unchanged":
             assert not {key for key in self.touched if key[2] != EVENTS_NAME}, f"unchanged, and {self.touched} was"
-        if self.unheld and word != "deferred-offline" and not away:
+        lost = "had this robot" in outcome.reason  # whoever has it now may hold goals, too; ours go after a minute
+        if self.unheld and word != "deferred-offline" and not (away or lost):
             assert not self.mine(), f"{word}, and goals of {self.mine()} are held still"
         for result, step in zip(outcome.steps, engine.plan.steps):
             deployments = [("Deployment", *deployment_key(item)) for item in step.workloads]
@@ -405,7 +406,7 @@ class Simulation(SimulatedRobot):
 
 def pod_object(pod: Pod) -> Object:
     labels = {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}
-    state = [{"state": {"running" if pod.up else "waiting": {}}}]
+    state = [{"state": {"running" if pod.up or pod.waits else "waiting": {}}, "ready": pod.ready}]
     address = f"10.42.0.{pod.uid}" if pod.process else None
     return {
         "metadata": {"namespace": pod.key[0], "labels": labels},
@@ -489,14 +490,19 @@ class SimulatedCluster:
                     sim.reconcile(deployment_key(item))
         return done
 
-    def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
+    def begin(self, objects: Sequence[Object], timeout: float) -> None:
+        self.wait(objects, timeout, True, begun=True)
+
+    def wait(
+        self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False, begun: bool = False
+    ) -> None:
         sim = self.sim
         with sim.call("rollout", 0.1, loud=True):
             end, earlier = sim.time + timeout, dict[int, int]()
             for pod in sim.pods:
                 earlier[pod.uid] = pod.restarts if pod.ready else 0
             while True:
-                rows = [self.verdict(item, earlier, fail_on_restart) for item in objects]
+                rows = [self.verdict(item, earlier, fail_on_restart, begun) for item in objects]
                 bad = [why for verdict, why in rows if verdict == FAIL]
                 if bad or (sim.time >= end and any(verdict == WAIT for verdict, _why in rows)):
                     raise NotReadyError("; ".join(why for verdict, why in rows if verdict != PASS))
@@ -506,7 +512,7 @@ class SimulatedCluster:
                     raise NotReadyError("no news of the cluster")
                 sim.advance(min(0.25, end - sim.time))
 
-    def verdict(self, item: Object, earlier: Mapping[int, int], fail_on_restart: bool) -> tuple[str, str]:
+    def verdict(self, item: Object, earlier: Mapping[int, int], fail_on_restart: bool, begun: bool) -> tuple[str, str]:
         sim, key = self.sim, deployment_key(item)
         if item["kind"] != "Deployment":
             return (PASS, "") if (item["kind"], *key) in sim.objects else (WAIT, f"{key} is not there")
@@ -518,6 +524,8 @@ class SimulatedCluster:
             if pod.template == template_of(there) and (pod.hopeless or started_again or looping(pod)):
                 return FAIL, pod.hopeless or f"{key} crashes"
         if [pod.template for pod in pods] == [template_of(there)] and pods[0].ready:
+            return PASS, ""
+        if begun and any(pod.template == template_of(there) and (pod.waits or pod.up) for pod in pods):
             return PASS, ""
         return WAIT, f"{key} is not rolled out"
 
@@ -557,8 +565,8 @@ class SimulatedHost:
             names_ = [{"name": action["name"], "state": "idle"} for action in actions]
             keeping = KeeperOf(sim, conditions_from({"actions": names_}), seconds)
             servers = {str(action["name"]): str(action["server"]) for action in actions if action.get("server")}
-            only_look = sim.checking or not keeper
-            ended = hold_when_idle(keeping, {} if only_look else servers, timeout, 0.5, sim.now, sim.advance)
+            only_look, looks = sim.checking or not (keeper and seconds), CONSECUTIVE if seconds else 1
+            ended = hold_when_idle(keeping, {} if only_look else servers, timeout, 0.5, looks, sim.now, sim.advance)
             del master, fault
             return Seen(ended.verdict, "; ".join(check.reason for check in ended.last.unmet), ended.held)
 

@@ -12,9 +12,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Hold
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import cluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import (
     LEASE_SECONDS,
@@ -197,13 +196,3 @@ def test_the_time_of_a_claim_begins_before_it_is_asked_for(
             (held,) = ours._claims
             ours.confirm()
             assert held._lease.renewed == 1  # type: ignore[attr-defined]
-
-
-def test_an_api_server_that_restarts_has_its_own_time_in_a_short_wait(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The last look at what is proven takes five seconds: a good version was taken back for a server that was away."""
-    waited: list[Settings] = []
-    monkeypatch.setattr(cluster, "wait_for_rollout", lambda _kube, _refs, settings: waited.append(settings))
-    deployment = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": {"name": "app", "namespace": "r"}}
-    with Kube({"host": "http://127.0.0.1:1", "api_key": "secret-token"}) as kube:
-        KubeCluster(kube, print).wait([deployment], 5.0, fail_on_restart=True)
-    assert [(one.timeout, one.unread) for one in waited] == [(5.0, PATIENCE)]

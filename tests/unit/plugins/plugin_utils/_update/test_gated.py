@@ -48,7 +48,7 @@ def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
 def test_another_version_after_a_run_that_was_cut_off(name: str) -> None:
     """It has to do what the last proven one did, whatever the one between them left of the graph."""
     for between in ("good", "half-the-rate"):
-        for at in range(1, 19):
+        for at in range(1, 26):
             sim, wanted = begin(name, between)
             sim.run(wanted, settings(), "killed", at)
             bad = SCENARIOS[name].robot(image("half-the-rate", 2))

@@ -38,7 +38,7 @@ def test_a_goal_is_waited_for_and_those_that_come_meanwhile_are_kept_for_the_nex
     found = outcome_of(sim, wanted)
     assert found.outcome == "updated"
     assert found.steps[0].phases["wait"] >= 15.0
-    assert sim.said[0].endswith("idle, for 9 s now: busy on /planner: 1 ACTIVE"), sim.said
+    assert sim.said[0].endswith("idle, for 11 s now: busy on /planner: 1 ACTIVE"), sim.said
     sim.advance(10.0)
     assert all(goal.ended for goal in sim.goals)
     assert later.process is not None
@@ -127,7 +127,7 @@ def test_whoever_forces_leaves_the_goal_to_the_stop_hook() -> None:
 
 @pytest.mark.parametrize("fault", ["killed", "cancelled", "api-away", "robot-away", "lost-answer", "master-silent"])
 def test_no_goal_is_lost_whatever_happens(fault: str) -> None:
-    for at in range(1, 14):
+    for at in range(1, 20):
         sim, wanted = busy(7.0)
         for after in (3.0, 10.0, 14.0, 30.0):
             sim.goal("/plan", 3.0, after)
@@ -150,8 +150,8 @@ class Quiet:
     def confirm(self) -> None:
         pass
 
-    def hold(self, _master: str, _keeper: str, actions: Sequence[Object], _seconds: float, _timeout: float) -> Seen:
-        asked = [str(action["name"]) for action in actions]
+    def hold(self, _master: str, _keeper: str, actions: Sequence[Object], seconds: float, _timeout: float) -> Seen:
+        asked = [str(action["name"]) for action in actions if seconds]
         self.held |= {*asked}
         return Seen("pass", "", asked)
 
@@ -168,3 +168,10 @@ def test_all_that_was_held_in_a_step_is_let_go() -> None:
     assert quiet.held == {"/plan", "/dock"}
     rest.release()
     assert not quiet.held
+
+
+def test_whoever_only_looks_holds_nothing() -> None:
+    quiet: Any = Quiet()
+    rest = Rest(Hands(robot(), World(quiet, quiet, quiet)), 0.0)
+    rest.idle([{"name": "/plan", "server": "/planner"}], "waits", hold=False)
+    assert not (quiet.held or rest.held)

@@ -72,7 +72,7 @@ def test_the_way_back_by_request(name: str) -> None:
 def test_a_bad_version_is_not_taken_back_while_it_works() -> None:
     """A goal that was held went to it. It has more to do than its stop hook would wait for."""
     sim, wanted = begin("drain", "half-the-rate")
-    sim.goal("/plan", 45.0, after=3.0)  # when it is held
+    sim.goal("/plan", 45.0, after=8.0)  # when it is held
     found = outcome_of(sim, wanted)
     assert (found.outcome, found.steps[0].phases["wait"] > 10.0) == ("rolled-back", True)
     assert all(goal.ended for goal in sim.goals)
@@ -80,7 +80,7 @@ def test_a_bad_version_is_not_taken_back_while_it_works() -> None:
 
 def test_a_bad_version_that_stays_at_work_stays_marked() -> None:
     sim, wanted = begin("drain", "half-the-rate")
-    goal = sim.goal("/plan", 200.0, after=3.0)
+    goal = sim.goal("/plan", 200.0, after=8.0)
     found = outcome_of(sim, wanted)
     assert found.outcome == "deferred-busy"
     assert "at work, so it was not taken back" in found.reason
@@ -115,7 +115,7 @@ def bad_at_work(fault: str = "") -> tuple[Simulation, RobotOutcome, Goal]:
     calls: list[str] = []
     for strikes in ("", fault):
         sim, wanted = begin("drain", "half-the-rate")
-        goal = sim.goal("/plan", 60.0, after=3.0)
+        goal = sim.goal("/plan", 60.0, after=8.0)
         at = len(calls) - calls[::-1].index("graph") if calls else 0
         found = sim.run(wanted, settings(busy_timeout=120.0), strikes, at)
         calls = [*sim.calls]

@@ -1,0 +1,128 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A process that waits for another one of its node's name: masters that answer, keep silent, and hang up."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from xmlrpc.server import SimpleXMLRPCServer
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import namesake
+
+NODE = "/planner"
+
+
+class Master:
+    """A ROS master that knows of one node at most."""
+
+    def __init__(self) -> None:
+        self.uri = ""
+        self.asked = 0
+        self.server = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
+        self.server.register_function(self.look_up, "lookupNode")
+        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
+        self.address = f"http://127.0.0.1:{self.server.server_address[1]}"
+
+    def look_up(self, _caller: str, node: str) -> list[object]:
+        self.asked += 1
+        assert node == NODE
+        return [1, "node api", self.uri] if self.uri else [-1, "unknown node", ""]
+
+
+@pytest.fixture
+def master() -> Iterator[Master]:
+    found = Master()
+    yield found
+    found.server.shutdown()
+    found.server.server_close()
+
+
+class Waiting:
+    """The call, in a thread."""
+
+    def __init__(self, master: str, own: str = "10.42.0.9", sleep: Callable[[float], None] = time.sleep) -> None:
+        self.thread = threading.Thread(
+            target=namesake.wait_for_its_end, args=(master, NODE, own), kwargs={"sleep": sleep}, daemon=True
+        )
+        self.thread.start()
+
+    def over(self, seconds: float) -> bool:
+        self.thread.join(seconds)
+        return not self.thread.is_alive()
+
+
+def test_a_name_that_nobody_has_is_free(master: Master) -> None:
+    assert Waiting(master.address).over(5)
+    assert master.asked == 1
+
+
+def test_the_process_that_has_the_name_is_waited_for(master: Master) -> None:
+    """To its very end: it leaves the graph before."""
+    with socket.create_server(("127.0.0.1", 0)) as old:
+        master.uri = f"http://127.0.0.1:{old.getsockname()[1]}/"
+        waiting = Waiting(master.address)
+        line, _address = old.accept()
+        master.uri = ""
+        assert not waiting.over(0.3)
+    line.close()
+    assert waiting.over(5)
+
+
+def test_one_that_hangs_up_and_lives_is_waited_for_still(master: Master) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as old:
+        master.uri = f"http://127.0.0.1:{old.getsockname()[1]}/"
+        waiting = Waiting(master.address)
+        for _time in range(2):
+            old.accept()[0].close()
+        assert not waiting.over(0.3)
+    assert waiting.over(5)
+
+
+def test_the_name_of_a_dead_one_is_free(master: Master) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        master.uri = f"http://127.0.0.1:{closed.getsockname()[1]}/"
+    assert Waiting(master.address).over(5)
+
+
+def test_the_containers_own_last_life_is_nobody(master: Master) -> None:
+    """Another process of the pod may have its port by now."""
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        master.uri = f"http://127.0.0.1:{other.getsockname()[1]}/"
+        assert Waiting(master.address, own="127.0.0.1").over(5)
+
+
+def test_a_name_given_up_in_silence_is_free(master: Master, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A host that loses its power closes no connection."""
+    monkeypatch.setattr(namesake, "LOOK", 0.1)
+    with socket.create_server(("127.0.0.1", 0)) as old:
+        master.uri = f"http://127.0.0.1:{old.getsockname()[1]}/"
+        waiting = Waiting(master.address)
+        old.accept()
+        assert not waiting.over(0.3)
+        master.uri = ""
+        assert waiting.over(5)
+
+
+def test_a_master_that_answers_nothing_is_not_waited_for_for_ever() -> None:
+    clock = [0.0]
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))  # and does not listen
+        uri = f"http://127.0.0.1:{nobody.getsockname()[1]}"
+        namesake.wait_for_its_end(uri, NODE, "", now=lambda: clock[0], sleep=sleep)
+    assert clock[0] == pytest.approx(namesake.PATIENCE, abs=1)
+
+
+def test_a_command_that_is_not_there_shows_at_once(master: Master, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", master.address)
+    namesake.wait(NODE, "/nowhere/server")
+    assert master.asked == 0
+    namesake.wait(NODE, "sh")
+    assert master.asked == 1
