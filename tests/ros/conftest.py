@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -37,6 +37,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if REASON:
         for item in here:
             item.add_marker(pytest.mark.skip(reason=f"no ROS 1 on this machine: {REASON}"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """With what the processes said last: what fails once in hundreds of times has to tell why by itself."""
+    report = yield
+    scene = getattr(item, "funcargs", {}).get("scene")
+    if call.when == "call" and report.failed and scene:
+        report.sections += scene.last_words()
+    return report
 
 
 @pytest.fixture

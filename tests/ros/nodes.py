@@ -7,6 +7,7 @@ Each writes what it saw as lines of JSON, so that a test counts from what the no
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import signal
 import sys
@@ -177,6 +178,7 @@ KINDS: dict[str, Callable[..., None]] = {
 
 if __name__ == "__main__":
     kind, name, path, *words = sys.argv[1:]
+    faulthandler.register(signal.SIGUSR2)  # a test that failed asks where the threads are
     # no /rosout: the master under test has nobody who listens to it
     rospy.init_node(name, disable_rosout=True, disable_signals=kind in ("client", "canceller"))
     KINDS[kind](Log(path), *words)

@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files i
 NODES = Path(__file__).with_name("nodes.py")
 PYTHON = "/usr/bin/python3"  # Debian's ROS packages are for this one
 SUCCEEDED, RECALLED, LOST = 3, 8, 9
+LAST_LINES = 40
 
 
 def free_port() -> int:
@@ -122,6 +123,16 @@ class Scene:
 
     def said(self, name: str = "keeper") -> str:
         return (self.directory / f"{name}.out").read_text()
+
+    def last_words(self) -> list[tuple[str, str]]:
+        """The end of each process' log, with where the threads of those nodes are that still run."""
+        for name, process in self.processes.items():
+            if name.startswith("/") and process.poll() is None:
+                process.send_signal(signal.SIGUSR2)  # nodes.py answers it so
+        time.sleep(0.5)
+        logs = sorted(path for path in self.directory.iterdir() if path.suffix in (".out", ".jsonl"))
+        last = ((path.name, path.read_text().splitlines()[-LAST_LINES:]) for path in logs)
+        return [(name, "\n".join(lines)) for name, lines in last if lines]
 
     def registered(self) -> dict[str, Entry]:
         """Without the keeper's own."""
