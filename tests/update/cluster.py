@@ -28,7 +28,7 @@ TAIL = 6_000_000  # bytes of a log that are read: some twenty minutes of the fas
 
 @dataclass(frozen=True)
 class Pod:
-    """An app's pod. `restarts` counts its container's."""
+    """An app's pod. `container` is the identity of its app's: another one is another process."""
 
     uid: str
     name: str
@@ -36,7 +36,7 @@ class Pod:
     revision: str
     ready: bool
     going: bool
-    restarts: int
+    container: str
     ended: str  # how its container did last, if it was started again
 
 
@@ -62,7 +62,7 @@ class Cluster:
                 revision=labels.get("rosops.fleet/revision", ""),
                 ready=conditions.get("Ready") == "True",
                 going=item.metadata.deletion_timestamp is not None,
-                restarts=status.restart_count if status else 0,
+                container=status.container_id or "" if status else "",
                 ended=f"{end.reason} ({end.exit_code}) {end.finished_at}" if end else "",
             )
             found.setdefault(labels.get(APP, item.metadata.name), []).append(pod)
@@ -125,9 +125,13 @@ class Cluster:
             self._core.delete_namespaced_pod(pod.name, f"robot-{robot}")
 
 
-def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, int]]]:
-    """App -> (UID, restarts) of its pods: equal before and after where nothing was touched."""
-    return {app: sorted((pod.uid, pod.restarts) for pod in there) for app, there in pods.items()}
+def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, str]]]:
+    """App -> (UID, container) of its pods: equal before and after where nothing was touched.
+
+    Not the kubelet's count of restarts: that grows, too, where a kubelet that has just started does not yet know a
+    container's state (`convertToAPIContainerStatuses` of Kubernetes v1.34.2).
+    """
+    return {app: sorted((pod.uid, pod.container) for pod in there) for app, there in pods.items()}
 
 
 class Hosts:

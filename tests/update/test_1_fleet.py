@@ -57,8 +57,8 @@ def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
         # providers first, though the inventory names the client before its server
         assert steps.index("add-two-ints") < steps.index("add-two-ints-client"), steps
         assert all(step["from"] != step["to"] for step in run.steps(robot)), run
-        images = {app: [(pod.image, pod.restarts) for pod in pods[app]] for app in APPS}
-        assert images == {app: [("lab/apps:1.1", 0)] for app in APPS}
+        images = {app: [(pod.image, pod.ended) for pod in pods[app]] for app in APPS}
+        assert images == {app: [("lab/apps:1.1", "")] for app in APPS}
     watch.assert_nothing_lost()
 
     before = fleet.running()
