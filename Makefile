@@ -207,7 +207,7 @@ bench-look: ## What a look costs at graphs of 10, 30 and 100 robots that share a
 
 .PHONY: bench-fleet
 bench-fleet: ## What the engine costs per robot, in simulated fleets of 10, 30 and 100 robots with 12 apps
-	python benchmarks/bench_fleet.py
+	python benchmarks/bench_fleet.py $(BENCH)
 
 .PHONY: bench-site
 bench-site: ## What site.yml and update.yml cost, in seconds and processor time (BENCH="--before DIR --rounds 3": beside another checkout)

@@ -38,6 +38,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ro
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar  # noqa: E402
+from published import HELP, Table, publish  # noqa: E402
 
 APPS, TOPICS = 12, 10
 LIMIT = 60.0  # ms of CPU of one more look at an unchanged graph, of whoever does not ask all nodes
@@ -204,10 +205,28 @@ def measure(robots: int, kinds: list[str]) -> dict[str, Any]:
     return found
 
 
+def section(kinds: list[str], rows: list[dict[str, Any]]) -> Table:
+    """The result as a section of docs/benchmarks.md."""
+    about = (
+        f"Milliseconds of processor time of whoever looks, {os.cpu_count()} cores, {platform.machine()}: the first "
+        f"look, one more at the same graph, and one after something has changed. {APPS} nodes a robot, {TOPICS} topics "
+        "a node. The exporter asks every node."
+    )
+    cells = [
+        [kind, str(row["robots"]), str(row["nodes"]), f"{row['reply_bytes'] / 1e6:.1f}"]
+        + [f"{row[kind][f'{when}_ms']:.1f}" for when in ("first", "again", "changed")]
+        for kind in kinds
+        for row in rows
+    ]
+    heads = ["look", "robots", "nodes", "MB of the master's reply", "first", "again", "changed"]
+    return Table("A look at a master that many robots share", about, heads, cells)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, nargs="+", default=[10, 30, 100])
     parser.add_argument("--looks", nargs="+", choices=list(LOOKS), default=list(LOOKS))
+    parser.add_argument("--publish", action="store_true", help=HELP)
     parser.add_argument("--fleet", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.fleet:
@@ -226,6 +245,8 @@ def main() -> int:
         for kind in arguments.looks
         if kind != "exporter" and row[kind]["again_ms"] > LIMIT
     ]
+    if arguments.publish:
+        publish("look", section(arguments.looks, rows))
     result = {"bench": "look", "passed": not dear, "rows": rows, "limit_ms": LIMIT}
     print(json.dumps({**result, "cores": os.cpu_count(), "machine": platform.machine(), "load": os.getloadavg()[0]}))
     return 1 if dear else 0

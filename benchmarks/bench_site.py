@@ -1,14 +1,15 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What runs of the playbooks cost: wall time, and processor time of the control node.
+"""What runs of the playbooks cost: wall time, and processor time and memory of the control node.
 
     make bench-site
     make bench-site BENCH="--before ../earlier --rounds 3"
+    make bench-site BENCH="--robots 10 --hertz 20 --publish"
 
 On a lab of its own, removed at the end: site.yml on bare hosts; then, in every round, site.yml and update.yml with
-nothing to do, and an update of one app on one robot. With another checkout (`--before`, set up like this one) both take
-turns on the same lab, the other one first. Each turn begins with a site.yml that is not measured, so that the fleet
-is at rest with the version at hand.
+nothing to do, status.yml, and an update of one app on one robot and on every robot. With another checkout (`--before`,
+set up like this one) both take turns on the same lab, the other one first. Each turn begins with a site.yml that is
+not measured, so that the fleet is at rest with the version at hand.
 
 A run that fails is an error. The last line printed is the result as JSON; the exit status is 1 where a limit is missed.
 Logs and reports of the runs are kept in reports/bench-site/.
@@ -19,6 +20,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import signal
 import statistics
 import subprocess
@@ -30,6 +32,8 @@ from pathlib import Path
 from typing import Any
 
 from lab_environment import CHECKOUT, environment
+from memory import Peak
+from published import HELP, Table, publish
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"
 KEPT = CHECKOUT / "reports" / "bench-site"
@@ -40,8 +44,11 @@ KINDS = {
     "bare": "site.yml, bare hosts",
     "site": "site.yml, again",
     "update": "update.yml, again",
+    "status": "status.yml",
     "app": f"update of {APP}",
+    "everywhere": "the same on every robot",
 }
+PLAYBOOKS = {"update": "update", "app": "update", "everywhere": "update", "status": "status"}  # site is all else's
 NOW, BEFORE = "now", "before"
 
 
@@ -51,13 +58,14 @@ class BenchError(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a playbook: seconds from start to exit of ansible-playbook; user and system seconds of all its
-    processes on the control node; the callback's report."""
+    """One run of a playbook: seconds from start to exit of ansible-playbook; user and system seconds, and the most MB,
+    of all its processes on the control node; the callback's report."""
 
     kind: str
     seconds: float
     cpu: float
     report: Mapping[str, Any]
+    memory: float = 0.0
 
     @property
     def changed(self) -> int:
@@ -85,6 +93,17 @@ def with_version(apps: list[dict[str, Any]], name: str, version: str) -> list[di
     return [{**app, "env": {**app.get("env", {}), **env}} if app["name"] == name else app for app in apps]
 
 
+def at_rate(apps: list[dict[str, Any]], hertz: float) -> list[dict[str, Any]]:
+    """The apps, all that publish at a rate at this one: of many robots on one machine each is a small one."""
+    return [_at_rate(app, hertz) if "RATE_HZ" in app.get("env", {}) else app for app in apps]
+
+
+def _at_rate(app: dict[str, Any], hertz: float) -> dict[str, Any]:
+    slower = {"min_rate": 0.95 * hertz}
+    topics = [{**topic, **slower} if "min_rate" in topic else topic for topic in app["readiness"]["topics"]]
+    return {**app, "env": {**app["env"], "RATE_HZ": hertz}, "readiness": {**app["readiness"], "topics": topics}}
+
+
 def unfit(report: Mapping[str, Any], hosts: Iterable[str]) -> list[str]:
     """What is wrong with a run that ended with exit status 0: hosts that it left out or that did not get through."""
     outcomes = {host["host"]: host["outcome"] for host in report["hosts"]}
@@ -109,10 +128,12 @@ def middle(runs: Iterable[Run], what: str) -> float:
 def limits(now: Runs, before: Runs | None = None) -> dict[str, bool]:
     """What the runs have to show, and whether they do."""
     held = {
-        "site.yml and update.yml with nothing to do change nothing": not any(
-            run.changed for kind in ("site", "update") for run in now[kind]
+        "site.yml and update.yml with nothing to do, and status.yml, change nothing": not any(
+            run.changed for kind in ("site", "update", "status") for run in now[kind]
         ),
-        "a new version of an app changes something": all(run.changed for run in now["app"]),
+        "a new version of an app changes something": all(
+            run.changed for kind in ("app", "everywhere") for run in now[kind]
+        ),
     }
     if "bare" in now:
         held[f"ready hosts take at most {SITE_TO_BARE} of bare hosts"] = ratio(now) <= SITE_TO_BARE
@@ -148,6 +169,7 @@ def figures(run: Run) -> dict[str, Any]:
     return {
         "seconds": round(run.seconds, 1),
         "cpu": round(run.cpu, 1),
+        "memory": round(run.memory, 1),
         "changed": run.changed,
         "step_seconds": round(run.step_seconds, 1),
         "tasks": run.report["tasks"],
@@ -171,6 +193,23 @@ def table(found: Mapping[str, Any]) -> list[str]:
                 last = f"  step {step:5.1f} s" if step else ""
                 lines.append(f"  {title:<28} {side:<7} {wall:7.1f} s  cpu {cpu:6.1f} s  changed={changed}{last}")
     return lines
+
+
+def section(found: Mapping[str, Any]) -> Table:
+    """The medians as a section of docs/benchmarks.md."""
+    rows, robots = [], found["robots"]
+    for kind, title in KINDS.items():
+        if rounds := found["runs"][NOW].get(kind):
+            wall, cpu, memory = (statistics.median(one[key] for one in rounds) for key in ("seconds", "cpu", "memory"))
+            shares = (f"{wall:.1f}", f"{cpu:.1f}", f"{cpu / robots:.2f}", f"{memory:.0f}", f"{memory / robots:.1f}")
+            rows.append([title, *shares, str(rounds[0]["changed"])])
+    about = (
+        f"One edge host and {robots} robots with four apps each, {found['hertz']:g} Hz; all hosts and the control node "
+        f"on one machine with {found['cores']} cores, {found['machine']}. k3s: {found['k3s']}. Processor time and "
+        "memory are the control node's."
+    )
+    heads = ["run", "wall s", "processor s", "per robot", "MB", "per robot", "changed"]
+    return Table(f"Playbooks with {robots} robots", about, heads, rows)
 
 
 # --- the lab and the playbooks -------------------------------------------------------------------------------------
@@ -209,7 +248,7 @@ class Side:
         stem = KEPT / f"{self.name}-{number}-{kind}"
         log, report, given = (stem.with_suffix(f".{what}") for what in ("log", "json", "vars.json"))
         report.unlink(missing_ok=True)
-        playbook = "update.yml" if kind in ("update", "app") else "site.yml"
+        playbook = f"{PLAYBOOKS.get(kind, 'site')}.yml"
         words = ["ansible-playbook", "-i", str(self.inventory), f"playbooks/{playbook}", "--limit", ",".join(hosts)]
         if extra:
             given.write_text(json.dumps(extra, indent=2), encoding="utf-8")
@@ -221,17 +260,20 @@ class Side:
                 words, cwd=self._checkout, env={**self._environment, "ROSOPS_FLEET_REPORT": str(report)},
                 stdout=file, stderr=subprocess.STDOUT, text=True,
             )  # fmt: skip
+            peak = Peak(process.pid)
+            peak.start()
             status, cpu = waited(process)
+            memory = peak.end()
         seconds = time.monotonic() - started
         if status != 0:
             tail = log.read_text(encoding="utf-8").splitlines()[-40:]
             raise BenchError("\n".join([*tail, f"{kind}: {playbook} ended with {status} after {seconds:.1f} s"]))
         if not report.exists():
             raise BenchError(f"{kind}: {playbook} left no report at {report}: is the callback fleet_report enabled?")
-        run = Run(kind, seconds, cpu, json.loads(report.read_text(encoding="utf-8")))
+        run = Run(kind, seconds, cpu, json.loads(report.read_text(encoding="utf-8")), memory)
         if wrong := unfit(run.report, hosts):
             raise BenchError(f"{kind}: {', '.join(wrong)}")
-        print(f"  {seconds:.1f} s, cpu {cpu:.1f} s, changed={run.changed}; the slowest:", flush=True)
+        print(f"  {seconds:.1f} s, cpu {cpu:.1f} s, {memory:.0f} MB, changed={run.changed}; the slowest:", flush=True)
         print("\n".join(task_lines(run.report)), flush=True)
         return run
 
@@ -259,31 +301,39 @@ def do_lab(lab: str, *words: str) -> float:
     return time.monotonic() - started
 
 
-def measure(lab: str, before: Path | None, rounds: int) -> dict[str, Any]:
+def measure(lab: str, before: Path | None, rounds: int, robots: int, hertz: float) -> dict[str, Any]:
     """All runs, on fresh hosts."""
     do_lab(lab, "artifacts")
     load = os.getloadavg()[0]
-    lab_seconds = do_lab(lab, "up", "--lab", lab, "--fresh")
+    specs = ["edge1:edge", *(f"robot{number}:robots" for number in range(1, robots + 1))]
+    lab_seconds = do_lab(lab, "up", "--lab", lab, "--fresh", "--hosts", ",".join(specs))
     sides = [*([Side(BEFORE, before, lab)] if before else []), Side(NOW, CHECKOUT, lab)]
     variables = sides[-1].variables()
     hosts = sorted(variables)
     robot = next(name for name, values in variables.items() if "ros_apps" in values)
     one_robot = [host for host in hosts if host == robot or "ros_apps" not in variables[host]]
     found: dict[str, dict[str, list[Run]]] = {side.name: {} for side in sides}
-    found[sides[0].name]["bare"] = [sides[0].play("bare", 0, hosts)]
+    usual = {side.name: at_rate(side.variables()[robot]["ros_apps"], hertz) for side in sides}
+    found[sides[0].name]["bare"] = [sides[0].play("bare", 0, hosts, {"ros_apps": usual[sides[0].name]})]
     settled = sides[0]
     for number in range(1, rounds + 1):
         for side in sides:
+            given = {"ros_apps": usual[side.name]}
             if side is not settled or number > 1:
-                side.play("settle", number, hosts)
+                side.play("settle", number, hosts, given)
                 settled = side
-            apps = with_version(side.variables()[robot]["ros_apps"], APP, f"{side.name}-{number}")
-            turn = (("site", hosts, None), ("update", hosts, None), ("app", one_robot, {"ros_apps": apps}))
+            turn = [(kind, hosts, given) for kind in ("site", "update", "status")]
+            for kind, where in (("app", one_robot), ("everywhere", hosts)):
+                changed = with_version(usual[side.name], APP, f"{side.name}-{number}-{kind}")
+                turn.append((kind, where, {"ros_apps": changed}))
             for kind, where, extra in turn:
                 found[side.name].setdefault(kind, []).append(side.play(kind, number, where, extra))
     about = {
         "k3s": variables[robot]["lab_k3s"],
         "hosts": len(hosts),
+        "robots": robots,
+        "hertz": hertz,
+        "machine": platform.machine(),
         "cores": os.cpu_count(),
         "load_before": round(load, 2),
         "lab_up_seconds": round(lab_seconds, 1),
@@ -302,7 +352,11 @@ def say(found: Mapping[str, Any]) -> None:
     print(json.dumps(found, separators=(",", ":")), flush=True)
 
 
-def attempt(measuring: Callable[[], dict[str, Any]], tidy: Callable[[], object]) -> int:
+def attempt(
+    measuring: Callable[[], dict[str, Any]],
+    tidy: Callable[[], object],
+    keep: Callable[[Mapping[str, Any]], object] = lambda _found: None,
+) -> int:
     """Measure, tidy up in any case, and make an exit status of it."""
     try:
         try:
@@ -313,6 +367,7 @@ def attempt(measuring: Callable[[], dict[str, Any]], tidy: Callable[[], object])
         print(f"error: {error}", file=sys.stderr)
         return 2
     say(found)
+    keep(found)
     return 1 if found["missed"] else 0
 
 
@@ -323,13 +378,17 @@ def main() -> int:
     parser.add_argument("--keep", action="store_true", help="leave the lab as it is afterwards")
     parser.add_argument("--before", type=Path, help="another checkout, set up, to be compared with")
     parser.add_argument("--rounds", type=int, default=1, help="how often each run is made (default: 1)")
+    parser.add_argument("--robots", type=int, default=2, help="robots of the lab (default: 2)")
+    parser.add_argument("--hertz", type=float, default=500.0, help="the rate of what the robots publish (default: 500)")
+    parser.add_argument("--publish", action="store_true", help=HELP)
     options = parser.parse_args()
     before = options.before.resolve() if options.before else None
     signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(143))  # so that the lab goes then, too
     KEPT.mkdir(parents=True, exist_ok=True)
     return attempt(
-        lambda: measure(options.lab, before, options.rounds),
+        lambda: measure(options.lab, before, options.rounds, options.robots, options.hertz),
         lambda: options.keep or do_lab(options.lab, "down", "--lab", options.lab),
+        lambda found: options.publish and publish("playbooks", section(found)),
     )
 
 

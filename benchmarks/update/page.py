@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from published import Table, published
+
 from .measure import ACTION_SECONDS
 from .numbers import percentile
 from .paths import CHECKOUT
@@ -45,6 +47,9 @@ AGAIN = """## Run it again
     make bench BENCH="--cases pubsub/minor --data /tmp/mine.jsonl"
     make bench-docs                 # this page and its pictures out of the trials
     make bench-probe BENCH=--publish   # what ours costs a robot at rest, per part
+    make bench-fleet BENCH=--publish   # what the engine costs per robot
+    make bench-look BENCH=--publish    # what a look at a large graph costs
+    make bench-site BENCH="--robots 10 --hertz 20 --publish"   # the playbooks with ten robots
 
 A finished trial is one line in `benchmarks/update/results/trials.jsonl`; a trial that is there is not made again.
 Take lines away to have them measured anew. Logs and counters of a run stay in `benchmarks/results/`, which is not
@@ -52,8 +57,8 @@ in the repository. The robot's container has cores of its own; the control node 
 """
 
 
-def text(trials: Trials, rest: Mapping[str, Any] | None = None) -> str:
-    """The page; `rest` is the result of `make bench-probe`."""
+def text(trials: Trials, rest: Mapping[str, Any] | None = None, more: Iterable[Table] = ()) -> str:
+    """The page; `rest` is the result of `make bench-probe`, `more` what other benchmarks have published."""
     if not trials.all:
         parts = ["No trial has been made yet. The dissertation's own figures, which ours will stand beside:", theirs()]
     else:
@@ -74,7 +79,9 @@ def text(trials: Trials, rest: Mapping[str, Any] | None = None) -> str:
             "## CPU and memory",
             usage_table(trials.details),
         ]
-    return "\n\n".join([HEAD.rstrip(), *parts, *([at_rest(rest)] if rest else []), _pictures(), AGAIN])
+    return "\n\n".join(
+        [HEAD.rstrip(), *parts, *([at_rest(rest)] if rest else []), *map(section, more), _pictures(), AGAIN]
+    )
 
 
 def _measured(trials: Trials) -> list[str]:
@@ -149,6 +156,11 @@ core, and took {found["earlier_elsewhere"]:g}/1000 of a slow one. On that one ou
 **{PASS if found["passed"] else MISS}**."""
 
 
+def section(table: Table) -> str:
+    """What another benchmark has published."""
+    return f"## {table.title}\n\n{table.about}\n\n{markdown(table.heads, table.rows)}"
+
+
 def _pictures() -> str:
     lines = ["## Pictures"]
     for name, what in KINDS.values():
@@ -163,7 +175,7 @@ def files(path: Path = TRIALS) -> dict[Path, str]:
     trials = Trials(path)
     rest = json.loads(REST.read_text(encoding="utf-8")) if REST.exists() else None
     return {
-        PAGE: text(trials, rest),
+        PAGE: text(trials, rest, published()),
         **{PICTURES / name: content for name, content in pictures(trials.details).items()},
     }
 

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import memory
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -44,7 +45,9 @@ def runs(site: float = 20.0, cpu: float = 5.0, step: float = 8.0, again: int = 0
         "bare": [bench_site.Run("bare", 100.0, 40.0, report(30))],
         "site": [bench_site.Run("site", seconds, cpu, report(again)) for seconds in (site, 1.0, 90.0)],
         "update": [bench_site.Run("update", 9.0, cpu, report(0))],
-        "app": [bench_site.Run("app", 30.0, 6.0, stepped)],
+        "status": [bench_site.Run("status", 4.0, cpu, report(again))],
+        "app": [bench_site.Run("app", 30.0, 6.0, stepped, 90.0)],
+        "everywhere": [bench_site.Run("everywhere", 60.0, 12.0, stepped, 180.0)],
     }
 
 
@@ -55,6 +58,12 @@ def test_one_app_in_a_new_version() -> None:
     assert bench_site.with_version(apps, "b", "v")[1] == {"name": "b", "env": version}
     with pytest.raises(bench_site.BenchError, match="no app c, only a, b"):
         bench_site.with_version(apps, "c", "v")
+
+
+def test_apps_that_publish_at_a_rate_get_a_lower_one() -> None:
+    fast = {"name": "a", "env": {"K": 1, "RATE_HZ": 500}, "readiness": {"topics": [{"name": "t", "min_rate": 475}, {}]}}
+    slow = {"name": "a", "env": {"K": 1, "RATE_HZ": 20}, "readiness": {"topics": [{"name": "t", "min_rate": 19}, {}]}}
+    assert bench_site.at_rate([fast, {"name": "b"}], 20) == [slow, {"name": "b"}]
 
 
 def test_a_run_that_left_a_host_out_is_no_result() -> None:
@@ -71,7 +80,7 @@ def test_a_run_that_left_a_host_out_is_no_result() -> None:
         ({}, []),
         ({"site": 25.0}, []),
         ({"site": 25.1}, ["ready hosts take at most 0.25 of bare hosts"]),
-        ({"again": 1}, ["site.yml and update.yml with nothing to do change nothing"]),
+        ({"again": 1}, ["site.yml and update.yml with nothing to do, and status.yml, change nothing"]),
         ({"app": 0}, ["a new version of an app changes something"]),
     ],
 )
@@ -98,7 +107,16 @@ def test_limits_beside_another_checkout(changes: dict[str, Any], missed: list[st
     assert bench_site.result({"before": runs(**changes), "now": now}, {})["missed"] == missed
 
 
-ABOUT = {"k3s": "labk3s", "hosts": 3, "cores": 2, "load_before": 0.1, "lab_up_seconds": 5.0}
+ABOUT = {
+    "k3s": "labk3s",
+    "robots": 3,
+    "hertz": 20.0,
+    "machine": "x86_64",
+    "hosts": 4,
+    "cores": 2,
+    "load_before": 0.1,
+    "lab_up_seconds": 5.0,
+}
 
 
 def test_the_last_line_is_the_result(capsys: pytest.CaptureFixture[str]) -> None:
@@ -116,6 +134,13 @@ def test_the_last_line_is_the_result(capsys: pytest.CaptureFixture[str]) -> None
     assert tidied == ["gone"]
 
 
+def test_the_published_section_has_every_run_and_its_share_for_a_robot() -> None:
+    table = bench_site.section(bench_site.result({"now": runs()}, ABOUT))
+    assert table.title == "Playbooks with 3 robots"
+    assert list(table.rows[-1]) == ["the same on every robot", "60.0", "12.0", "4.00", "180", "60.0", "2"]
+    assert [row[0] for row in table.rows] == list(bench_site.KINDS.values())
+
+
 def test_a_missed_limit_is_exit_status_1(capsys: pytest.CaptureFixture[str]) -> None:
     assert bench_site.attempt(lambda: bench_site.result({"now": runs(site=90.0)}, ABOUT), lambda: None) == 1
     assert "MISSED: ready hosts take" in capsys.readouterr().out
@@ -128,6 +153,19 @@ def test_processor_time_is_that_of_the_whole_tree() -> None:
         status, cpu = bench_site.waited(process)
     assert status == 3
     assert cpu >= 0.3
+
+
+def test_memory_is_that_of_the_whole_tree() -> None:
+    # the child's 40 MB, and neither the parent's few nor the shared pages twice
+    child = "import sys; kept = bytearray(40 << 20); print(flush=True); sys.stdin.read()"
+    parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
+    words = [sys.executable, "-c", parent]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:  # noqa: S603
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert 40 < memory.memory_mb(process.pid) < 80
+        process.communicate()
+    assert memory.memory_mb(process.pid) == 0
 
 
 def test_the_inventory_of_another_checkout_has_its_variables_and_our_lab(
