@@ -19,7 +19,7 @@ from runs import CHECKOUT, wait_until
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"
 APP, UPDATING = "rosops.fleet/app", "rosops.fleet/updating"
-MASTER = "ros-master"
+MASTER, KEEPER, CODE = "ros-master", "ros-keeper", "rosops-code"
 # Claims on the robot and at the edge (molecule/update/inventory), in local-path's directory names.
 STORAGE = "/var/lib/rancher/k3s/storage"
 SENSOR, EDGE = "sensor-volume-pvc", "edge-volume-pvc"
@@ -28,7 +28,7 @@ TAIL = 6_000_000  # bytes of a log that are read: some twenty minutes of the fas
 
 @dataclass(frozen=True)
 class Pod:
-    """An app's pod. `container` is the identity of its app's: another one is another process."""
+    """An app's pod. `containers` are their identities: another one is another process."""
 
     uid: str
     name: str
@@ -36,8 +36,8 @@ class Pod:
     revision: str
     ready: bool
     going: bool
-    container: str
-    ended: str  # how its container did last, if it was started again
+    containers: tuple[str, ...]
+    ended: str  # how one of its containers did last, if it was started again
 
 
 class Cluster:
@@ -52,8 +52,8 @@ class Cluster:
         found: dict[str, list[Pod]] = {}
         for item in self._core.list_namespaced_pod(f"robot-{robot}", _request_timeout=20).items:
             labels = item.metadata.labels or {}
-            status = (item.status.container_statuses or [None])[0]
-            end = status.last_state.terminated if status else None
+            statuses = item.status.container_statuses or []
+            ends = [one.last_state.terminated for one in statuses if one.last_state.terminated]
             conditions = {one.type: one.status for one in item.status.conditions or []}
             pod = Pod(
                 uid=item.metadata.uid,
@@ -62,8 +62,8 @@ class Cluster:
                 revision=labels.get("rosops.fleet/revision", ""),
                 ready=conditions.get("Ready") == "True",
                 going=item.metadata.deletion_timestamp is not None,
-                container=status.container_id or "" if status else "",
-                ended=f"{end.reason} ({end.exit_code}) {end.finished_at}" if end else "",
+                containers=tuple(sorted(str(one.container_id) for one in statuses)),
+                ended="; ".join(f"{end.reason} ({end.exit_code}) {end.finished_at}" for end in ends),
             )
             found.setdefault(labels.get(APP, item.metadata.name), []).append(pod)
         return found
@@ -119,19 +119,31 @@ class Cluster:
                 found.append(f"{pod.name} {pod.ended}: {log}")
         return found
 
+    def keeper_log(self, robot: str) -> str:
+        """What the robot's keeper has printed."""
+        pods = [pod.name for there in self.pods(robot).values() for pod in there if pod.name.startswith(KEEPER)]
+        return "".join(self._core.read_namespaced_pod_log(name, f"robot-{robot}", _request_timeout=20) for name in pods)
+
+    def bring_other_code(self, robot: str) -> None:
+        """What runs in the robot's pods, as another release of the collection has it."""
+        where = (CODE, f"robot-{robot}")
+        data = self._core.read_namespaced_config_map(*where, _request_timeout=20).data
+        changed = {name: f"{text}# of another release\n" for name, text in data.items() if name.endswith(".py")}
+        self._core.patch_namespaced_config_map(*where, {"data": changed}, _request_timeout=20)
+
     def delete_pod(self, robot: str, app: str) -> None:
         """As `kubectl delete pod` does."""
         for pod in self.pods(robot)[app]:
             self._core.delete_namespaced_pod(pod.name, f"robot-{robot}")
 
 
-def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, str]]]:
-    """App -> (UID, container) of its pods: equal before and after where nothing was touched.
+def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, tuple[str, ...]]]]:
+    """App -> (UID, containers) of its pods: equal before and after where nothing was touched.
 
     Not the kubelet's count of restarts: that grows, too, where a kubelet that has just started does not yet know a
     container's state (`convertToAPIContainerStatuses` of Kubernetes v1.34.2).
     """
-    return {app: sorted((pod.uid, pod.container) for pod in there) for app, there in pods.items()}
+    return {app: sorted((pod.uid, pod.containers) for pod in there) for app, there in pods.items()}
 
 
 class Hosts:

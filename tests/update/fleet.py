@@ -66,12 +66,12 @@ class Fleet:
     def pods(self) -> dict[str, dict[str, list[Pod]]]:
         return {robot: self.cluster.pods(robot) for robot in self.robots}
 
-    def running(self) -> dict[str, dict[str, list[tuple[str, str]]]]:
-        """Robot -> app -> (UID, container) of its pods."""
+    def running(self) -> dict[str, dict[str, list[tuple[str, tuple[str, ...]]]]]:
+        """Robot -> app -> (UID, containers) of its pods."""
         return {robot: running(pods) for robot, pods in self.pods().items()}
 
     def assert_still_running(self, before: Mapping[str, Any], *robots: str) -> None:
-        """Every pod is the one that it was when `running` said so, and its container was not started again."""
+        """Every pod is the one that it was when `running` said so, and none of its containers was started again."""
         now = self.running()
         changed = [
             f"{robot}: {app}: {before[robot].get(app)} -> {now[robot].get(app)} {self.cluster.last_words(robot, app)}"

@@ -152,6 +152,23 @@ def test_update_of_the_master_itself(fleet: Fleet) -> None:
     fleet.watch().assert_nothing_lost("robot1")
 
 
+def test_the_keeper_begins_anew_with_its_code_and_nothing_else_does(fleet: Fleet) -> None:
+    before, watch, robot = fleet.running(), fleet.watch(), "robot1"
+    fleet.cluster.bring_other_code(robot)
+    wait_until(
+        lambda: fleet.cluster.keeper_log(robot).partition("begins anew")[2],
+        lambda since: " keeping " in since,
+        180,  # the kubelet brings a changed ConfigMap within about a minute
+        "a keeper that has begun anew",
+    )
+    fleet.assert_still_running(before)
+    watch.assert_nothing_lost("robot1")
+    run = fleet.update(fleet.new_version("robot1", "prime-factors"), *LIMIT)  # its goals are held by that keeper
+    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    watch.assert_nothing_lost("robot1")
+    assert fleet.update(fleet.variables, *LIMIT).status == 0
+
+
 # --- a control node that dies ---------------------------------------------------------------------------------------
 
 

@@ -120,9 +120,12 @@ class Gated:
             turn.cluster.begin(chosen, self.settings.ready_timeout)
         return gate
 
+    def _needs_rest(self, gate: decide.Gate) -> bool:
+        return bool(gate.rest) and self.turn.policy(self.step) != "force"
+
     def _rests_now(self, gate: decide.Gate, hold: bool) -> bool:
         turn, now = self.turn, self.now
-        if not gate.rest or turn.policy(self.step) == "force":
+        if not self._needs_rest(gate):
             return True
         if self.step.name in self.settings.since:  # it was waited for already
             return False
@@ -147,7 +150,7 @@ class Gated:
     def _hold(self, gate: decide.Gate) -> None:
         """Wait until the robot is idle, and hold new goals back, so that none comes before the old server's end."""
         turn, name, policy = self.turn, self.step.name, self.turn.policy(self.step)
-        if not gate.rest or policy == "force":
+        if not self._needs_rest(gate):
             return
         if policy == "wait" and not turn.check and not self.now.beside:
             # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
