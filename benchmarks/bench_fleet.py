@@ -17,19 +17,22 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+CHECKOUT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections")]
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402 - found through the lines above
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (  # noqa: E402
     FOREVER,
     OFFERS,
     Offer,
     image,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
-from ansible_collections.rosops.fleet.tests.unit.robots import robot
-from published import HELP, Table, publish
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E402
+from published import HELP, Table, publish  # noqa: E402
 
 SIZES = (10, 30, 100)
 APPS = ("sensor", "stats", "driver", "planner", *(f"app{number}" for number in range(8)))
