@@ -20,7 +20,7 @@ from pathlib import Path
 CHECKOUT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections")]
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402 - found through the lines above
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (  # noqa: E402
@@ -32,7 +32,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E402
-from published import HELP, Table, publish  # noqa: E402
+from published import HELP, Table, publish  # noqa: E402 - all of these are found through the line above
 
 SIZES = (10, 30, 100)
 APPS = ("sensor", "stats", "driver", "planner", *(f"app{number}" for number in range(8)))
