@@ -205,12 +205,24 @@ def measure(robots: int, kinds: list[str]) -> dict[str, Any]:
     return found
 
 
+def dear(kinds: list[str], rows: list[dict[str, Any]]) -> list[str]:
+    """Looks at an unchanged graph that cost more than they may."""
+    return [
+        f"{kind} with {row['robots']} robots"
+        for kind in kinds
+        for row in rows
+        if kind != "exporter" and row[kind]["again_ms"] > LIMIT
+    ]
+
+
 def section(kinds: list[str], rows: list[dict[str, Any]]) -> Table:
     """The result as a section of docs/benchmarks.md."""
+    missed = dear(kinds, rows)
     about = (
         f"Milliseconds of processor time of whoever looks, {os.cpu_count()} cores, {platform.machine()}: the first "
         f"look, one more at the same graph, and one after something has changed. {APPS} nodes a robot, {TOPICS} topics "
-        "a node. The exporter asks every node."
+        f"a node. One more look may cost {LIMIT:g} ms, but for the exporter's, which asks every node: "
+        + (f"**MISS** ({', '.join(missed)})." if missed else "**PASS**.")
     )
     cells = [
         [kind, str(row["robots"]), str(row["nodes"]), f"{row['reply_bytes'] / 1e6:.1f}"]
@@ -239,17 +251,12 @@ def main() -> int:
         for row in rows:
             here = f"{kind:<18}{row['robots']:>7}{row['nodes']:>7}{row['reply_bytes'] / 1e6:>6.1f}"
             print(here + "".join(f"{row[kind][f'{when}_ms']:>9.1f}" for when in ("first", "again", "changed")))
-    dear = [
-        row["robots"]
-        for row in rows
-        for kind in arguments.looks
-        if kind != "exporter" and row[kind]["again_ms"] > LIMIT
-    ]
+    missed = dear(arguments.looks, rows)
     if arguments.publish:
         publish("look", section(arguments.looks, rows))
-    result = {"bench": "look", "passed": not dear, "rows": rows, "limit_ms": LIMIT}
+    result = {"bench": "look", "passed": not missed, "rows": rows, "limit_ms": LIMIT}
     print(json.dumps({**result, "cores": os.cpu_count(), "machine": platform.machine(), "load": os.getloadavg()[0]}))
-    return 1 if dear else 0
+    return 1 if missed else 0
 
 
 if __name__ == "__main__":
