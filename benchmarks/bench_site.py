@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from lab_environment import CHECKOUT, environment
-from memory import Peak
+from process_memory import Peak
 from published import HELP, Table, publish
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"

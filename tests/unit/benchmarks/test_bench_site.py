@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import memory
+import process_memory
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -163,9 +163,9 @@ def test_memory_is_that_of_the_whole_tree() -> None:
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:  # noqa: S603
         assert process.stdout is not None
         process.stdout.readline()
-        assert 40 < memory.memory_mb(process.pid) < 80
+        assert 40 < process_memory.memory_mb(process.pid) < 80
         process.communicate()
-    assert memory.memory_mb(process.pid) == 0
+    assert process_memory.memory_mb(process.pid) == 0
 
 
 def test_the_inventory_of_another_checkout_has_its_variables_and_our_lab(
