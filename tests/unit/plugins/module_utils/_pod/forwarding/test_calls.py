@@ -33,8 +33,11 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 SERVER = "/worker"
 
 
+LONGEST = 4 * rules.PATIENCE  # s: a hold may give its clients PATIENCE, and then as much to the server
+
+
 def until(true: Callable[[], Any]) -> None:
-    end = time.monotonic() + 10
+    end = time.monotonic() + LONGEST
     while not true():
         assert time.monotonic() < end
         time.sleep(0.002)
