@@ -140,7 +140,7 @@ class Cluster:
 def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, tuple[str, ...]]]]:
     """App -> (UID, containers) of its pods: equal before and after where nothing was touched.
 
-    Not the kubelet's count of restarts: that grows, too, where a kubelet that has just started does not yet know a
+    Not the kubelet's count of restarts: that may grow, too, where a kubelet that has just started does not yet know a
     container's state (`convertToAPIContainerStatuses` of Kubernetes v1.34.2).
     """
     return {app: sorted((pod.uid, pod.containers) for pod in there) for app, there in pods.items()}

@@ -119,22 +119,27 @@ class Keeper:
             self.away = ""
         restarted = bool(self.memory.master) and master != self.memory.master
         self.memory.master = master
-        self._register(system, now, restarted)
+        news = self._register(system, now, restarted) or bool(self.memory.missed)
         if restarted:
             self._replay(now)
         else:
-            self._mend(now)
-            self._probe(now)
+            if news:
+                self._mend(now)
+            news = self._probe(now) or news
         self._keep_params(now)
-        self._save()
+        if news:
+            self._save()
 
     def _keep_params(self, now: float) -> None:
         due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
         if due or self.told_by != self.memory.master:
             self._read_params(now, self.memory.master)
 
-    def _register(self, system: Any, now: float, anew: bool) -> None:
-        """Take up what the master has; addresses and types are asked for only where names changed, or now and then."""
+    def _register(self, system: Any, now: float, anew: bool) -> bool:
+        """Take up what the master has; addresses and types are asked for only where names changed, or now and then.
+
+        False: nothing was, so nothing can be missing, or worth recording, that was not at the last look.
+        """
         state = self.ros.state_of(system)
         changed = self.state is None or anew or (state is not self.seen and state != self.seen)
         self.seen = state
@@ -149,6 +154,8 @@ class Keeper:
             unknown = self.memory.unknown(self.present)
             answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
             self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
+            return True
+        return False
 
     def _without_us(self, entries: Mapping[str, Entry]) -> dict[str, Entry]:
         return {node: entry for node, entry in entries.items() if node != self.ros.caller}
@@ -192,8 +199,10 @@ class Keeper:
 
     # ---- who is gone
 
-    def _probe(self, now: float) -> None:
-        """Nodes are looked at beside the loop: one that hangs must not delay it."""
+    def _probe(self, now: float) -> bool:
+        """Nodes are looked at beside the loop: one that hangs must not delay it. Whether one went or came back."""
+        gone: list[str] = []
+        back: list[str] = []
         if self.probed is not None:
             asked, answers = self.probed
             self.probed = None
@@ -202,12 +211,12 @@ class Keeper:
                 self._reap(node, answers[node], now)
             for node in back:
                 self._revive(node, answers[node])
-        if self.probing is not None and self.probing.is_alive():
-            return
-        due = self.memory.due(self.present, now)
-        if due:
-            self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
-            self.probing.start()
+        if self.probing is None or not self.probing.is_alive():
+            due = self.memory.due(self.present, now)
+            if due:
+                self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
+                self.probing.start()
+        return bool(gone or back)
 
     def _ask(self, entries: dict[str, Entry]) -> None:
         self.probed = (entries, self.ros.ask(entries, PROBE, own_word=False))

@@ -264,6 +264,23 @@ def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Benc
     assert bench.ros.snapshots == 3
 
 
+def test_a_graph_that_stays_as_it_is_is_not_gone_through_again(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With 100 robots on one master, that is most of what a look costs."""
+    gone_through: list[str] = []
+    for owner, name in ((keeper_memory.Memory, "as_dict"), (keeper_memory.registrations, "missing")):
+        real = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *given, real=real, name=name: gone_through.append(name) or real(*given))
+    bench.step()
+    assert gone_through == ["missing", "as_dict"]
+    bench.steps(ADDRESSES - 2)
+    assert gone_through == ["missing", "as_dict"]
+    del bench.ros.entries["/listener"]
+    bench.step()
+    bench.step()  # it comes back at the second look
+    assert set(bench.registered()) == {"/talker", "/listener"}
+    assert gone_through == ["missing", "as_dict"] * 3
+
+
 def test_a_large_graph_is_looked_at_less_often(bench: Bench) -> None:
     bench.step()
     bench.ros.looks = 0
