@@ -82,6 +82,7 @@ class Publication:
         self.topic = topic
         self.header = dict(header)
         self.links: dict[socket.socket, str] = {}  # connection -> subscriber
+        self.closed = False
         self.lock = threading.Lock()
 
     def refusal(self, fields: Mapping[str, str]) -> str:
@@ -113,6 +114,8 @@ class Publication:
         """Keep one connection until the peer ends it."""
         with self.lock:
             self.links[sock] = caller
+            if self.closed:  # meanwhile: left open, it would wait for messages that go elsewhere, and not connect anew
+                self._drop(sock)
         with contextlib.suppress(OSError):
             while True:
                 sock.settimeout(None)
@@ -123,6 +126,7 @@ class Publication:
 
     def close(self) -> None:
         with self.lock:
+            self.closed = True
             for sock in list(self.links):
                 self._drop(sock)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import http.client
 import time
 import xmlrpc.client
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import pytest
@@ -65,6 +65,28 @@ def test_the_end_of_a_publication_ends_its_streams(slave: Slave) -> None:
     until(lambda: not stream.open)
     with pytest.raises(RosError, match="does not publish"):
         TopicStream("/you", "/t", slave.uri, lambda _: None).connect(2.0)
+
+
+def test_who_comes_while_the_publication_ends_is_hung_up_on_and_gets_the_next_one(
+    slave: Slave, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Left connected to what nobody publishes on any more, it would not come again: ROS nodes connect once."""
+    checked = raw_node.Publication.refusal
+
+    def ends_meanwhile(publication: raw_node.Publication, fields: Mapping[str, str]) -> str:
+        slave.unadvertise("/t")
+        return checked(publication, fields)
+
+    slave.advertise("/t", HEADER)
+    with monkeypatch.context() as patched:
+        patched.setattr(raw_node.Publication, "refusal", ends_meanwhile)
+        late = TopicStream("/you", "/t", slave.uri, lambda _: None)
+        late.connect(2.0)
+    slave.advertise("/t", HEADER)
+    until(lambda: not late.open)
+    assert slave.callers("/t") == []
+    TopicStream("/you", "/t", slave.uri, lambda _: None).connect(2.0)
+    until(lambda: slave.callers("/t") == ["/you"])
 
 
 def test_another_md5sum_is_refused(slave: Slave) -> None:

@@ -33,11 +33,8 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 SERVER = "/worker"
 
 
-LONGEST = 4 * rules.PATIENCE  # s: a hold may give its clients PATIENCE, and then as much to the server
-
-
 def until(true: Callable[[], Any]) -> None:
-    end = time.monotonic() + LONGEST
+    end = time.monotonic() + 10
     while not true():
         assert time.monotonic() < end
         time.sleep(0.002)
@@ -49,7 +46,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     for module, name, seconds in (
         (forwarder, "TICK", 0.01), (forwarder, "LOOK", 0.02), (forwarder, "AGAIN", 0.02), (forwarder, "AWAY", 0.02),
         (forwarder, "INTRODUCE", 0.2), (rules, "LINGER", 0.1), (rules, "GRACE", 0.05), (rules, "RECALL", 0.2),
-        (calls, "FIRST", 2.0), (calls, "TICK", 0.01), (raw_node, "POLL", 0.01),
+        (rules, "PATIENCE", 2.0), (calls, "FIRST", 2.0), (calls, "TICK", 0.01), (raw_node, "POLL", 0.01),
     ):  # fmt: skip
         monkeypatch.setattr(module, name, seconds)
 
