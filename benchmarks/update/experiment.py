@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .cluster import EDGE, HOSTS, ROBOT, Cluster
+from .cluster import EDGE, HOSTS, ROBOT, Cluster, wait_for
 from .cores import CONTROL_CORES, ROBOT_CORES, listed
 from .errors import BenchError
 from .fleet import FleetArm
@@ -31,6 +31,8 @@ sys.path.insert(0, str(CHECKOUT / "tests" / "lab"))
 
 from lablib.names import checkout_id, container_name
 from lablib.podman import podman
+
+READY_SECONDS = 120
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ class Experiment:
                 with (self._results.directory / "errors.log").open("a", encoding="utf-8") as file:
                     file.write(traceback.format_exc())
                 self._note(f"trial {trial}, {name}, stress {stress}: {error!r}")
+                self._keep_journals(f"{'stress' if stress else 'calm'}-{trial:02d}-{name}")
             after_round()
             longest = max(longest, time.monotonic() - began)
             self._say(f"  {time.monotonic() - began:.0f} s")
@@ -94,6 +97,7 @@ class Experiment:
 
     def _round(self, arm: Arm, plan: Plan, which: tuple[int, bool]) -> None:
         trial, stress = which
+        wait_for("the cluster", self._complaint, READY_SECONDS)  # one that restarted must not cost all rounds to come
         for other in (PlainArm.namespace, FleetArm.namespace):  # nothing of the other arm may use the machine
             clear(self._cluster, other)
         keep = self._results.raw / f"{'stress' if stress else 'calm'}-{trial:02d}-{arm.name}"
@@ -108,6 +112,17 @@ class Experiment:
             if item.details["problem"]:
                 self._note(f"trial {trial}, {arm.name}, {item.record['app']}/{item.record['update']}: "
                            f"{item.details['problem']}")  # fmt: skip
+
+    def _complaint(self) -> str:
+        """What the API server says instead of that it is ready."""
+        said = self._cluster.kubectl("get --raw /readyz", check=False).strip()
+        return "" if said == "ok" else said or "its API server does not answer"
+
+    def _keep_journals(self, name: str) -> None:
+        """What the hosts say of a round that failed: the lab does not outlive the run."""
+        for host in (EDGE, ROBOT):
+            said = self._cluster.ssh(host, "journalctl --no-pager --lines=2000", check=False)
+            (self._results.raw / f"{name}-{host}.log").write_bytes(said)
 
     def _note(self, problem: str) -> None:
         self.problems.append(problem)
