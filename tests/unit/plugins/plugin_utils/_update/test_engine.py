@@ -13,12 +13,14 @@ from collections.abc import Sequence
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     MATRIX,
     OLD,
     SCENARIOS,
     begin,
     outcome_of,
+    running,
     settings,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import VERSIONS, image
@@ -94,6 +96,26 @@ def test_images_are_there_before_anything_is_touched() -> None:
     assert outcome_of(sim, wanted).outcome == "updated"
     assert sim.calls[:7] == ["there", "read", "apply", "claim", "read", "bring", "apply"]
     assert sim.brought == [image("good")]
+
+
+@pytest.mark.parametrize("check", [False, True])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_version_that_an_edge_host_lacks_is_not_begun(back: bool, check: bool) -> None:
+    """Check mode says what a run would, and going back needs the image as going forth does."""
+    sim = Simulation()
+    old, new = (robot(app("chart", wanted)) for wanted in (OLD, image("good")))
+    sim.install(old)
+    lacks, has = image("good"), OLD
+    if back:
+        assert outcome_of(sim, new, edge_images={"edge1": [OLD, image("good")]}).outcome == "updated"
+        lacks, has = OLD, image("good")
+    there = running(sim, "chart")
+    request = Request(to="previous") if back else Request()
+    found = outcome_of(sim, new, check=check, request=request, edge_images={"edge1": [OLD, lacks], "edge2": [has]})
+    assert (found.outcome, found.reason) == ("failed", f"chart: nothing was touched: the image {lacks} is not on edge2")
+    assert running(sim, "chart") == there
+    more = {"edge1": [OLD, lacks], "edge2": [has, lacks]}
+    assert outcome_of(sim, new, check=check, request=request, edge_images=more).outcome == "updated"
 
 
 @pytest.mark.parametrize("wanted_image", [OLD, image("good")])
