@@ -77,6 +77,20 @@ EXAMPLES = r"""
         peer: subscriber
     stable: 10
 
+- name: The robot stands, nobody steers it, and its battery will do
+  rosops.fleet.ros_ready:
+    values:
+      - topic: /odom
+        field: twist.twist
+        still: 5
+        tolerance: 0.01
+      - topic: /cmd_vel
+        quiet: 5
+      - topic: /battery
+        field: percentage
+        above: 0.4
+    timeout: 600
+
 - name: The old revision is gone
   rosops.fleet.ros_ready:
     absent: [/talker_1f0c2a9b]
@@ -121,7 +135,7 @@ checks:
   elements: dict
   contains:
     kind:
-      description: One of V(master), V(node), V(topic), V(rate), V(service), V(action), V(edge), V(absent).
+      description: One of V(master), V(node), V(topic), V(rate), V(service), V(action), V(edge), V(absent), V(value).
       type: str
       sample: topic
     name:
@@ -151,6 +165,7 @@ from ..module_utils._common.poll import PASS, Polled, Seen, poll
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import GATE_ARGS, WAIT_ARGS, conditions_from
 from ..module_utils._ros.gate import Look, look
+from ..module_utils._ros.listener import Listener
 from ..module_utils._ros.silence import Silence
 
 
@@ -186,9 +201,10 @@ def main() -> None:
     try:
         conditions = conditions_from(params)
         ros, silence = Ros1Client(params["master_uri"], params["node_timeout"]), Silence()
+        ears = Listener(ros, conditions.values) if conditions.values else None
 
         def probe() -> Seen:
-            seen = look(ros, conditions, silence)
+            seen = look(ros, conditions, silence, ears)
             return Seen(seen.verdict, seen)
 
         ended = poll(

@@ -8,7 +8,7 @@ import sys
 import time
 
 import rospy
-from std_msgs.msg import Int32, String
+from std_msgs.msg import Float32, Float64MultiArray, Header, Int32, MultiArrayDimension, MultiArrayLayout, String
 from std_srvs.srv import Trigger
 
 
@@ -24,6 +24,19 @@ def talker(hertz: float) -> None:
         own.publish(number)
         number += 1
         time.sleep(max(0.0, began + number / hertz - time.monotonic()))
+
+
+def robot(speed: float) -> None:
+    """Its battery, latched, and its speed, in a message with others in it; and a header, which changes all the time."""
+    battery = rospy.Publisher("/battery", Float32, queue_size=1, latch=True)
+    battery.publish(0.75)
+    out = rospy.Publisher("/speed", Float64MultiArray, queue_size=10)
+    head = rospy.Publisher("/alive", Header, queue_size=10)
+    dimension = MultiArrayDimension(label="m/s", size=2, stride=2)
+    while not rospy.is_shutdown():
+        out.publish(MultiArrayLayout(dim=[dimension]), [0.0, speed])
+        head.publish(Header(stamp=rospy.Time.now(), frame_id="base"))
+        time.sleep(0.05)
 
 
 class Woken(rospy.SubscribeListener):
@@ -67,6 +80,8 @@ def main() -> None:
         rospy.Subscriber("/chatter", String, lambda _: None)
     elif kind == "camera":
         camera()
+    elif kind == "robot":
+        robot(float(sys.argv[3]))
     elif kind == "server":
         server()
     else:

@@ -24,6 +24,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import everything  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read  # noqa: E402
 
 PYTHON, MASTER, RELAY = "/usr/bin/python3", Path("/usr/bin/rosmaster"), Path("/usr/lib/topic_tools/relay")
@@ -74,9 +75,10 @@ class Scene:
 
     def wait(self, wanted: dict[str, Any], timeout: float = 20, stable: float = 0.0) -> Look:
         asked = conditions_from(wanted)
+        ears = Listener(self.ros, asked.values)
 
         def probe() -> Seen:
-            seen = look(self.ros, asked)
+            seen = look(self.ros, asked, ears=ears)
             return Seen(seen.verdict, seen)
 
         found: Look = poll(probe, timeout, 0.2, stable=stable).last
@@ -213,3 +215,28 @@ def test_persistent_service_connections_are_told_from_calls_and_from_topics(scen
     scene.stop("/persistent_caller", kill=True)
     scene.until(lambda: bool(seen() == 0), "its end")
     assert scene.read()["services"]["/trigger"]["connections"] is None
+
+
+def test_what_messages_say_by_nodes_that_are_not_told_of_us(scene: Scene) -> None:
+    scene.node("robot", "robot", "0.5")
+    scene.run("/relay", str(RELAY), "/speed", "/relayed", "__name:=relay")  # a roscpp publisher
+    values = [
+        {"topic": "/battery", "field": "data", "above": 0.4},
+        {"topic": "/battery", "field": "data", "equals": 0.75},
+        {"topic": "/speed", "field": "layout.dim[0].label", "equals": "m/s"},
+        {"topic": "/relayed", "field": "data[1]", "above": 0.4, "below": 0.6},
+        {"topic": "/joy", "quiet": 0.5},
+    ]
+    assert scene.wait({"values": values}, 60).unmet == []
+    before = scene.ros.state()
+    still = [{"topic": topic, "field": "data", "still": 1.0} for topic in ("/speed", "/relayed")]
+    moves = scene.wait({"values": still}, 3)
+    assert [check.name for check in moves.unmet] == ["/speed data still for 1 s", "/relayed data still for 1 s"]
+    assert scene.ros.state() == before  # nobody is registered who was not
+    fails = scene.wait({"values": [{"topic": "/speed", "field": "speed", "above": 0.0}]}, 10)
+    assert (fails.verdict, len(fails.unmet)) == ("fail", 1)
+
+    scene.stop("/robot")
+    scene.node("robot", "robot", "0.0")
+    quiet = {"topic": "/alive", "field": "frame_id", "quiet": 1.0}  # stamps are no movement
+    assert scene.wait({"values": [*still, quiet]}, 60).unmet == []

@@ -66,8 +66,26 @@ GATE_ARGS: dict[str, dict[str, Any]] = {
         },
     },
     "absent": {"type": "list", "elements": "str", "default": []},
+    "values": {
+        "type": "list",
+        "elements": "dict",
+        "default": [],
+        "options": {
+            "topic": {"type": "str", "required": True},
+            "field": {"type": "str", "default": ""},
+            "above": {"type": "float"},
+            "below": {"type": "float"},
+            "equals": {"type": "raw"},
+            "quiet": {"type": "float"},
+            "still": {"type": "float"},
+            "tolerance": {"type": "float", "default": 0.0},
+        },
+    },
     "namespace": {"type": "str", "default": "/"},
 }
+
+SPANS = ("quiet", "still")
+VALUE_KEYS = ("above", "below", "equals", *SPANS)
 
 # a look costs the robot time, so there is a smallest pause between two
 _LEAST = {
@@ -80,6 +98,7 @@ _LEAST = {
 
 _NAME = re.compile(r"^(/\w+|[A-Za-z_]\w*)(/\w+)*\Z", re.ASCII)
 _TYPE = re.compile(r"^[A-Za-z]\w*/[A-Za-z]\w*\Z", re.ASCII)
+_FIELD = re.compile(r"^[A-Za-z]\w*(\[\d+\])?(\.[A-Za-z]\w*(\[\d+\])?)*\Z", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -121,6 +140,34 @@ class EdgeCondition:
 
 
 @dataclass(frozen=True)
+class ValueCondition:
+    """What a topic's messages must say: a field `above`, `below` or `equals` something in the last one; or for seconds
+    that nothing came but zeros (`quiet`), or that something came, and nothing but zeros (`still`).
+
+    Zeros are numbers up to `tolerance`, of the field or without one of the whole message but its header.
+    """
+
+    topic: str
+    field: str = ""
+    above: float | None = None
+    below: float | None = None
+    equals: Any = None
+    quiet: float | None = None
+    still: float | None = None
+    tolerance: float = 0.0
+
+    @property
+    def bounds(self) -> str:
+        """What the field has to be, in words."""
+        said = (("above", self.above), ("below", self.below), ("equal to", self.equals))
+        return " and ".join(f"{word} {limit!r}" for word, limit in said if limit is not None)
+
+    def __str__(self) -> str:
+        seconds = [f"{word} for {time:g} s" for word, time in (("quiet", self.quiet), ("still", self.still)) if time]
+        return " ".join(filter(None, (self.topic, self.field, *seconds, self.bounds)))
+
+
+@dataclass(frozen=True)
 class Conditions:
     nodes: tuple[str, ...] = ()
     topics: tuple[TopicCondition, ...] = ()
@@ -128,6 +175,7 @@ class Conditions:
     actions: tuple[ActionCondition, ...] = ()
     absent: tuple[str, ...] = ()
     edges: tuple[EdgeCondition, ...] = ()
+    values: tuple[ValueCondition, ...] = ()
 
 
 def conditions_from(params: Mapping[str, Any]) -> Conditions:
@@ -184,8 +232,9 @@ def conditions_from(params: Mapping[str, Any]) -> Conditions:
         server = named(f"actions[{i}].server", item["server"]) if item.get("server") else ""
         actions.append(ActionCondition(named(f"actions[{i}].name", item.get("name")), state, server))
     edges = [_edge(f"edges[{i}]", item, named, errors) for i, item in enumerate(params.get("edges") or ())]
+    values = [_value(f"values[{i}]", item, timeout, named, errors) for i, item in enumerate(params.get("values") or ())]
     found = Conditions(
-        names("nodes"), tuple(topics), tuple(services), tuple(actions), names("absent"), tuple(edges)
+        names("nodes"), tuple(topics), tuple(services), tuple(actions), names("absent"), tuple(edges), tuple(values)
     )  # fmt: skip
     for name in sorted(set(found.nodes) & set(found.absent) - {""}):
         errors.append(f"absent: {name} is in nodes, too")
@@ -200,3 +249,32 @@ def _edge(path: str, item: Mapping[str, Any], named: Callable[[str, Any], str], 
         errors.append(f"{path}.peer: {peer!r} is neither publisher nor subscriber")
     names = {key: named(f"{path}.{key}", item.get(key)) for key in ("publisher", "topic", "subscriber")}
     return EdgeCondition(**names, peer=peer)
+
+
+def _value(
+    path: str, item: Mapping[str, Any], timeout: float | None, named: Callable[[str, Any], str], errors: list[str]
+) -> ValueCondition:
+    given = {key: item[key] for key in VALUE_KEYS if item.get(key) is not None}
+    spans, bounds = [key for key in given if key in SPANS], [key for key in given if key not in SPANS]
+    if len(spans) + bool(bounds) != 1 or ("equals" in bounds and len(bounds) > 1):
+        allowed = f"above, below (or both), equals, {' or '.join(SPANS)}"
+        errors.append(f"{path}: has {', '.join(given) or 'nothing to look for'}; what a message must say is {allowed}")
+    field = item.get("field") or ""
+    if field and not _FIELD.match(field):
+        errors.append(
+            f"{path}.field: {field!r} is not a field of a message, such as pose.position.x or status[0].level"
+        )
+    if bounds and not field:
+        errors.append(f"{path}.field: is missing; {' and '.join(bounds)} is said of one field")
+    for key in ("above", "below", "tolerance", *SPANS):
+        if item.get(key) is not None and not math.isfinite(item[key]):
+            errors.append(f"{path}.{key}: {item[key]} is not a finite number")
+    for key in spans:
+        if not given[key] > 0:
+            errors.append(f"{path}.{key}: {given[key]} is not above 0 s")
+        elif timeout is not None and given[key] > timeout:
+            errors.append(f"{path}.{key}: {given[key]} s do not fit into the timeout of {timeout} s")
+    tolerance = item.get("tolerance") or 0.0
+    if tolerance < 0:
+        errors.append(f"{path}.tolerance: {tolerance} is not at least 0")
+    return ValueCondition(named(f"{path}.topic", item.get("topic")), field, **given, tolerance=tolerance)

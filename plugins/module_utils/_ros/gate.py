@@ -10,7 +10,7 @@ mend; `fail` only for what a living node itself contradicts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterable, Mapping
+from typing import Iterable, Mapping, Protocol
 
 from .._common.errors import RosError
 from .._common.poll import PASS, WAIT, overall
@@ -90,11 +90,19 @@ def without_master(uri: str, why: str, conditions: Conditions) -> list[Check]:
         *(("action", action.name) for action in conditions.actions),
         *(("edge", str(edge)) for edge in conditions.edges),
         *(("absent", name) for name in conditions.absent),
+        *(("value", str(value)) for value in conditions.values),
     ]
     return [Check("master", uri, WAIT, why), *(Check(kind, name, WAIT, unknown) for kind, name in names)]
 
 
 # ---- one look
+
+
+class Ears(Protocol):
+    """What messages say; `listener.Listener` of the conditions' own values is one."""
+
+    def checks(self, graph: Graph) -> list[Check]:
+        """One check per value."""
 
 
 @dataclass(frozen=True)
@@ -118,24 +126,32 @@ def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[
     return seconds, {name: names for name, names in whose.items() if all(names)}
 
 
-def look(ros: Backend, conditions: Conditions, silence: Silence | None = None) -> Look:
+def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, ears: Ears | None = None) -> Look:
     """Ask and judge. Rates are measured only when all else passes: that takes a window, the rest does not.
 
     After the window all else is asked again, so that what the look says was true at its beginning and at its end.
-    `silence` is what the looks before found of peers that do not answer; a single look waits for each of them.
+    `silence` is what the looks before found of peers that do not answer; a single look waits for each of them. `ears`
+    hear what messages say, if any are asked for.
     """
     silence = silence or Silence()
     answers = Check("master", ros.uri, PASS, "answers")
     seconds, only = rate_plan(conditions)
     try:
         graph = _ask(ros, conditions, silence)
-        checks = [answers, *evaluate(graph, conditions)]
+        checks = [answers, *evaluate(graph, conditions), *_values(graph, conditions, ears)]
         if seconds and all(check.verdict == PASS for check in checks if check.kind != "rate"):
             rates = ros.rates(graph, seconds, only)
-            checks = [answers, *evaluate(_ask(ros, conditions, silence), conditions, rates)]
+            graph = _ask(ros, conditions, silence)
+            checks = [answers, *evaluate(graph, conditions, rates), *_values(graph, conditions, ears)]
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)
     return Look(overall([check.verdict for check in checks]), checks)
+
+
+def _values(graph: Graph, conditions: Conditions, ears: Ears | None) -> list[Check]:
+    if ears is not None:
+        return ears.checks(graph)
+    return [Check("value", str(value), WAIT, "nobody listens to it") for value in conditions.values]
 
 
 def _ask(ros: Backend, conditions: Conditions, silence: Silence) -> Graph:

@@ -11,6 +11,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
     Conditions,
     EdgeCondition,
     TopicCondition,
+    ValueCondition,
     conditions_from,
 )
 
@@ -31,6 +32,11 @@ def test_conditions_from_the_modules_options() -> None:
                 {"publisher": "talker", "topic": "chatter", "subscriber": "/ear", "peer": "subscriber"},
                 {"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": None},
             ],
+            "values": [
+                {"topic": "battery", "field": "percentage", "above": 0.4, "below": None, "tolerance": 0.0},
+                {"topic": "/odom", "field": "twist.twist", "still": 5.0, "tolerance": 0.01},
+                {"topic": "/dock", "field": "states[0].word", "equals": False},
+            ],
         }
     )
     assert found == Conditions(
@@ -46,7 +52,17 @@ def test_conditions_from_the_modules_options() -> None:
             EdgeCondition("/robot1/talker", "/robot1/chatter", "/ear", "subscriber"),
             EdgeCondition("/a", "/t", "/b"),
         ),
+        values=(
+            ValueCondition("/robot1/battery", "percentage", above=0.4),
+            ValueCondition("/odom", "twist.twist", still=5.0, tolerance=0.01),
+            ValueCondition("/dock", "states[0].word", equals=False),
+        ),
     )
+    assert [str(value) for value in found.values] == [
+        "/robot1/battery percentage above 0.4",
+        "/odom twist.twist still for 5 s",
+        "/dock states[0].word equal to False",
+    ]
 
 
 def test_a_publisher_is_a_name_like_the_others() -> None:
@@ -93,6 +109,18 @@ def test_no_options_are_no_conditions() -> None:
         ({"edges": [{"publisher": "/a", "topic": "t!", "subscriber": "/b"}]}, "edges[0].topic"),
         ({"edges": [{"publisher": "", "topic": "/t", "subscriber": "/b"}]}, "edges[0].publisher"),
         ({"edges": [{"publisher": "/a", "topic": "/t", "subscriber": "/b", "peer": "both"}]}, "edges[0].peer"),
+        ({"values": [{"topic": "t?", "quiet": 1.0}]}, "values[0].topic"),
+        ({"values": [{"topic": "/t", "field": "x"}]}, "values[0]"),
+        ({"values": [{"topic": "/t", "field": "x", "above": 1.0, "quiet": 1.0}]}, "values[0]"),
+        ({"values": [{"topic": "/t", "field": "x", "above": 1.0, "equals": 2}]}, "values[0]"),
+        ({"values": [{"topic": "/t", "quiet": 1.0, "still": 1.0}]}, "values[0]"),
+        ({"values": [{"topic": "/t", "above": 1.0}]}, "values[0].field"),
+        ({"values": [{"topic": "/t", "field": "x..y", "quiet": 1.0}]}, "values[0].field"),
+        ({"values": [{"topic": "/t", "field": "x[y]", "quiet": 1.0}]}, "values[0].field"),
+        ({"values": [{"topic": "/t", "field": "x", "below": float("nan")}]}, "values[0].below"),
+        ({"values": [{"topic": "/t", "still": 0.0}]}, "values[0].still"),
+        ({"values": [{"topic": "/t", "quiet": 5.0}], "timeout": 4.0}, "values[0].quiet"),
+        ({"values": [{"topic": "/t", "quiet": 5.0, "tolerance": -0.1}]}, "values[0].tolerance"),
     ],
 )
 def test_a_bad_option_is_named_with_its_path(params: dict[str, Any], path: str) -> None:

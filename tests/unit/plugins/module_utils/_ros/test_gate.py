@@ -16,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
     Conditions,
     EdgeCondition,
     TopicCondition,
+    ValueCondition,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import evaluate, look, questions, rate_window
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
@@ -743,6 +744,7 @@ def test_without_a_master_every_condition_is_unmet_and_named() -> None:
         (ActionCondition("/a"),),
         ("/x",),
         (EdgeCondition("/p", "/t", "/s"),),
+        (ValueCondition("/t", quiet=1.0),),
     )
     seen = look(FakeRos(healthy(), error="the ROS master does not answer: nothing listens"), wanted)
     assert seen.verdict == WAIT
@@ -755,9 +757,31 @@ def test_without_a_master_every_condition_is_unmet_and_named() -> None:
         ("action", "/a"),
         ("edge", "/p -> /t -> /s"),
         ("absent", "/x"),
+        ("value", "/t quiet for 1 s"),
     ]
     assert "nothing listens" in str(seen.unmet[0])
     assert {(check.verdict, check.reason) for check in seen.unmet[1:]} == {(WAIT, "not known without the master")}
+
+
+class Ears:
+    """Has heard this, look by look."""
+
+    def __init__(self, *verdicts: str) -> None:
+        self.verdicts = [*verdicts]
+
+    def checks(self, _graph: Graph) -> list[Check]:
+        return [Check("value", "/t", self.verdicts.pop(0), "heard")]
+
+
+def test_what_messages_say_is_part_of_the_verdict() -> None:
+    wanted = Conditions(nodes=("/talker_a",), values=(ValueCondition("/t", quiet=1.0),))
+    for verdict in (PASS, WAIT, FAIL):
+        assert look(FakeRos(healthy()), wanted, ears=Ears(verdict)).verdict == verdict
+    assert look(FakeRos(healthy()), wanted).verdict == WAIT  # nobody has listened
+    rated = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0),), values=wanted.values)
+    ros = FakeRos(healthy())
+    assert (look(ros, rated, ears=Ears(WAIT)).verdict, ros.sampled) == (WAIT, {})
+    assert look(ros, rated, ears=Ears(PASS, WAIT)).verdict == WAIT  # nor may it end while rates are measured
 
 
 def test_a_check_as_data() -> None:

@@ -1,0 +1,143 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Conditions on messages, heard from nodes on loopback that are not ROS's."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import ValueCondition
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+
+BATTERY = {"type": "demo/Battery", "md5sum": "0" * 32, "message_definition": "float32 percentage\n"}
+FULL = ValueCondition("/battery", "percentage", above=0.5)
+
+
+class Master:
+    """Where everybody is."""
+
+    caller, timeout = "/listener", 0.5
+
+    def __init__(self) -> None:
+        self.uris: dict[str, Any] = {}
+
+    def look_up(self, nodes: Iterable[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+        return {node: self.uris[node] for node in nodes}, {}
+
+
+class Stage:
+    """Nodes that publish their batteries, and a listener."""
+
+    def __init__(self, peers: Peers) -> None:
+        self.peers, self.master, self.nodes = peers, Master(), dict[str, Slave]()
+
+    def start(self, name: str, header: dict[str, str] = BATTERY) -> Slave:
+        node = self.nodes[name] = Slave(name, "127.0.0.1", 0, "http://127.0.0.1:1/")
+        node.advertise("/battery", header)
+        node.start()
+        self.master.uris[name] = node.uri
+        return node
+
+    def listener(self, *conditions: ValueCondition) -> Listener:
+        return Listener(self.master, conditions)  # type: ignore[arg-type]
+
+    def seen(self, listener: Listener) -> list[tuple[str, str]]:
+        state = MasterState({"/battery": tuple(sorted(self.master.uris))} if self.master.uris else {}, {}, {})
+        return [(check.verdict, check.reason) for check in listener.checks(state.graph)]
+
+
+@pytest.fixture
+def stage(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
+    monkeypatch.setattr(raw_node, "POLL", 0.01)
+    peers = Peers()
+    made = Stage(peers)
+    yield made
+    for node in made.nodes.values():
+        node.stop()
+    peers.close()
+
+
+def until(true: Callable[[], Any]) -> None:
+    end = time.monotonic() + 5
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def test_nobody_speaks_and_then_somebody_does(stage: Stage) -> None:
+    listener = stage.listener(FULL)
+    assert stage.seen(listener) == [(WAIT, "nobody publishes it")]
+    node = stage.start("/driver")
+    ((verdict, reason),) = stage.seen(listener)  # it is given a moment
+    assert verdict == WAIT
+    assert reason.startswith("no message in ")
+    until(lambda: node.publish("/battery", struct.pack("<f", 0.75)))
+    until(lambda: stage.seen(listener) == [(PASS, "is 0.75")])
+    node.publish("/battery", struct.pack("<f", 0.25))
+    until(lambda: stage.seen(listener) == [(WAIT, "is 0.25, not above 0.5")])
+
+
+def test_each_publisher_is_heard_once_from_look_to_look(stage: Stage) -> None:
+    one, two = stage.start("/one"), stage.start("/two")
+    listener = stage.listener(FULL, ValueCondition("/battery", quiet=60.0))
+    for _look in range(3):
+        assert stage.seen(listener)[1][0] == WAIT
+    assert (one.callers("/battery"), two.callers("/battery")) == (["/listener"], ["/listener"])
+    two.publish("/battery", struct.pack("<f", 1.0))
+    until(lambda: stage.seen(listener)[0] == (PASS, "is 1"))
+    assert "since {'percentage': 1.0} came" in stage.seen(listener)[1][1]
+
+
+def test_what_a_node_said_that_is_gone_counts_no_more(stage: Stage) -> None:
+    node = stage.start("/driver")
+    listener = stage.listener(FULL)
+    stage.seen(listener)
+    node.publish("/battery", struct.pack("<f", 1.0))
+    until(lambda: stage.seen(listener) == [(PASS, "is 1")])
+    stage.master.uris.clear()
+    assert stage.seen(listener) == [(WAIT, "nobody publishes it")]
+    until(lambda: node.callers("/battery") == [])
+
+
+def test_a_stream_that_ends_is_opened_again(stage: Stage) -> None:
+    node = stage.start("/driver")
+    listener = stage.listener(ValueCondition("/battery", quiet=60.0))
+    stage.seen(listener)
+    until(lambda: node.callers("/battery"))
+    node.unadvertise("/battery")
+    until(lambda: stage.seen(listener)[0][1].endswith("does not publish /battery)"))
+    node.advertise("/battery", BATTERY)
+    until(lambda: stage.seen(listener)[0][1].endswith("since it is listened to"))
+    until(lambda: node.callers("/battery") == ["/listener"])
+
+
+def test_the_dead_are_silent_and_the_hung_may_say_anything(stage: Stage) -> None:
+    """Of a node that is gone its registration may be left."""
+    stage.master.uris["/dead"] = f"http://127.0.0.1:{stage.peers.dead()}/"
+    listener = stage.listener(ValueCondition("/battery", quiet=0.001))
+    until(lambda: stage.seen(listener)[0][0] == PASS)
+    stage.master.uris["/hung"] = f"http://127.0.0.1:{stage.peers.hung()}/"
+    ((verdict, reason),) = stage.seen(listener)
+    assert verdict == WAIT
+    assert "/hung (no answer from" in reason
+    stage.master.uris["/hung"] = RosError("unknown node [/hung]")
+    assert "/hung (unknown node [/hung])" in stage.seen(listener)[0][1]
+
+
+def test_a_definition_that_is_none_is_said(stage: Stage) -> None:
+    node = stage.start("/driver", {**BATTERY, "message_definition": "Percentage percentage\n"})
+    listener = stage.listener(FULL)
+    stage.seen(listener)
+    node.publish("/battery", struct.pack("<f", 1.0))
+    until(lambda: stage.seen(listener)[0][0] == FAIL)
+    assert stage.seen(listener)[0][1] == "the definition of demo/Battery does not say what demo/Percentage is"
