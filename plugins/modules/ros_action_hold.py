@@ -13,10 +13,12 @@ description:
     looks once more. A goal that came in between is left to finish, and what was held goes to the server; then it waits
     again.
   - So an action server can be replaced after it without a goal being aborted.
+  - With O(values) it waits for what messages say, too, and holds nothing before.
   - The keeper lets go by itself, to a new server when one is up, or to the old one after O(seconds). Nothing more has
     to be done for that, so a control node that dies after this leaves nothing behind.
 extends_documentation_fragment:
   - rosops.fleet._ros
+  - rosops.fleet._values
 options:
   state:
     description:
@@ -102,7 +104,8 @@ verdict:
   sample: pass
 reason:
   description:
-    - What the last look saw of the actions that are not idle, or what keeps it from being seen.
+    - What the last look saw of the actions that are not idle and of messages that say something else, or what keeps it
+      from being seen.
     - Of goals that cannot be held, why. That is a warning, too, and no failure.
   returned: always
   type: str
@@ -135,9 +138,10 @@ from ..module_utils._common.errors import FleetError, RosError
 from ..module_utils._common.poll import FAIL, PASS, WAIT, Seen, poll
 from ..module_utils._host.idle_hold import CONSECUTIVE, Held, hold_when_idle
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.conditions import Conditions, conditions_from
+from ..module_utils._ros.conditions import VALUE_ARGS, Conditions, conditions_from
 from ..module_utils._ros.gate import Look, look
 from ..module_utils._ros.keeper_client import TIMEOUT, KeeperCalls
+from ..module_utils._ros.listener import Listener
 from ..module_utils._ros.rpc import in_parallel, tell_publishers
 
 CALLER = "/rosops_fleet_step"
@@ -163,9 +167,10 @@ class Robot:
         self.ros = Ros1Client(params["master_uri"], params["node_timeout"], CALLER)
         self.keeper = KeeperCalls(params["keeper_uri"] or "", CALLER)
         self.seconds, self.conditions = params["seconds"], conditions
+        self.ears = Listener(self.ros, conditions.values) if conditions.values else None
 
     def look(self) -> Seen:
-        seen = look(self.ros, self.conditions)
+        seen = look(self.ros, self.conditions, ears=self.ears)
         return Seen(seen.verdict, seen)
 
     def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
@@ -221,7 +226,7 @@ def result_of(ended: Held) -> dict[str, Any]:
 
 def main() -> None:
     module = AnsibleModule(
-        argument_spec={**ROS_ARGS, **HOLD_ARGS},
+        argument_spec={**ROS_ARGS, **HOLD_ARGS, **VALUE_ARGS},
         required_if=[("state", "released", ["keeper_uri"])],
         supports_check_mode=True,
     )
@@ -232,7 +237,9 @@ def main() -> None:
         if params["state"] == "released":
             result = release(KeeperCalls(params["keeper_uri"], CALLER), names, params, module.check_mode)
         else:
-            wanted = {**params, "actions": [{**action, "state": "idle"} for action in params["actions"]]}
+            idle = [{**action, "state": "idle"} for action in params["actions"]]
+            # of a wait in several calls, one may be shorter than what has to be quiet
+            wanted = {**params, "actions": idle, "timeout": None}
             robot = Robot(params, conditions_from(wanted))
             only_look = module.check_mode or not (params["keeper_uri"] and params["seconds"])
             looks = CONSECUTIVE if params["seconds"] else 1
@@ -244,7 +251,7 @@ def main() -> None:
         details = error.details if isinstance(error, FleetError) else {}
         module.fail_json(**{"msg": str(error), "verdict": FAIL, "reason": str(error), "held": [], **details})
     if result["verdict"] == FAIL:
-        module.fail_json(msg=f"The actions cannot be looked at: {result['reason']}", **result)
+        module.fail_json(msg=f"It cannot be seen whether the robot is idle: {result['reason']}", **result)
     module.exit_json(**result)
 
 

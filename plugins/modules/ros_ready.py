@@ -35,6 +35,7 @@ options:
     default: 0.0
 extends_documentation_fragment:
   - rosops.fleet._gate
+  - rosops.fleet._values
   - rosops.fleet._ros
   - rosops.fleet._attributes.read_only
 seealso:
@@ -163,7 +164,7 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils._common.errors import FleetError
 from ..module_utils._common.poll import PASS, Polled, Seen, poll
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
-from ..module_utils._ros.conditions import GATE_ARGS, WAIT_ARGS, conditions_from
+from ..module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS, conditions_from
 from ..module_utils._ros.gate import Look, look
 from ..module_utils._ros.listener import Listener
 from ..module_utils._ros.silence import Silence
@@ -196,7 +197,8 @@ def message_of(ended: Polled, consecutive: int, stable: float) -> str:
 
 
 def main() -> None:
-    module = AnsibleModule(argument_spec={**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS}, supports_check_mode=True)
+    spec = {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS, **VALUE_ARGS}
+    module = AnsibleModule(argument_spec=spec, supports_check_mode=True)
     params = module.params
     try:
         conditions = conditions_from(params)

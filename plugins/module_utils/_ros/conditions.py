@@ -66,6 +66,11 @@ GATE_ARGS: dict[str, dict[str, Any]] = {
         },
     },
     "absent": {"type": "list", "elements": "str", "default": []},
+    "namespace": {"type": "str", "default": "/"},
+}
+
+# what messages must say, for whoever waits for that
+VALUE_ARGS: dict[str, dict[str, Any]] = {
     "values": {
         "type": "list",
         "elements": "dict",
@@ -81,9 +86,7 @@ GATE_ARGS: dict[str, dict[str, Any]] = {
             "tolerance": {"type": "float", "default": 0.0},
         },
     },
-    "namespace": {"type": "str", "default": "/"},
 }
-
 SPANS = ("quiet", "still")
 VALUE_KEYS = ("above", "below", "equals", *SPANS)
 

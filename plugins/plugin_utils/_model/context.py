@@ -88,12 +88,14 @@ class Readiness:
 class UpdateSettings:
     """How an app is updated: without `group` alone, without `on_busy` as the run says.
 
-    The last three are what an update is meant to change: names and patterns, old name -> new name, topic -> Hz.
+    `when` is what messages must say before (items of ros_ready's option `values`). The last three are what an update is
+    meant to change: names and patterns, old name -> new name, topic -> Hz.
     """
 
     group: str | None = None
     idle: tuple[str, ...] = ()
     on_busy: str | None = None
+    when: tuple[Mapping[str, Any], ...] = ()
     ignore: tuple[str, ...] = ()
     renamed: Mapping[str, str] = field(default_factory=dict)
     rates: Mapping[str, float] = field(default_factory=dict)
@@ -153,7 +155,10 @@ class Master:
 
 @dataclass(frozen=True)
 class Robot:
-    """One robot. `pull_secrets` are names of Secrets; what is in them stays in the inventory."""
+    """One robot. `pull_secrets` are names of Secrets; what is in them stays in the inventory.
+
+    `when` is what messages must say before anything is changed that its apps may notice, as UpdateSettings has it.
+    """
 
     name: str
     namespace: str
@@ -165,6 +170,7 @@ class Robot:
     limits: Mapping[str, Any] = field(default_factory=dict)
     pod_security: str = ""
     pull_secrets: tuple[str, ...] = ()
+    when: tuple[Mapping[str, Any], ...] = ()
 
     @classmethod
     def from_variables(cls, variables: Mapping[str, Any], name: str) -> Robot:
@@ -193,6 +199,7 @@ class Robot:
                     "limits": variable("robot_namespace_limits"),
                     "pod_security": variable("robot_namespace_pod_security"),
                     "pull_secrets": [secret["name"] for secret in secrets],
+                    "when": variable("update_when"),
                 }
             )
         )
@@ -243,11 +250,14 @@ def master_uri(robot: Robot) -> str:
     return f"http://{host}:{names.MASTER_PORT}"
 
 
+def own_space(robot: Robot) -> str:
+    """The robot's own ROS namespace where several robots share a master, else the root."""
+    return "/" if robot.master.mode == "robot" else "/" + names.ros_name(robot.name)
+
+
 def robot_space(app: App, robot: Robot) -> str:
-    """The ROS namespace that an app gets: the robot's own one where several robots share a master, else the root."""
-    if app.scope == "fleet" or robot.master.mode == "robot":
-        return "/"
-    return "/" + names.ros_name(robot.name)
+    """The ROS namespace that an app gets."""
+    return "/" if app.scope == "fleet" else own_space(robot)
 
 
 def said_namespace(app: App) -> str:

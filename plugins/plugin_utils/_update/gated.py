@@ -121,7 +121,7 @@ class Gated:
         return gate
 
     def _needs_rest(self, gate: decide.Gate) -> bool:
-        return bool(gate.rest) and self.turn.policy(self.step) != "force"
+        return bool(gate.calm) and self.turn.policy(self.step) != "force"
 
     def _rests_now(self, gate: decide.Gate, hold: bool) -> bool:
         turn, now = self.turn, self.now
@@ -130,7 +130,7 @@ class Gated:
         if self.step.name in self.settings.since:  # it was waited for already
             return False
         with turn.phase(now, "wait"):
-            return turn.rest(now, gate.rest, "the robot is idle", hold, AT_REST_SECONDS).verdict == PASS
+            return turn.rest(now, gate.calm, "the robot is idle", hold, AT_REST_SECONDS).verdict == PASS
 
     def _come_to_rest(self, gate: decide.Gate) -> None:
         """New goals are held. A robot that went to work again is waited for without a pod beside it."""
@@ -157,14 +157,14 @@ class Gated:
             turn.apply_all([turn.events(self.now, word=WAITING)])
         # a pod that waits beside the old one takes place, and the robot was at rest a moment ago
         seconds = BESIDE_SECONDS if self.now.beside else None
-        seen = turn.rest(self.now, gate.rest, "the robot is idle", seconds=seconds)
+        seen = turn.rest(self.now, gate.calm, "the robot is idle", seconds=seconds)
         if turn.check:
             self.say(f"{name}: {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
         # in check mode nobody has waited: what would be waited for is no reason to leave out the rest of the plan
         if seen.verdict == WAIT and not (turn.check and policy == "wait"):
             raise BusyError(seen.reason)
         if seen.verdict == FAIL:
-            raise NotReadyError(f"the actions cannot be looked at: {seen.reason}")
+            raise NotReadyError(f"it cannot be seen whether the robot is idle: {seen.reason}")
         if seen.verdict == PASS and seen.reason:  # a goal that comes now may be lost
             self.say(f"{name}: {seen.reason}")
 
@@ -175,11 +175,11 @@ class Gated:
         """
         turn = self.turn
         missing = {*gate.nodes} - turn.rated
-        at_work = turn.policy(self.step) == "force" and decide.at_work(self.now.graph, gate.rest)
+        at_work = turn.policy(self.step) == "force" and decide.at_work(self.now.graph, gate.calm.actions)
         if missing and turn.recorded and not at_work:
-            if not gate.rest:
+            if not gate.calm:
                 later = [decide.step_gate(step, turn.graph, turn.live) for step in turn.plan.steps[len(turn.results) :]]
-                missing |= {node for other in later if not other.rest for node in other.nodes} - turn.rated
+                missing |= {node for other in later if not other.calm for node in other.nodes} - turn.rated
             measured = turn.host.graph(turn.master, self.settings.rate_seconds, sorted(missing))
             turn.rated |= missing
             turn.graph = decide.with_rates(turn.graph, measured)

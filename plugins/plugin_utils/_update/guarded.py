@@ -125,7 +125,7 @@ class Guarded:
         """What the change would meet now."""
         self._record()
         for ward in self.wards:
-            ward.rest = Rest(ward, 0.0) if ward.actions else None
+            ward.rest = Rest(ward, 0.0) if ward.calm else None
             busy = self._rest(ward)
             self.say(f"{self.change.name}: {ward.robot.name} is {f'busy now: {busy}' if busy else 'idle now'}")
             if busy and self.limits.on_busy == "defer":
@@ -146,7 +146,7 @@ class Guarded:
         limits, now = self.limits, self.clock.now()
         self.since = now if limits.since is None else limits.since
         seconds = limits.busy_timeout if limits.on_busy == "wait" else 0.0
-        wards = [ward for ward in self.wards if ward.actions and limits.on_busy != "force"]
+        wards = [ward for ward in self.wards if ward.calm and limits.on_busy != "force"]
         for ward in wards:
             ward.rest = Rest(ward, seconds, self.since)
         while True:
@@ -166,9 +166,9 @@ class Guarded:
         """Have the robot at rest; why it is not, if it works still when the time is over."""
         if ward.rest is None:
             return ""
-        seen = ward.rest.idle(ward.actions, f"{self.change.name} waits until {ward.robot.name} is idle", look)
+        seen = ward.rest.idle(ward.calm, f"{self.change.name} waits until {ward.robot.name} is idle", look)
         if seen.verdict == FAIL:
-            raise NotReadyError(f"the actions of {ward.robot.name} cannot be looked at: {seen.reason}")
+            raise NotReadyError(f"it cannot be seen whether {ward.robot.name} is idle: {seen.reason}")
         self.patient = ward.rest.patient
         return "" if seen.verdict == PASS else seen.reason
 

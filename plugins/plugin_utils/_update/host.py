@@ -12,7 +12,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object, Seen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Object, Seen
 
 INTERVAL = 0.2
 RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken from the network
@@ -53,10 +53,12 @@ class ModuleHost:
         found: Graph = self._well("ros_graph_info", {"master_uri": master, **asked})["graph"]
         return found
 
-    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+    def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
+        actions: Sequence[Object] = calm.actions
         if self._check:  # an action without its server is looked at, and not held
             actions = [{"name": action["name"]} for action in actions]
-        asked = {"actions": list(actions), "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
+        values = {"values": list(calm.when)} if calm.when else {}
+        asked = {"actions": list(actions), **values, "seconds": seconds, "timeout": timeout, "interval": INTERVAL}
         found = self._run("ros_action_hold", {"master_uri": master, **_given(keeper_uri=keeper), **asked})
         return Seen(_verdict(found), str(found.get("reason") or found.get("msg") or ""), tuple(found.get("held") or ()))
 

@@ -71,6 +71,7 @@ class Step:
     actions: Sequence[str]  # that the apps serve
     idle: Sequence[str]  # that have to rest besides
     on_busy: str | None
+    when: Sequence[Object]  # what messages must say before, options of ros_ready
     intended: Intended  # what it is meant to change
     patience: float  # seconds until apps are ready of which no pod can tell
     conditions: Object  # options of ros_ready: what the apps' readiness asks of the graph
@@ -155,6 +156,7 @@ class _Robot:
             actions=self._actions(apps.values(), "own"),
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
+            when=wanted_before(self.robot, apps.values()),
             intended=intended(apps.values(), self.robot, old_nodes, back),
             patience=max([app.readiness.timeout for app in apps.values() if not app.readiness.nodes], default=0.0),
             conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
@@ -296,6 +298,13 @@ def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
         members = {app.name: set(app.depends_on) for app in apps if unit[app.name] == name and app.name in changed}
         steps += [in_order({app: needed & set(members) for app, needed in members.items()})] if members else []
     return steps
+
+
+def wanted_before(robot: Robot, apps: Iterable[App] = ()) -> list[Object]:
+    """What messages must say before these apps are changed, or anything of the robot; with full names."""
+    said = [(item, context.own_space(robot)) for item in robot.when]
+    said += [(item, context.graph_namespace(app, robot)) for app in apps for item in app.update.when]
+    return [{**item, "topic": resolve(item["topic"], space, "")} for item, space in said]
 
 
 def wanted_deployments(robot: Robot) -> list[Object]:

@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen
 
+MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
 LOOK_SECONDS, LOOKS = 8.0, 50  # of one look at a robot that works, at least; about as many looks as that, at most
 HOLD_SECONDS = 60.0  # the keeper lets held goals go then by itself, if the change never comes to its end
 
@@ -30,18 +29,18 @@ class Rest:
     def __init__(self, hands: Hands, seconds: float, since: float | None = None) -> None:
         self._hands, self._seconds = hands, seconds
         self.since = since
-        self.held: dict[str, Mapping[str, str]] = {}  # by name, actions whose new goals are, or may be, held back
+        self.held: dict[str, Object] = {}  # by name, actions whose new goals are, or may be, held back
         self.patient = False  # its time is not over
 
     def idle(
         self,
-        actions: Sequence[Mapping[str, str]],
+        calm: Calm,
         what: str,
         look: float | None = None,
         hold: bool = True,
         seconds: float | None = None,
     ) -> Seen:
-        """Wait until they are idle, and hold new goals, so that none comes before the change.
+        """Wait until it is, and hold new goals, so that none comes before the change.
 
         `what` says who waits for what, `look` how many seconds may pass in this call; None: all that are left. Or
         `seconds`, whatever is left. Without `hold`, and in check mode, it is only looked.
@@ -50,13 +49,18 @@ class Rest:
         self.since = now if self.since is None else self.since
         end = self.since + self._seconds
         left, keeper = max(end - now, 0.0), "" if hands.check else hands.keeper
-        before, named = self.held, {action["name"]: action for action in actions if hold and not hands.check}
+        before, named = self.held, {action["name"]: action for action in calm.actions if hold and not hands.check}
+        heard = calm.seconds + MARGIN if calm.when else 0.0  # in fewer it cannot be seen
+        left = max(left if seconds is None else seconds, heard)
+        if seconds is None and look is not None and self._seconds:
+            left = min(left, max(look, heard) if look else 0.0)
         # as long as nobody knows better: an answer may be lost
         self.held = {**before, **named}
         seen = hands.until(
-            lambda slice_: hands.host.hold(hands.master, keeper, actions, HOLD_SECONDS if hold else 0.0, slice_),
-            min(left, left if look is None else look) if seconds is None else seconds,
+            lambda slice_: hands.host.hold(hands.master, keeper, calm, HOLD_SECONDS if hold else 0.0, slice_),
+            left,
             what,
+            least=heard,
             since=self.since,
         )
         self.patient = hands.clock.now() < end

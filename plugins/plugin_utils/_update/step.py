@@ -25,7 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions imp
     read_contracts,
     revision_of,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Live, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Live, Object
 
 HISTORY_KEPT = 5
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
@@ -42,7 +42,7 @@ class Gate:
     contracts: Mapping[str, Contract]  # app -> its part of the graph, under the names of the new revision
     problems: Sequence[str]  # that forbid the step
     warnings: Sequence[str]
-    rest: Sequence[Mapping[str, str]]  # actions that have to be idle; `server` stands where the step replaces it
+    calm: Calm  # what it waits for; an action's `server` stands where the step replaces it
     allowed: Sequence[str] = ()  # what the step would let change, in words
     nodes: Collection[str] = ()  # of which the rates have to be known
 
@@ -56,7 +56,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
         step_contracts(step, graph, live),
         [*_problems(step, graph), *_images_missing(step, images or {})],
         _warnings(graph, nodes),
-        actions_to_rest(graph, nodes, [*step.actions, *step.idle]),
+        Calm(actions_to_rest(graph, nodes, [*step.actions, *step.idle]), step.when),
         allowed(graph, sorted(nodes), step.intended),
         ros_contract.rated(graph, recorded, step.intended),
     )
@@ -157,7 +157,7 @@ def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
 
 
-def at_work(graph: Graph, rest: Iterable[Mapping[str, str]]) -> bool:
+def at_work(graph: Graph, rest: Iterable[Object]) -> bool:
     """Whether any of these actions was busy, or told nothing, when the graph was recorded."""
     return any(action["busy"] or not action["up"] for action in (graph["actions"][one["name"]] for one in rest))
 

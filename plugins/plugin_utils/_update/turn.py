@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
@@ -33,6 +33,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings impo
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import NO_GRAPH, Gate
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
+    Calm,
     CancelledError,
     Graph,
     Object,
@@ -101,16 +102,14 @@ class Turn(Hands):
     def rest(
         self,
         now: Now,
-        actions: Sequence[Mapping[str, str]],
+        calm: Calm,
         what: str,
         hold: bool = True,
         seconds: float | None = None,
     ) -> Seen:
-        """Until the actions are idle and new goals held, for as long as the policy says, or so many seconds."""
+        """Until the robot is calm and new goals held, for as long as the policy says, or so many seconds."""
         try:
-            return now.rest.idle(
-                actions, f"{now.step.name} waits until {what}", self.settings.look_timeout, hold, seconds
-            )
+            return now.rest.idle(calm, f"{now.step.name} waits until {what}", self.settings.look_timeout, hold, seconds)
         finally:
             if now.rest.since is not None:
                 self.waiting[now.step.name] = now.rest.since

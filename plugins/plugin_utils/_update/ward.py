@@ -18,9 +18,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, owner_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import SLICE, Hands
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_before
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import Rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Object
 
 CONTRACT_KEY = "contract.json"
 
@@ -33,7 +34,7 @@ class Ward(Hands):
     """
 
     contract: Contract | None = None
-    actions: Sequence[Mapping[str, str]] = ()  # that have to be idle
+    calm = Calm()  # what has to be seen of it before
     rest: Rest | None = None
 
     def recall(self, node: str) -> None:
@@ -51,7 +52,7 @@ class Ward(Hands):
         """Its graph as it is now; RosError."""
         graph = self.host.graph(self.master)
         nodes = own_nodes(graph, self.robot)
-        self.actions = actions_to_rest(graph, nodes)
+        self.calm = Calm(actions_to_rest(graph, nodes), wanted_before(self.robot))
         if self.contract is None:
             there = self.live.deployments
             well = [_key(item) for item in there if _available(item)]

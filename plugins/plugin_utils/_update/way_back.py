@@ -11,7 +11,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import took_over
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph
 
 UNKNOWN = "nobody can tell whether its new version is at work"
 
@@ -26,7 +26,7 @@ def hold_new(turn: Turn, now: Now) -> None:
     now.beside = False  # it works
     actions = decide.new_actions(now.step, _graph(turn, now), pods)
     if actions:
-        seen = turn.rest(now, actions, "its new version is idle, to take it back")
+        seen = turn.rest(now, Calm(actions), "its new version is idle, to take it back")
         if seen.verdict == WAIT:
             raise BusyError(f"the new version is at work, so it was not taken back: {seen.reason}")
         if seen.verdict == FAIL:

@@ -86,6 +86,23 @@ class Seen:
     held: Sequence[str] = ()  # actions whose new goals are held back now
 
 
+@dataclass(frozen=True)
+class Calm:
+    """What a robot shows that may be changed: actions that are idle, and what messages say (options of ros_ready)."""
+
+    actions: Sequence[Object] = ()
+    when: Sequence[Object] = ()
+
+    def __bool__(self) -> bool:
+        """Whether there is anything to wait for."""
+        return bool(self.actions or self.when)
+
+    @property
+    def seconds(self) -> float:
+        """For which it has to be listened to, at least."""
+        return max((float(one.get("quiet") or one.get("still") or 0.0) for one in self.when), default=0.0)
+
+
 class Host(Protocol):
     """The robot's own host, where its ROS graph is asked. AwayError where it cannot be reached."""
 
@@ -98,10 +115,10 @@ class Host(Protocol):
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
         """The whole graph, with the rates at which these nodes publish; RosError where the master does not answer."""
 
-    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
-        """Wait until the actions are idle; then hold new goals of those with a `server`, for `seconds` at most.
+    def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
+        """Wait until the robot is calm; then hold new goals of the actions with a `server`, for `seconds` at most.
 
-        With none nothing is held, and one look that finds them idle is enough.
+        With none nothing is held, and one look that finds it so is enough.
         """
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:

@@ -21,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
 
 Raw = Mapping[str, Any]
 Check = Callable[[App, Raw, Draft, str], Iterator[Problem]]
@@ -245,6 +246,10 @@ def _readiness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]
                 yield Problem(where, f"names {name} for the second time", "each name once, with all its conditions")
 
 
+def _when(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    yield from when_problems(app.update.when, f"{path}.update.when")
+
+
 def _overrides(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
     plain = plain_deployment(app, draft.robot)
     yield from override_problems(plain, app.overrides, names.APP_CONTAINER, f"{path}.overrides")
@@ -266,5 +271,6 @@ CHECKS: tuple[Check, ...] = (
     _resources,
     _environment,
     _readiness,
+    _when,
     _overrides,
 )

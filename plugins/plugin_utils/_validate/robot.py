@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
 
 # Classes whose volumes are directories of one node: Kubernetes then places every pod of the claim on that node.
 NODE_BOUND = (None, "local-path")
@@ -32,6 +33,7 @@ def robot_problems(draft: Draft, edge_count: int) -> list[Problem]:
         *_pod_security(draft),
         *_volume_users(draft, edge_count),
         *dependency_problems(draft),
+        *when_problems(draft.robot.when, f"{draft.path}.update_when"),
     ]
 
 

@@ -63,6 +63,23 @@ COMMAND: Schema = either(
     {"type": "array", "items": {"type": "string"}, "minItems": 1},
 )
 
+# What messages must say; the rest of it is for `when`.
+VALUE: Schema = {
+    "type": "object",
+    "required": ["topic"],
+    "additionalProperties": False,
+    "properties": {
+        "topic": text("graph-name"),
+        "field": text(),
+        "equals": {"type": ["string", "number", "boolean"]},
+        "above": {"type": "number"},
+        "below": {"type": "number"},
+        "quiet": number(0, above=True),
+        "still": number(0, above=True),
+        "tolerance": number(0),
+    },
+}
+
 # Variables that are no role's.
 OWN: dict[str, Schema] = {
     "fleet_name": text("dns-name"),
@@ -96,6 +113,8 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].depends_on[]": text("app-name"),
     "ros_apps[].update.group": text("app-name"),
     "ros_apps[].update.idle[]": text("graph-name"),
+    "ros_apps[].update.when[]": VALUE,
+    "update_when[]": VALUE,
     "ros_apps[].update.ignore[]": text("graph-pattern"),
     "ros_apps[].update.renamed": table("graph-name", text("graph-name")),
     "ros_apps[].update.rates": table("graph-pattern", number(0)),

@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.modules import ros_action_hold
 
 KEEPER = "http://10.43.0.18:11411"
@@ -44,13 +45,15 @@ class Run:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self.monkeypatch, self.capsys = monkeypatch, capsys
         self.looked: list[Any] = []
+        self.heard: list[Any] = []
         self.verdict = PASS
         monkeypatch.setattr(FakeKeeper, "calls", [])
         monkeypatch.setattr(ros_action_hold, "KeeperCalls", FakeKeeper)
         monkeypatch.setattr(ros_action_hold, "look", self.look)
         monkeypatch.setattr(ros_action_hold.Robot, "isolate", lambda *_: None)
 
-    def look(self, _ros: Any, conditions: Any) -> Look:
+    def look(self, _ros: Any, conditions: Any, ears: Any) -> Look:
+        self.heard.append(ears)
         self.looked.append([(action.name, action.state, action.server) for action in conditions.actions])
         return Look(self.verdict, [Check("action", "/work", self.verdict, "1 goal active")])
 
@@ -71,6 +74,18 @@ def test_all_have_to_be_idle_and_those_with_a_server_are_held(run: Run) -> None:
     assert (result["changed"], result["verdict"], result["held"]) == (True, PASS, ["/work"])
     assert FakeKeeper.calls == [("hold", "/work", "/worker", 7.0)]
     assert run.looked[0] == [("/work", "idle", "/worker"), ("/drive", "idle", "")]
+
+
+def test_what_messages_must_say_is_listened_to_from_look_to_look(run: Run) -> None:
+    """And for longer than this call lasts, if need be: then it is not so yet."""
+    run(keeper_uri=KEEPER, timeout=1, values=[{"topic": "/cmd_vel", "quiet": 5.0}])
+    assert len(run.looked) > 1
+    (ears,) = {*run.heard}
+    assert isinstance(ears, Listener)
+    bad = run(keeper_uri=KEEPER, values=[{"topic": "/cmd_vel"}])
+    assert (bad["failed"], bad["errors"][0].partition(":")[0]) == (True, "values[0]")
+    run(keeper_uri=KEEPER)
+    assert run.heard[-1] is None
 
 
 def test_busy_is_an_answer_and_no_failure(run: Run) -> None:

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
-from ansible_collections.rosops.fleet.plugins.doc_fragments import _gate, _ros
+from ansible_collections.rosops.fleet.plugins.doc_fragments import _gate, _ros, _values
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import ROS_ARGS
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import GATE_ARGS, WAIT_ARGS
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import GATE_ARGS, VALUE_ARGS, WAIT_ARGS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.plugins.modules import ros_ready
@@ -203,10 +203,11 @@ def documented(text: str) -> dict[str, Any]:
 def test_the_documentation_is_the_argument_spec() -> None:
     assert documented(ros_ready.DOCUMENTATION) == WAIT_ARGS
     assert documented(_gate.ModuleDocFragment.DOCUMENTATION) == GATE_ARGS
+    assert documented(_values.ModuleDocFragment.DOCUMENTATION) == VALUE_ARGS
     assert documented(_ros.ModuleDocFragment.DOCUMENTATION) == ROS_ARGS
 
 
 def test_the_examples_use_options_that_there_are() -> None:
-    options = {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS}
+    options = {**ROS_ARGS, **WAIT_ARGS, **GATE_ARGS, **VALUE_ARGS}
     for task in yaml.safe_load(ros_ready.EXAMPLES):
         assert set(task["rosops.fleet.ros_ready"]) <= set(options)

@@ -20,8 +20,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import S
 from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import CONSECUTIVE, hold_when_idle
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ended
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras, Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -37,6 +38,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
+    Calm,
     CancelledError,
     Live,
     LostError,
@@ -100,6 +102,7 @@ class Simulation(SimulatedRobot):
         self.interrupted: set[str] = set()  # those that are without one for a reason
         self.verify_seconds = 0.0
         self.cancelled, self.begun = False, 0.0
+        self.said_from: dict[str, float] = {}  # topic -> when it began to say what is asked for
         self.unheld = True  # no call that lets goals go has met a fault
 
     # --- an operator ------------------------------------------------------------------------------------------------
@@ -558,12 +561,12 @@ class SimulatedHost:
             rates = sim.rates(sim.graph(), dict.fromkeys(topics, rate_seconds), topics) if nodes else {}
             return sim.graph().as_dict(Extras(rates=rates))
 
-    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
-        sim = self.sim
+    def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
+        sim, actions = self.sim, calm.actions
         assert seconds <= HOLD
         with sim.call("hold", 0.7) as fault:
             names_ = [{"name": action["name"], "state": "idle"} for action in actions]
-            keeping = KeeperOf(sim, conditions_from({"actions": names_}), seconds)
+            keeping = KeeperOf(sim, conditions_from({"actions": names_, "values": calm.when}), seconds)
             servers = {str(action["name"]): str(action["server"]) for action in actions if action.get("server")}
             only_look, looks = sim.checking or not (keeper and seconds), CONSECUTIVE if seconds else 1
             ended = hold_when_idle(keeping, {} if only_look else servers, timeout, 0.5, looks, sim.now, sim.advance)
@@ -619,10 +622,20 @@ class KeeperOf:
 
     def __init__(self, sim: Simulation, conditions: Conditions, seconds: float) -> None:
         self.sim, self.conditions, self.seconds = sim, conditions, seconds
+        self.began = sim.time
 
     def look(self) -> Look:
-        found = gate.look(self.sim, self.conditions)
+        found = gate.look(self.sim, self.conditions, ears=self)
         return Look(found.verdict, found)
+
+    def checks(self, _graph: Graph) -> list[Check]:
+        """What messages say: of each topic from some time on what is asked for, to whoever listens for long enough."""
+        sim, found = self.sim, []
+        for one in self.conditions.values:
+            said = sim.said_from.get(one.topic, 0.0)
+            good = sim.time >= (max(self.began, said) + one.quiet if one.quiet else said)
+            found.append(Check("value", str(one), PASS if good else WAIT, f"{one}: not yet"))
+        return found
 
     def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
         return {action: self._hold(action, server) for action, server in servers.items()}

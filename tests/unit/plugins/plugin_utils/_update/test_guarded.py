@@ -11,18 +11,20 @@ from __future__ import annotations
 import contextlib
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
+    Calm,
     CancelledError,
     HeldError,
     Live,
@@ -35,7 +37,7 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 FOREVER = 1e9
 START = 20.0  # seconds until what was changed serves again
 BEAT = 10.0  # between two words of a kubelet
-ROBOTS = [robot(name="robot1"), robot(name="robot2")]
+ROBOTS = (robot(name="robot1"), robot(name="robot2"))
 GRAPH: dict[str, Any] = {
     "nodes": {name: {"reachable": True, "uri": f"http://{name}/"} for name in ("/driver", "/planner", "/rqt_gui_1")},
     "topics": {
@@ -75,6 +77,8 @@ class Site:
     starts: dict[str, float] = field(default_factory=dict)
     holds: dict[str, float] = field(default_factory=dict)  # robot -> until when its goals are held
     slow: float = 0.0  # seconds of a look at the actions
+    robots: tuple[Robot, ...] = ROBOTS
+    charged_at: float = 0.0  # when messages say what the robots ask for
     lost_then: bool = False  # the Lease, once the change was made
     late_keeper: bool = False  # it holds, and says so too late
     keeper_away: bool = False  # when goals are to be let go
@@ -254,15 +258,18 @@ class Site:
             del found["nodes"]["/driver"], found["topics"]["/scan"]
         return found
 
-    def hold(self, master: str, keeper: str, actions: Sequence[Object], seconds: float, timeout: float) -> Seen:
+    def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         with self.call("hold"):
-            assert [action["name"] for action in actions] == ["/plan"]
+            assert [action["name"] for action in calm.actions] == ["/plan"]
             assert seconds <= 60
             self.time += self.slow
             name = f"robot{master.partition('10.43.0.')[2].partition(':')[0]}"
             self.time += min(timeout, max(self.works_until(name) - self.time, 0.0))
             if self.works_until(name) > self.time:
                 return Seen("wait", "/plan has a goal")
+            self.time += min(timeout, max(self.charged_at - self.time, 0.0)) if calm.when else 0.0
+            if calm.when and self.charged_at > self.time:
+                return Seen("wait", f"{calm.when[0]['topic']}: not yet")
             if keeper:
                 self.held |= {"/plan"}
                 self.holds[name] = self.time + seconds
@@ -299,7 +306,7 @@ class Site:
         here: Any = self
         world = Surroundings(here, here, here if cluster else None, self.said.append, sleep=self.sleep)
         wanted = Limits(**{"busy_timeout": 60.0, "ready_timeout": 60.0, **limits})
-        change = Guarded(self, ROBOTS, "node1", wanted, world)
+        change = Guarded(self, self.robots, "node1", wanted, world)
         before = self.version
         try:
             found = change.run()
@@ -405,6 +412,17 @@ def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> 
     assert outcome(site, **limits)[0] == word
     if word == "updated":
         assert any("/plan has a goal" in text for text in site.said)
+
+
+def test_what_a_robot_s_messages_have_to_say_is_waited_for() -> None:
+    charged = {"topic": "battery", "field": "percentage", "above": 0.4}
+    asked = replace(robot(name="robot1"), when=(charged,))
+    site = Site(robots=(asked,), charged_at=45.0)
+    assert outcome(site)[0] == "updated"
+    assert site.time > 45.0
+    assert any("/battery: not yet" in text for text in site.said)
+    assert outcome(Site(robots=(asked,), charged_at=45.0), on_busy="defer")[0] == "deferred-busy"
+    assert outcome(Site(robots=ROBOTS, charged_at=FOREVER))[0] == "updated"
 
 
 def test_what_the_kubelet_said_while_the_robot_was_waited_for_proves_nothing() -> None:

@@ -11,7 +11,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Seen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Calm, Seen
 
 MASTER, KEEPER = "http://10.43.0.1:11311", "http://10.43.0.2:11411"
 LISTING = '{"images": [{"id": "sha256:1", "repoTags": ["docker.io/library/a:1"]}]}'
@@ -78,7 +78,7 @@ def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str)
 
 def test_goals_are_held_and_let_go() -> None:
     modules = Modules(verdict="wait", reason="/plan is busy", held=["/plan"], failed=True)
-    seen = host(modules).hold(MASTER, KEEPER, REST, 60.0, 8.0)
+    seen = host(modules).hold(MASTER, KEEPER, Calm(REST), 60.0, 8.0)
     assert seen == Seen("wait", "/plan is busy", ("/plan",))
     asked = {"actions": REST, "seconds": 60.0, "timeout": 8.0, "interval": 0.2}
     assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
@@ -88,9 +88,16 @@ def test_goals_are_held_and_let_go() -> None:
     assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, "keeper_uri": KEEPER, **asked})]
 
 
+def test_what_messages_must_say_goes_along() -> None:
+    modules, values = Modules(verdict="pass"), [{"topic": "/battery", "field": "percentage", "above": 0.4}]
+    host(modules).hold(MASTER, "", Calm([], values), 0.0, 8.0)
+    asked = {"actions": [], "values": values, "seconds": 0.0, "timeout": 8.0, "interval": 0.2}
+    assert modules.ran == [("ros_action_hold", {"master_uri": MASTER, **asked})]
+
+
 def test_without_a_keeper_nothing_is_held_or_let_go() -> None:
     modules = Modules(verdict="pass")
-    host(modules).hold(MASTER, "", REST, 60.0, 8.0)
+    host(modules).hold(MASTER, "", Calm(REST), 60.0, 8.0)
     host(modules).release(MASTER, "", REST)
     ((_name, arguments),) = modules.ran
     assert "keeper_uri" not in arguments
@@ -98,7 +105,7 @@ def test_without_a_keeper_nothing_is_held_or_let_go() -> None:
 
 def test_in_check_mode_actions_are_looked_at_and_not_held() -> None:
     modules = Modules(verdict="pass")
-    host(modules, check=True).hold(MASTER, KEEPER, REST, 60.0, 0.0)
+    host(modules, check=True).hold(MASTER, KEEPER, Calm(REST), 60.0, 0.0)
     assert modules.ran[0][1]["actions"] == [{"name": "/plan"}, {"name": "/dock"}]
 
 
@@ -113,7 +120,7 @@ def test_conditions_are_waited_for() -> None:
 def test_a_module_that_breaks_off_has_not_passed() -> None:
     broken = host(Modules(failed=True, msg="no Python"))
     assert broken.ready(MASTER, {}, 1.0) == Seen("fail", "no Python")
-    assert broken.hold(MASTER, KEEPER, REST, 60.0, 1.0) == Seen("fail", "no Python")
+    assert broken.hold(MASTER, KEEPER, Calm(REST), 60.0, 1.0) == Seen("fail", "no Python")
 
 
 def test_registrations_are_given_and_taken() -> None:

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import Rest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object, Seen, World
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen, World
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     begin,
@@ -150,8 +151,8 @@ class Quiet:
     def confirm(self) -> None:
         pass
 
-    def hold(self, _master: str, _keeper: str, actions: Sequence[Object], seconds: float, _timeout: float) -> Seen:
-        asked = [str(action["name"]) for action in actions if seconds]
+    def hold(self, _master: str, _keeper: str, calm: Calm, seconds: float, _timeout: float) -> Seen:
+        asked = [str(action["name"]) for action in calm.actions if seconds]
         self.held |= {*asked}
         return Seen("pass", "", asked)
 
@@ -163,8 +164,8 @@ def test_all_that_was_held_in_a_step_is_let_go() -> None:
     """The way back asks for what the new version serves; what was held for the old one is held still."""
     quiet: Any = Quiet()
     rest = Rest(Hands(robot(), World(quiet, quiet, quiet)), 0.0)
-    rest.idle([{"name": "/plan", "server": "/planner"}, {"name": "/dock", "server": "/planner"}], "waits")
-    rest.idle([{"name": "/plan", "server": "/planner"}], "waits")
+    rest.idle(Calm([{"name": "/plan", "server": "/planner"}, {"name": "/dock", "server": "/planner"}]), "waits")
+    rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits")
     assert quiet.held == {"/plan", "/dock"}
     rest.release()
     assert not quiet.held
@@ -173,5 +174,63 @@ def test_all_that_was_held_in_a_step_is_let_go() -> None:
 def test_whoever_only_looks_holds_nothing() -> None:
     quiet: Any = Quiet()
     rest = Rest(Hands(robot(), World(quiet, quiet, quiet)), 0.0)
-    rest.idle([{"name": "/plan", "server": "/planner"}], "waits", hold=False)
+    rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits", hold=False)
     assert not (quiet.held or rest.held)
+
+
+# --- what messages say ----------------------------------------------------------------------------------------------
+
+CHARGED = {"topic": "/battery", "field": "percentage", "above": 0.4}
+STEERED = {"topic": "/cmd_vel", "quiet": 12.0}
+
+
+def charging(name: str, *said: dict[str, Any], seconds: float = 20.0) -> tuple[Simulation, Robot]:
+    """A robot whose battery will do in some seconds; its first app says what has to be before."""
+    sim, wanted = begin(name, "good")
+    first = replace(wanted.apps[0], update=replace(wanted.apps[0].update, when=said))
+    sim.said_from = {"/battery": sim.time + seconds}
+    return sim, replace(wanted, apps=(first, *wanted.apps[1:]))
+
+
+@pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
+def test_messages_that_say_no_are_waited_for(name: str) -> None:
+    sim, wanted = charging(name, CHARGED)
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, 15.0 < found.steps[0].phases["wait"] < 25.0) == ("updated", True)
+    assert sim.said[0].endswith("/battery percentage above 0.4: not yet"), sim.said
+    sim, wanted = charging(name, CHARGED)
+    later = outcome_of(sim, wanted, on_busy="defer")
+    assert (later.outcome, "/battery percentage above 0.4" in later.reason) == ("deferred-busy", True)
+    assert not sim.touched & {key for key in sim.objects if key[0] == "Deployment"}
+    assert outcome_of(sim, wanted, on_busy="force").steps[0].phases.get("wait", 0.0) == 0.0
+    sim, wanted = charging(name, CHARGED)
+    assert outcome_of(sim, wanted, check=True).outcome == "updated"
+    assert any("busy now: /battery percentage above 0.4" in line for line in sim.said)
+
+
+@pytest.mark.parametrize("policy", ["wait", "defer"])
+def test_what_has_to_be_quiet_is_listened_to_for_long_enough(policy: str) -> None:
+    """Also by a run that waits for nobody: it could not be seen at once."""
+    for name in ("overlap", "drain"):
+        sim, wanted = charging(name, STEERED)
+        found = outcome_of(sim, wanted, on_busy=policy)
+        assert (found.outcome, found.steps[0].phases["wait"] >= 12.0) == ("updated", True), found
+
+
+def test_what_a_robot_says_counts_for_all_of_it_but_for_no_way_back() -> None:
+    sim, wanted = begin("two-steps", "good")
+    sim.said_from = {"/battery": sim.time + 20.0}
+    found = outcome_of(sim, replace(wanted, when=(CHARGED,)))
+    assert [step.phases.get("wait", 0.0) > 15.0 for step in found.steps] == [True, False]
+    sim, wanted = begin("drain", "half-the-rate")
+    emptied = replace(wanted, when=(CHARGED,))
+    sim.later(8.0, lambda: sim.said_from.update({"/battery": sim.time + 1000.0}))
+    assert outcome_of(sim, emptied).outcome == "rolled-back"
+
+
+def test_a_run_that_comes_back_listens_for_long_enough() -> None:
+    sim, wanted = charging("overlap", STEERED)
+    first, engine = run_of(sim, wanted, look_timeout=0.0)
+    assert first.outcome == "waiting"
+    again, _engine = run_of(sim, wanted, look_timeout=8.0, since=engine.waiting)
+    assert again.outcome == "updated"

@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     step_objects,
     with_rates,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
@@ -77,7 +77,7 @@ def test_the_contract_is_in_the_new_revisions_names_and_becomes_conditions() -> 
     step = sensor_step()
     gate = step_gate(step, graph_of(step), Live())
     (new,) = step.new_nodes.values()
-    assert (gate.problems, gate.warnings, gate.rest) == ([], [], [])
+    assert (gate.problems, gate.warnings, gate.calm) == ([], [], Calm([], []))
     conditions = proof(step, gate.contracts, 0.1)
     assert new in conditions["nodes"]
     assert conditions["edges"] == [
@@ -140,7 +140,7 @@ def test_own_and_named_actions_must_rest_where_they_are_served() -> None:
     }
     graph = graph_of(step, actions=actions)
     graph["nodes"]["/ghost"] = node(reachable=False, refused=True)
-    assert step_gate(step, graph, Live()).rest == [
+    assert step_gate(step, graph, Live()).calm.actions == [
         {"name": "/dock", "server": "/planner"},
         {"name": "/plan", "server": "/planner"},
         {"name": "/move_base"},
@@ -157,7 +157,7 @@ def test_what_the_graph_shows_is_waited_for_whatever_the_inventory_says() -> Non
         step = sensor_step(pattern=pattern)
         (old,) = step.old_nodes.values()
         graph = graph_of(step, actions={"/plan": served(old, up=False)})
-        assert step_gate(step, graph, Live()).rest == [{"name": "/plan", "server": old}]
+        assert step_gate(step, graph, Live()).calm.actions == [{"name": "/plan", "server": old}]
 
 
 def launch_step(image: str = "x.org/a:2") -> Step:
@@ -184,7 +184,7 @@ def test_what_a_launch_file_started_is_found_by_its_pods_address() -> None:
     """It is waited for, its goals are held, and every node of it has to come back, for as long as the app may take."""
     step, pods = launch_step(), [pod("nav", "10.42.0.8"), pod("sensor", "10.42.0.7")]
     gate = step_gate(step, launch_graph(), Live(pods=pods))
-    assert gate.rest == [{"name": "/move_base", "server": "/move_base"}]
+    assert gate.calm.actions == [{"name": "/move_base", "server": "/move_base"}]
     assert proof(step, gate.contracts, 0.1)["nodes"] == ["/amcl", "/move_base"]
     assert proof_of_old(step, gate.contracts, 0.1)["nodes"] == ["/amcl", "/move_base"]
     assert gate.contracts["nav"]["nodes"] == []  # the pod's own probe knows nothing of their names
@@ -193,7 +193,7 @@ def test_what_a_launch_file_started_is_found_by_its_pods_address() -> None:
 
 def test_the_hosts_own_address_tells_nothing() -> None:
     pods = [pod("nav", "10.42.0.8"), pod("sensor", "10.42.0.8")]
-    assert step_gate(launch_step(), launch_graph(), Live(pods=pods)).rest == []
+    assert step_gate(launch_step(), launch_graph(), Live(pods=pods)).calm.actions == []
 
 
 def test_rates_are_asked_of_what_the_step_replaces() -> None:
