@@ -18,12 +18,14 @@ def robot(
     mode: str | None = None,
     volumes: Sequence[Mapping[str, Any]] = (),
     master: Mapping[str, Any] | None = None,
+    when: Sequence[Mapping[str, Any]] = (),
     **namespace: Any,
 ) -> Robot:
     """A robot with these items of ros_apps; `master` is ros_master_*, `namespace` are robot_namespace_*."""
     variables = {
         "robot_mode": mode,
         "ros_apps": list(apps),
+        "update_when": list(when),
         "persistent_storage": {"volumes": list(volumes)},
         **{f"ros_master_{key}": value for key, value in (master or {}).items()},
         **{f"robot_namespace_{key}": value for key, value in namespace.items()},

@@ -88,7 +88,8 @@ class Listener:
     # ---- messages
 
     def _took(self, topic: str, header: Mapping[str, str], body: bytes) -> None:
-        now, message, wrong = self._now(), dict[str, Any](), ""
+        now, wrong = self._now(), ""
+        message: dict[str, Any] = {}
         try:
             message = self._definition(header).decode(body)
         except RosError as error:

@@ -49,6 +49,7 @@ def test_every_field_survives() -> None:
             "depends_on": ["o", "o"], "update": {
                 "group": "g", "idle": ["i"], "on_busy": "defer",
                 "ignore": ["/x/*"], "renamed": {"/a": "/b"}, "rates": {"*": 0},
+                "when": [{"topic": "/battery", "field": "percentage", "above": 0.4}],
             },
             "drain_deadline": 0, "termination_grace_period": 1, "resources": {"limits": {"cpu": 1}},
             "devices": ["/dev/x"], "host_network": True, "overrides": {"spec": None},
@@ -60,6 +61,7 @@ def test_every_field_survives() -> None:
             "mode": "external", "image": "i", "uri": "http://x:1", "placement": "remote", "overrides": {"a": 1},
             "goal_forwarding": False, "keeper_overrides": {"b": 2},
         },
+        when=[{"topic": "/cmd_vel", "quiet": 5}],
         quota={"pods": 2},
         limits={"max": {"cpu": 2}},
         pod_security="baseline",

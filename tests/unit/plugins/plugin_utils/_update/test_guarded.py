@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -416,7 +416,7 @@ def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> 
 
 def test_what_a_robot_s_messages_have_to_say_is_waited_for() -> None:
     charged = {"topic": "battery", "field": "percentage", "above": 0.4}
-    asked = replace(robot(name="robot1"), when=(charged,))
+    asked = robot(name="robot1", when=[charged])
     site = Site(robots=(asked,), charged_at=45.0)
     assert outcome(site)[0] == "updated"
     assert site.time > 45.0
