@@ -13,7 +13,6 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.plugins.loader import callback_loader
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
@@ -40,8 +39,7 @@ class ActionModule(FleetAction):
         status = status_rows({**fleet, "problems": problems}, graphs, report_texts(callback_path()))
         text = status_text(status)
         display.display(f"\n{text}")
-        # for the report: a page that was written on the control node is no change to a host
-        result: dict[str, Any] = {"status": status, "text": text, "outcome": UNCHANGED}
+        result: dict[str, Any] = {"status": status, "text": text}
         try:
             result["changed"] = self._write(
                 status, params["page"], params["mode"], str(known.get("ansible_limit") or "")

@@ -55,6 +55,7 @@ def test_status_page(fleet: Watched, tmp_path: Path) -> None:
     page = tmp_path / "fleet.html"
     first = fleet.run("status", status_html=str(page))
     assert first.status == 0, first
+    assert set(first.outcomes.values()) == {"unchanged"}, first
     text = page.read_text(encoding="utf-8")
     for word in ("edge1", *ROBOTS, "/temperature", "counter"):
         assert word in text, f"{word} is not on the page"

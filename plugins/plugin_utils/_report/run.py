@@ -27,7 +27,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import t
 WOULD = {UPDATED: "would change", UNCHANGED: "would not change"}
 
 FACTS = ("fleet_outcome", "fleet_k3s_outcome")  # the latter is site's own, of its stage k3s
-TELLING = ("robot_update", "fleet_status")  # actions whose result has an `outcome`
 SLOWEST = 10
 CHANGED_KEPT = 100
 HIDDEN = "hidden by no_log"
@@ -161,7 +160,7 @@ def _rollout_of(result: Mapping[str, Any]) -> dict[str, Any]:
 def _declared_of(action: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """An outcome that an action of ours says, or that a play decided itself, with `set_fact: fleet_outcome`."""
     facts = result.get("ansible_facts")
-    if action in TELLING:
+    if action == "robot_update":
         return declared_in(result.get("outcome"))
     told = [declared_in(facts.get(name)) for name in FACTS] if isinstance(facts, Mapping) else []
     return next(filter(None, told), {})
