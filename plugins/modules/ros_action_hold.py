@@ -137,6 +137,7 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils._common.errors import FleetError, RosError
 from ..module_utils._common.poll import FAIL, PASS, WAIT, Seen, poll
 from ..module_utils._host.idle_hold import CONSECUTIVE, Held, hold_when_idle
+from ..module_utils._ros.checks import Check
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.conditions import VALUE_ARGS, Conditions, conditions_from
 from ..module_utils._ros.gate import Look, look
@@ -217,11 +218,16 @@ def result_of(ended: Held) -> dict[str, Any]:
     return {
         "changed": bool(ended.held),
         "verdict": ended.verdict,
-        "reason": "; ".join([*(check.reason for check in last.unmet), *ended.problems]),
+        "reason": "; ".join([*(_told(check) for check in last.unmet), *ended.problems]),
         "held": list(ended.held),
         "called_off": ended.called_off,
         "elapsed": round(ended.elapsed, 3),
     }
+
+
+def _told(check: Check) -> str:
+    """An action's reason names its server; what is wrong with a value does not say of which."""
+    return str(check) if check.kind == "value" else check.reason
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import evidence
 import pytest
 from cluster import MASTER
-from fleet import ALL_AT_ONCE, Fleet
+from fleet import ALL_AT_ONCE, Fleet, Variables
 from runs import Run, Running, wait_until
 
 LIMIT = ("--limit", "robot1,edge1")
@@ -66,6 +66,32 @@ def test_busy_robot_is_deferred_then_updated(fleet: Fleet) -> None:
     assert run.outcomes == {"robot1": "updated", "robot2": "updated"}, run
     assert run.steps("robot1")[-1]["busy_wait"] > 0, run
     assert step_end(run, "robot2") < step_end(run, "robot1"), f"robot2 was held up by robot1: {run}"
+    watch.assert_nothing_lost()
+
+
+@pytest.mark.promise("a robot may say no, by what its messages say")
+def test_robot_that_says_no_is_left_alone_until_it_says_yes(fleet: Fleet) -> None:
+    """The other robot, whose messages say what they have to, is updated in the same run."""
+
+    def asked(robot: str, degrees: float, on: Variables) -> Variables:
+        value = {"topic": "temperature", "field": "celsius", "above": degrees}
+        return fleet.changed(robot, "add-two-ints", on, update={"when": [value]})
+
+    before = fleet.running()
+    watch = fleet.watch()
+    wanted = fleet.new_version("robots", "add-two-ints")
+    cold = asked("robot2", -300.0, asked("robot1", 300.0, wanted))
+    run = fleet.update(cold, **ALL_AT_ONCE, update_on_busy="defer")
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "deferred-busy", "robot2": "updated"}, run
+    assert "/temperature celsius above 300.0: is " in run.host("robot1")["reason"], run
+    fleet.assert_still_running(before, "robot1")
+
+    quiet = fleet.changed("robot1", "add-two-ints", wanted, update={"when": [{"topic": "joy", "quiet": 3}]})
+    run = fleet.update(quiet, **ALL_AT_ONCE, update_on_busy="defer")
+    assert run.status == 0, run
+    assert run.outcomes == {"robot1": "updated", "robot2": "unchanged"}, run
+    assert run.steps("robot1")[-1]["busy_wait"] >= 3, run
     watch.assert_nothing_lost()
 
 

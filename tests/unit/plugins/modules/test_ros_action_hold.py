@@ -88,6 +88,12 @@ def test_what_messages_must_say_is_listened_to_from_look_to_look(run: Run) -> No
     assert run.heard[-1] is None
 
 
+def test_what_messages_say_instead_is_told_with_its_topic(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    check = Check("value", "/battery percentage above 0.4", WAIT, "is 0.2, not above 0.4")
+    monkeypatch.setattr(ros_action_hold, "look", lambda *_given, **_more: Look(WAIT, [check]))
+    assert run(timeout=0)["reason"] == "value /battery percentage above 0.4: is 0.2, not above 0.4"
+
+
 def test_busy_is_an_answer_and_no_failure(run: Run) -> None:
     run.verdict = WAIT
     result = run(keeper_uri=KEEPER, timeout=0)
