@@ -41,9 +41,9 @@ class Stage:
     def __init__(self, peers: Peers) -> None:
         self.peers, self.master, self.nodes = peers, Master(), dict[str, Slave]()
 
-    def start(self, name: str, header: dict[str, str] = BATTERY) -> Slave:
+    def start(self, name: str, **header: str) -> Slave:
         node = self.nodes[name] = Slave(name, "127.0.0.1", 0, "http://127.0.0.1:1/")
-        node.advertise("/battery", header)
+        node.advertise("/battery", {**BATTERY, **header})
         node.start()
         self.master.uris[name] = node.uri
         return node
@@ -135,7 +135,7 @@ def test_the_dead_are_silent_and_the_hung_may_say_anything(stage: Stage) -> None
 
 
 def test_a_definition_that_is_none_is_said(stage: Stage) -> None:
-    node = stage.start("/driver", {**BATTERY, "message_definition": "Percentage percentage\n"})
+    node = stage.start("/driver", message_definition="Percentage percentage\n")
     listener = stage.listener(FULL)
     stage.seen(listener)
     node.publish("/battery", struct.pack("<f", 1.0))
