@@ -39,8 +39,9 @@ class Listener:
     def checks(self, graph: Graph) -> list[Check]:
         """One check per condition. A value that is asked for is given a moment to come."""
         sources = self._sources(graph)
-        for key in [key for key, stream in self._streams.items() if key not in sources or not stream.open]:
-            self._leave(key)
+        for key, stream in list(self._streams.items()):  # to which one that answers late may still be added
+            if key not in sources or not stream.open:
+                self._leave(key)
         unheard = self._connect({key for key in sources if key not in self._streams})
         for one in self._heard:
             one.unheard = {key[1]: why for key, why in unheard.items() if key[0] == one.condition.topic}
@@ -107,7 +108,7 @@ class Listener:
 
     def _await_values(self) -> None:
         """A look that has just begun to listen has heard nothing."""
-        spoken = {topic for topic, _publisher, _uri in self._streams}
+        spoken = {topic for topic, _publisher, _uri in list(self._streams)}
         asked = [one for one in self._heard if one.condition.bounds and one.condition.topic in spoken]
         end = time.monotonic() + self._ros.timeout
         while any(one.came is None for one in asked) and time.monotonic() < end:
