@@ -165,6 +165,11 @@ class ValueCondition:
         said = (("above", self.above), ("below", self.below), ("equal to", self.equals))
         return " and ".join(f"{word} {limit!r}" for word, limit in said if limit is not None)
 
+    @property
+    def seconds(self) -> float:
+        """For which it has to be quiet or still; 0 where a value counts."""
+        return self.quiet or self.still or 0.0
+
     def __str__(self) -> str:
         seconds = [f"{word} for {time:g} s" for word, time in (("quiet", self.quiet), ("still", self.still)) if time]
         return " ".join(filter(None, (self.topic, self.field, *seconds, self.bounds)))

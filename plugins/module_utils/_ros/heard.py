@@ -28,7 +28,7 @@ class Heard:
     value: Any = None  # of the condition's field, or the whole message
     came: float | None = None  # when the last message did
     stirred: float | None = None  # when the last one did that is not all zeros,
-    stir: str = ""  # and what it was, in words
+    stir: Any = None  # and what it was
     wrong: str = ""  # what its publisher itself says against the condition
     unheard: Mapping[str, str] = field(default_factory=dict)  # publisher -> why it cannot be heard
 
@@ -40,9 +40,12 @@ class Heard:
                 self.value = value_at(message, self.condition.field)
             except RosError as error:
                 self.wrong = str(error)
-        zeros = [abs(number) <= self.condition.tolerance for number in numbers(self.value)]
-        if self.wrong or not all(zeros):  # NaN is none, either
-            self.stirred, self.stir = now, _short(self.value)
+        if self.condition.seconds and (self.wrong or not self._zero()):
+            self.stirred, self.stir = now, self.value
+
+    def _zero(self) -> bool:
+        """NaN is none."""
+        return all(abs(number) <= self.condition.tolerance for number in numbers(self.value))
 
     def forget(self) -> None:
         """Whoever said it is gone: what it said last may not be so any more."""
@@ -60,7 +63,7 @@ def check_value(graph: Graph, heard: Heard, now: float) -> Check:
         verdict, reason = WAIT, f"not known, as publishers cannot be heard: {told}"
     elif heard.wrong:
         verdict, reason = FAIL, heard.wrong
-    elif wanted.quiet or wanted.still:
+    elif wanted.seconds:
         verdict, reason = _span(heard, now)
     elif heard.came is None:
         verdict, reason = WAIT, f"no message in {now - heard.since:.1f} s" if publishers else "nobody publishes it"
@@ -73,11 +76,11 @@ def check_value(graph: Graph, heard: Heard, now: float) -> Check:
 
 def _span(heard: Heard, now: float) -> tuple[str, str]:
     wanted = heard.condition
-    seconds = wanted.quiet or wanted.still or 0.0
+    seconds = wanted.seconds
     calm = now - (heard.since if heard.stirred is None else heard.stirred)
     silent = heard.came is None or now - heard.came > seconds
     if calm < seconds:
-        since = "since it is listened to" if heard.stirred is None else f"since {heard.stir} came"
+        since = "since it is listened to" if heard.stirred is None else f"since {_short(heard.stir)} came"
         return WAIT, f"{calm:.1f} s of {seconds:g} s {since}"
     if wanted.still and silent:
         return WAIT, f"not known: no message in {seconds:g} s"
