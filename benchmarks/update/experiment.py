@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import tempfile
 import time
@@ -88,7 +89,7 @@ class Experiment:
                 with (self._results.directory / "errors.log").open("a", encoding="utf-8") as file:
                     file.write(traceback.format_exc())
                 self._note(f"trial {trial}, {name}, stress {stress}: {error!r}")
-                self._keep_journals(f"{'stress' if stress else 'calm'}-{trial:02d}-{name}")
+                self._keep_journals(_named(stress, trial, name))
             after_round()
             longest = max(longest, time.monotonic() - began)
             self._say(f"  {time.monotonic() - began:.0f} s")
@@ -100,7 +101,7 @@ class Experiment:
         wait_for("the cluster", self._complaint, READY_SECONDS)  # one that restarted must not cost all rounds to come
         for other in (PlainArm.namespace, FleetArm.namespace):  # nothing of the other arm may use the machine
             clear(self._cluster, other)
-        keep = self._results.raw / f"{'stress' if stress else 'calm'}-{trial:02d}-{arm.name}"
+        keep = self._results.raw / _named(stress, trial, arm.name)
         log = keep.with_name(f"{keep.name}-stress.log")
         hardship = Stress(self._options.lab, ROBOT, log, self._say) if stress else nullcontext()
         measured = run_round(self._cluster, arm, plan, which, keep, hardship)
@@ -121,8 +122,12 @@ class Experiment:
     def _keep_journals(self, name: str) -> None:
         """What the hosts say of a round that failed: the lab does not outlive the run."""
         for host in (EDGE, ROBOT):
-            said = self._cluster.ssh(host, "journalctl --no-pager --lines=2000", check=False)
-            (self._results.raw / f"{name}-{host}.log").write_bytes(said)
+            try:
+                said = self._cluster.ssh(host, "journalctl --no-pager --lines=2000", check=False)
+            except subprocess.TimeoutExpired as error:  # a host that hangs must not cost the other rounds
+                self._note(f"no journal of {host}: {error}")
+            else:
+                (self._results.raw / f"{name}-{host}.log").write_bytes(said)
 
     def _note(self, problem: str) -> None:
         self.problems.append(problem)
@@ -174,3 +179,8 @@ class Experiment:
         self._sockets.cleanup()
         if not self._options.keep:
             self._cluster.lab_command("down", "--lab", self._options.lab)
+
+
+def _named(stress: bool, trial: int, arm: str) -> str:
+    """What the files of a round are called by."""
+    return f"{'stress' if stress else 'calm'}-{trial:02d}-{arm}"
