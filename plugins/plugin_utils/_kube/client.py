@@ -19,7 +19,7 @@ import copy
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, TypeVar
 from urllib.parse import urlencode
@@ -59,6 +59,7 @@ LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one
 # Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
 # that is how a label taken out of the inventory leaves the node.
 MANAGER = "rosops.fleet"
+OURS_ALONE = ("DaemonSet", "Deployment", "Service")  # kinds of which we set the whole spec, and nobody else any of it
 
 TODO = {
     401: "It refuses the credentials from {source}: fetch the kubeconfig again or renew the token",
@@ -325,35 +326,29 @@ class Kube:
 
     # --- writing ----------------------------------------------------------------------------------------------------
 
-    def apply(
-        self,
-        objects: Iterable[Mapping[str, Any]],
-        dry_run: bool = False,
-        manager: str = MANAGER,
-        whole: Collection[str] = (),
-    ) -> list[Applied]:
+    def apply(self, objects: Iterable[Mapping[str, Any]], dry_run: bool = False) -> list[Applied]:
         """Server-side apply of full definitions, in their order; the inventory is the truth, so conflicts are won.
 
-        Fields that others own and the definition does not name are kept, but for the kinds of `whole`: of them the spec
-        is ours alone, and what others put beside it goes.
+        Fields that others own and the definition does not name are kept, but in the spec of the kinds OURS_ALONE: what
+        others put into it goes.
 
         With `dry_run` the API server says what it would do. It cannot do so in a namespace that is not there: what
         belongs there would be new. An error names in its details, as `applied`, what was written before it.
         """
         wanted = [(ref_of(obj), obj) for obj in objects]
         present = self._present([ref for ref, _obj in wanted])
-        query = {"fieldManager": manager, "force": "true", **({"dryRun": "All"} if dry_run else {})}
+        query = {"fieldManager": MANAGER, "force": "true", **({"dryRun": "All"} if dry_run else {})}
         done: list[Applied] = []
         for ref, obj in wanted:
             try:
                 before = present.get(ref) if ref in present else self.get(ref)
-                foreign = foreign_fields(before, obj, manager) if before and ref.kind in whole else {}
+                foreign = foreign_fields(before, obj, MANAGER) if before and ref.kind in OURS_ALONE else {}
                 if foreign and not dry_run:
-                    self._take_over(ref, obj, manager)
+                    self._take_over(ref, obj)
                 # Two robots that create the same object at once: one of them is told 409, and finds it there then.
                 after = self._object("PATCH", self._path(ref), query, obj, APPLY, also=(409,))
                 if foreign and dry_run:  # which cannot foresee it
-                    after = without_fields(after, foreign_fields(after, obj, manager))
+                    after = without_fields(after, foreign_fields(after, obj, MANAGER))
             except ApiError as exc:
                 if not (dry_run and exc.status == 404 and self._namespace_is_new(ref)):
                     exc.details["applied"] = [str(one.ref) for one in done if one.changed]
@@ -364,20 +359,20 @@ class Kube:
             done.append(applied(ref, before, after))
         return done
 
-    def _take_over(self, ref: Ref, wanted: Mapping[str, Any], manager: str) -> None:
-        """Make what others put into the object the manager's, so that it goes when the manager does not apply it."""
+    def _take_over(self, ref: Ref, wanted: Mapping[str, Any]) -> None:
+        """Make what others put into the object ours, so that it goes when we do not apply it."""
         for tries in range(1, RACES + 1):
             there = self.get(ref)
-            foreign = foreign_fields(there, wanted, manager) if there else {}
+            foreign = foreign_fields(there, wanted, MANAGER) if there else {}
             if there is None or not foreign:
                 return
             there = {"apiVersion": ref.api_version, **there}
             taken = {
-                "managedFields": taken_over(there, foreign, manager),
+                "managedFields": taken_over(there, foreign, MANAGER),
                 "resourceVersion": there["metadata"]["resourceVersion"],
             }
             try:
-                self._object("PATCH", self._path(ref), {"fieldManager": manager}, {"metadata": taken}, MERGE)
+                self._object("PATCH", self._path(ref), {"fieldManager": MANAGER}, {"metadata": taken}, MERGE)
             except ApiError as exc:
                 if exc.status != 409 or tries == RACES:
                     raise

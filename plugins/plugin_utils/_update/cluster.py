@@ -28,7 +28,6 @@ LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
 RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API
 LOOK_SECONDS = 0.5
-OURS_ALONE = ("Deployment", "Service")  # nobody else has a say in their spec
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
 
@@ -85,7 +84,7 @@ class KubeCluster:
         return claim
 
     def apply(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        return self._writer.apply(objects, dry_run, whole=OURS_ALONE)
+        return self._writer.apply(objects, dry_run)
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
         return self._writer.delete([ref_of(item) for item in objects], dry_run)

@@ -185,9 +185,9 @@ def test_apply_creates_changes_and_then_changes_nothing(kube: Kube) -> None:
 
 
 def test_the_request_is_a_server_side_apply(server: Server, kube: Kube) -> None:
-    kube.apply([NAMESPACE], manager="me")
+    kube.apply([NAMESPACE])
     assert server.writes == [f"PATCH {NAMESPACES}/robot-robot1"]
-    assert server.owned == {(f"{NAMESPACES}/robot-robot1", "me"): NAMESPACE}
+    assert server.owned == {(f"{NAMESPACES}/robot-robot1", "rosops.fleet"): NAMESPACE}
 
 
 def test_what_others_change_meanwhile_is_no_change_of_ours(server: Server, kube: Kube) -> None:
@@ -282,7 +282,7 @@ def paused(server: Server) -> dict[str, Any]:
 def test_what_others_put_beside_ours_is_taken_over_before_we_apply(server: Server, kube: Kube) -> None:
     wanted = paused(server)
     server.write_refusals += [(409, "the object has been modified")]  # as its status is written all the time
-    kube.apply([wanted], whole=("Deployment",))
+    kube.apply([wanted])
     assert server.writes == [f"PATCH {DEPLOYMENTS}/app"] * 3
     (entry,) = server.find(f"{DEPLOYMENTS}/app")["metadata"]["managedFields"]
     assert (entry["manager"], entry["operation"]) == ("rosops.fleet", "Apply")
@@ -291,16 +291,22 @@ def test_what_others_put_beside_ours_is_taken_over_before_we_apply(server: Serve
 
 def test_a_dry_run_foresees_that_it_goes_and_takes_nothing_over(server: Server, kube: Kube) -> None:
     wanted = paused(server)
-    (change,) = kube.apply([wanted], dry_run=True, whole=("Deployment",))
+    (change,) = kube.apply([wanted], dry_run=True)
     assert change.changed
     assert change.after is not None and change.after["spec"] == {"replicas": 1}
     assert server.find(f"{DEPLOYMENTS}/app")["metadata"]["managedFields"] == [PAUSED]
 
 
 def test_of_other_kinds_what_others_put_there_stays(server: Server, kube: Kube) -> None:
-    (change,) = kube.apply([paused(server)])
+    server.put(f"{NAMESPACES}/robot-robot1", NAMESPACE)
+    wanted = {**config_map("notes"), "data": {"ours": "1"}}
+    beside = {"manager": "kubectl-edit", "operation": "Update", "fieldsV1": {"f:data": {"f:theirs": {}}}}
+    there = {**wanted["metadata"], "managedFields": [beside]}
+    path = f"{NAMESPACES}/robot-robot1/configmaps/notes"
+    server.put(path, {**wanted, "data": {"ours": "1", "theirs": "2"}, "metadata": there})
+    (change,) = kube.apply([wanted])
     assert not change.changed
-    assert server.find(f"{DEPLOYMENTS}/app")["spec"]["paused"]
+    assert server.find(path)["data"] == {"ours": "1", "theirs": "2"}
 
 
 @pytest.mark.parametrize("bad", [{}, {"kind": "Pod"}, {"apiVersion": "v1", "kind": "Pod", "metadata": {}}])
