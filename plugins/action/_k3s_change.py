@@ -13,36 +13,28 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.guarding import Guarding
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, Verdict, verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import (
     KubeNodes,
     server_versions,
     servers_down,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
-
-display = Display()
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
 LEDGER, SERVERS_LEDGER = "rosops-fleet-k3s.jsonl", "rosops-fleet-k3s-servers.jsonl"
@@ -52,6 +44,7 @@ class K3sExchange:
     """The change, as `Guarded` wants it: what the plan of the role says, by modules on the host."""
 
     name = "k3s"
+    left = UNPROVEN
 
     def __init__(self, host: RobotHost, plan: Mapping[str, Any], variables: Mapping[str, Any]) -> None:
         self._host, self._plan, self._role = host, plan, variables["k3s_role"]
@@ -142,10 +135,11 @@ class ActionModule(ClusterAction):
         plan = plain(params["plan"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables)
         exchange.look()
+        node, limits = variables["k3s_node_name"], self._limits(variables, params["since"])
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             _step(exchange, ())
-            return self._guarded(exchange, (), None, variables, known, params["since"]).run(), None
+            return Guarding(self, known, None).change(exchange, (), node, limits).run(), None
         with self.cluster(params, known) as kube:
             cluster = KubeNodes(kube, self.say(known))
             pods_notice = _permitted(exchange, cluster.nodes(), variables)
@@ -154,43 +148,23 @@ class ActionModule(ClusterAction):
                     f"k3s {exchange.before} -> {exchange.after}: the kubelet of another minor version may start all "
                     "containers of this node again"
                 )
-            robots = _robots(cluster, variables["k3s_node_name"], known, pods_notice)
-            guarded = self._guarded(exchange, robots, cluster, variables, known, params["since"])
+            guarding = Guarding(self, known, cluster)
+            guarded = guarding.change(exchange, guarding.robots(node, pods_notice), node, limits)
             found = guarded.run()
             if not (self._task.check_mode or found.outcome == WAITING):
                 told = found.told() if found.outcome == UPDATED else found.reason
                 keep_early(kube, known["inventory_hostname"], found.outcome, f"k3s: {told}", found.outcome == UPDATED)
             return found, guarded.since
 
-    def _guarded(  # noqa: PLR0913 - what the task is about
-        self,
-        exchange: K3sExchange,
-        robots: Sequence[Robot],
-        cluster: KubeNodes | None,
-        variables: Mapping[str, Any],
-        known: dict[str, Any],
-        since: float | None,
-    ) -> Guarded:
-        host, check = RobotHost(self, known), bool(self._task.check_mode)
-        modules = ModuleHost(
-            host.there,
-            lambda name, arguments: host.module(f"rosops.fleet.{name}", arguments),
-            ImageSource(NodeImages(host)),
-            check,
-        )
-        limits = Limits(
+    def _limits(self, variables: Mapping[str, Any], since: float | None) -> Limits:
+        return Limits(
             on_busy=variables["k3s_on_busy"],
             busy_timeout=variables["k3s_busy_timeout"],
             ready_timeout=variables["k3s_start_timeout"],
             look=look_seconds(variables["k3s_busy_timeout"], since is not None),
             since=since,
-            check=check,
+            check=bool(self._task.check_mode),
         )
-        name = known["inventory_hostname"]
-        world = Surroundings(
-            modules, MonotonicClock(), cluster, self.say(known), lambda text: display.v(f"[{name}] {text}")
-        )
-        return Guarded(exchange, robots, variables["k3s_node_name"], limits, world)
 
 
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Mapping[str, Any]) -> bool:
@@ -213,13 +187,6 @@ def _step(exchange: K3sExchange, servers: Sequence[str]) -> Verdict:
     if step.word == REFUSED:
         raise SpecError(step.reason)
     return step
-
-
-def _robots(cluster: KubeNodes, node: str, known: Mapping[str, Any], pods_notice: bool) -> list[Robot]:
-    """Those that have to rest: the robot whose host it is; on an edge host those that have pods there that notice."""
-    if known["inventory_hostname"] in known[VARIABLE]["robots"]:
-        return [robot_from_vars(known)]
-    return cluster.robots_on(node, Fleet.from_vars(known).robots.values()) if pods_notice else []
 
 
 def _failure(word: str, reason: str, found: StepResult | None = None) -> dict[str, Any]:

@@ -29,6 +29,8 @@ FILES = (
     "module_utils/_ros/checks.py",
     "module_utils/_ros/contract.py",
     "module_utils/_ros/conditions.py",
+    "module_utils/_ros/heard.py",
+    "module_utils/_ros/messages.py",
     "plugin_utils/_kube/verdicts.py",
     "plugin_utils/_update/*.py",
 )

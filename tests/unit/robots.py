@@ -18,17 +18,18 @@ def robot(
     mode: str | None = None,
     volumes: Sequence[Mapping[str, Any]] = (),
     master: Mapping[str, Any] | None = None,
-    when: Sequence[Mapping[str, Any]] = (),
-    **namespace: Any,
+    **more: Any,
 ) -> Robot:
-    """A robot with these items of ros_apps; `master` is ros_master_*, `namespace` are robot_namespace_*."""
+    """A robot with these items of ros_apps; `master` is ros_master_*.
+
+    What else is given is robot_namespace_*, or update_* where it begins so.
+    """
     variables = {
         "robot_mode": mode,
         "ros_apps": list(apps),
-        "update_when": list(when),
         "persistent_storage": {"volumes": list(volumes)},
         **{f"ros_master_{key}": value for key, value in (master or {}).items()},
-        **{f"robot_namespace_{key}": value for key, value in namespace.items()},
+        **{key if key.startswith("update_") else f"robot_namespace_{key}": value for key, value in more.items()},
     }
     return Robot.from_variables(variables, name)
 

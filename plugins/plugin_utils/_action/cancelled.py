@@ -10,7 +10,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
@@ -19,12 +19,18 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 PARENT_SECONDS = 1.0  # a run that was killed is nobody's after that time
 
 
+def parent_lives() -> bool:
+    """Whether the process that forked this one is there."""
+    parent = multiprocessing.parent_process()
+    return parent is None or os.getppid() == parent.pid
+
+
 @contextlib.contextmanager
-def cancellable() -> Iterator[None]:
+def cancellable(run_lives: Callable[[], bool] = parent_lives) -> Iterator[None]:
     """SIGINT and SIGTERM end the step where it stands, held goals are let go, and only then the worker ends.
 
-    So does the end of the process that started this worker. SIGKILL ends ansible-playbook alone, and that is how some
-    tools cancel a run; its workers would go on by themselves, and nobody would ever hear of what they do.
+    So does the end of the run, as `run_lives` sees it. SIGKILL ends ansible-playbook alone, and that is how some tools
+    cancel a run; its workers would go on by themselves, and nobody would ever hear of what they do.
     """
     caught: list[int] = []
 
@@ -35,7 +41,7 @@ def cancellable() -> Iterator[None]:
 
     before = {number: signal.signal(number, cancel) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        with ticking(PARENT_SECONDS, _end_with_parent):
+        with ticking(PARENT_SECONDS, lambda: None if run_lives() else _end()):
             yield
     finally:
         for number, handler in before.items():
@@ -44,8 +50,5 @@ def cancellable() -> Iterator[None]:
             os.kill(os.getpid(), caught[0])
 
 
-def _end_with_parent() -> None:
-    """Send this process SIGTERM where the one that forked it has gone."""
-    parent = multiprocessing.parent_process()
-    if parent and os.getppid() != parent.pid:
-        signal.pthread_kill(int(threading.main_thread().ident or 0), signal.SIGTERM)
+def _end() -> None:
+    signal.pthread_kill(int(threading.main_thread().ident or 0), signal.SIGTERM)

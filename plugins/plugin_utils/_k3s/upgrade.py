@@ -9,30 +9,12 @@ kubelet must not be newer than the API that it talks to.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import version
+
 INSTALL, NOTHING, RESTART, REFUSED = "install", "nothing", "restart", "refused"
-_VERSION = re.compile(r"v(\d+)\.(\d+)\.(\d+)(?:-([a-z]+)\.?(\d+))?(?:\+([a-z0-9]*[a-z])(\d+))?")
-
-_Order = tuple[int, int, int, int, str, int]
-
-
-@dataclass(frozen=True)
-class Version:
-    """`v1.34.2-rc1+k3s1`; without `-rc1` it is the release, which is newer than its candidates."""
-
-    minor: tuple[int, int]
-    order: _Order
-    vendor: str
-    build: int
-
-    def newer_than(self, other: Version) -> bool:
-        """Builds of different vendors of one version are neither newer nor older."""
-        if self.order != other.order:
-            return self.order > other.order
-        return self.vendor == other.vendor and self.build > other.build
 
 
 @dataclass(frozen=True)
@@ -42,16 +24,6 @@ class Verdict:
     word: str
     reason: str = ""
     restarts_pods: bool = False  # the kubelet may start all containers again
-
-
-def version(text: str) -> Version | None:
-    """A version as k3s says it; None for a text that is none."""
-    found = _VERSION.fullmatch(text)
-    if found is None:
-        return None
-    major, minor, patch, stage, number, vendor, build = found.groups()
-    order = (int(major), int(minor), int(patch), int(stage is None), stage or "", int(number or 0))
-    return Version((int(major), int(minor)), order, vendor or "", int(build or 0))
 
 
 def verdict(installed: str, wanted: str, changed: bool, servers: Sequence[str] = (), back_to: str = "") -> Verdict:

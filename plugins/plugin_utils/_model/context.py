@@ -17,6 +17,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.sharing import unshared, unshared_volume
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
 
 _NAMESPACE = re.compile(r"(?:^|\s)__ns:=([\w/]+)")
 
@@ -157,7 +158,8 @@ class Master:
 class Robot:
     """One robot. `pull_secrets` are names of Secrets; what is in them stays in the inventory.
 
-    `when` is what messages must say before anything is changed that its apps may notice, as UpdateSettings has it.
+    `when` is what messages must say before anything is changed that its apps may notice, as UpdateSettings has it,
+    `windows` are the times in which that may be.
     """
 
     name: str
@@ -171,6 +173,7 @@ class Robot:
     pod_security: str = ""
     pull_secrets: tuple[str, ...] = ()
     when: tuple[Mapping[str, Any], ...] = ()
+    windows: Windows = ALWAYS
 
     @classmethod
     def from_variables(cls, variables: Mapping[str, Any], name: str) -> Robot:
@@ -186,6 +189,7 @@ class Robot:
         volumes = [_volume(item) for item in (variable("persistent_storage") or {}).get("volumes") or ()]
         keys = ("mode", "image", "uri", "placement", "overrides", "goal_forwarding", "keeper_overrides")
         secrets = variable("robot_namespace_pull_secrets") or ()
+        windows = {"spans": variable("update_windows"), "zone": variable("update_timezone")}
         return cls(
             **_given(
                 {
@@ -200,6 +204,7 @@ class Robot:
                     "pod_security": variable("robot_namespace_pod_security"),
                     "pull_secrets": [secret["name"] for secret in secrets],
                     "when": variable("update_when"),
+                    "windows": Windows(**_given(windows)),
                 }
             )
         )
@@ -216,6 +221,7 @@ class Robot:
             "apps": [_app_from_dict(item) for item in value["apps"]],
             "volumes": [Volume(**item) for item in value["volumes"]],
             "master": Master(**value["master"]),
+            "windows": Windows(**_tuples(value["windows"])),
         }
         return cls(**_tuples({**value, **given}))
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from decimal import Decimal
 from typing import NamedTuple
 from urllib.parse import urlsplit
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 _LABEL = r"[a-z0-9](?:[-a-z0-9]*[a-z0-9])?"
 _SUBDOMAIN = rf"{_LABEL}(?:\.{_LABEL})*"
@@ -120,6 +121,15 @@ def _parses(parse: Callable[[str], object], text: str) -> bool:
     return True
 
 
+def time_zone(text: str) -> bool:
+    """Whether this machine's time zone database has it."""
+    try:
+        ZoneInfo(text)
+    except (ZoneInfoNotFoundError, ValueError, OSError):  # the last two of names that are no file's
+        return False
+    return True
+
+
 def _positive_quantity(text: str) -> bool:
     value = quantity_value(text)
     return value is not None and value > 0
@@ -170,6 +180,21 @@ FORMS: dict[str, Form] = {
     ),
     "hub-url": Form(hub_url, "http://<host> or https://<host>, without a port and a path"),
     "network": Form(lambda text: "/" in text and _parses(ipaddress.ip_network, text), "a network such as 192.0.2.0/24"),
+    "k3s-version": Form(
+        _matching(r"v[0-9]+\.[0-9]+\.[0-9]+(?:-[\w.]+)?\+[\w.]+"),
+        "a release of k3s such as v1.34.2+k3s1, with the v and what follows the +",
+    ),
+    "addresses": Form(
+        lambda text: all(_parses(ipaddress.ip_address, one) for one in text.split(",")),
+        "an IP address, or one of each family with a comma between them",
+    ),
+    "time-of-day": Form(
+        _matching(r"(?:[01][0-9]|2[0-3]):[0-5][0-9]|24:00"), 'hours and minutes in quotes, such as "06:30" or "22:00"'
+    ),
+    "time-zone": Form(
+        time_zone,
+        "a name of the time zone database such as Europe/Berlin (a control node without one: pip install tzdata)",
+    ),
     "label-value": Form(
         _matching(r"(?:[A-Za-z0-9](?:[-\w.]*[A-Za-z0-9])?)?", 63), "at most 63 letters, digits, -, _ and ."
     ),

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -30,6 +29,10 @@ class Change(Protocol):
     @property
     def unproven(self) -> bool:
         """Whether what is there was made by a run that ended before it was proven."""
+
+    @property
+    def left(self) -> str:
+        """What a run leaves that can neither prove it nor go back."""
 
     def make(self) -> None:
         """Do it. After an error some of it may be done."""
@@ -73,4 +76,3 @@ class Surroundings:
     cluster: NodeCluster | None = None
     say: Callable[[str], None] = unheard
     trace: Callable[[str], None] = unheard
-    sleep: Callable[[float], None] = time.sleep

@@ -38,7 +38,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import SLICE, timed
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.proof import Proof
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import HOLD_SECONDS, BusyError, Rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ward import Ward
@@ -60,7 +60,7 @@ class Guarded:
     def __init__(self, change: Change, robots: Sequence[Robot], node: str, limits: Limits, world: Surroundings) -> None:
         self.change, self.robots, self.node, self.limits = change, robots, node, limits
         self.host, self.cluster, self.clock = world.host, world.cluster, world.clock
-        self.say, self.trace, self.sleep = world.say, world.trace, world.sleep
+        self.say, self.trace = world.say, world.trace
         self.wards: list[Ward] = []
         self.phases: dict[str, float] = {}
         self.proof = Proof(change, node, limits, world)
@@ -225,7 +225,7 @@ class Guarded:
         except AwayError as away:
             return self._ends(OFFLINE, self._left(f"the host went away: {away}; before that: {error}"))
         except FleetError as worse:
-            return self._ends(FAILED, f"{error}; the way back failed, too: {worse}; {UNPROVEN}")
+            return self._ends(FAILED, f"{error}; the way back failed, too: {worse}; {self.change.left}")
         return self._ends(ROLLED_BACK, str(error))
 
     # --- after ------------------------------------------------------------------------------------------------------
@@ -236,7 +236,7 @@ class Guarded:
                 ward.rest.release()
 
     def _left(self, why: str) -> str:
-        return f"{why}; {UNPROVEN}" if self.made else f"{why}; nothing was touched"
+        return f"{why}; {self.change.left}" if self.made else f"{why}; nothing was touched"
 
     def _ends(self, outcome: str, reason: str = "") -> StepResult:
         return replace(self.result, outcome=outcome, reason=reason, phases=dict(self.phases))

@@ -18,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import res
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import Windows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
@@ -72,6 +73,7 @@ class Step:
     idle: Sequence[str]  # that have to rest besides
     on_busy: str | None
     when: Sequence[Object]  # what messages must say before, options of ros_ready
+    windows: Windows  # of time, in which it may be taken
     intended: Intended  # what it is meant to change
     patience: float  # seconds until apps are ready of which no pod can tell
     conditions: Object  # options of ros_ready: what the apps' readiness asks of the graph
@@ -157,6 +159,7 @@ class _Robot:
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),
             when=wanted_before(self.robot, apps.values()),
+            windows=self.robot.windows,
             intended=intended(apps.values(), self.robot, old_nodes, back),
             patience=max([app.readiness.timeout for app in apps.values() if not app.readiness.nodes], default=0.0),
             conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),

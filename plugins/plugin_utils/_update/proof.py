@@ -26,7 +26,7 @@ class Proof:
 
     def __init__(self, change: Change, node: str, limits: Limits, world: Surroundings) -> None:
         self._change, self._node, self._limits = change, node, limits
-        self._cluster, self._clock, self._say, self._sleep = world.cluster, world.clock, world.say, world.sleep
+        self._cluster, self._clock, self._say = world.cluster, world.clock, world.say
         self._before = ""  # the kubelet's last word before the change
 
     def begin(self) -> None:
@@ -66,6 +66,6 @@ class Proof:
                 if self._clock.now() - said >= SLICE:
                     said = self._clock.now()
                     self._say(f"{self._change.name}: not yet proven: {error}")
-                self._sleep(PAUSE)
+                self._clock.sleep(PAUSE)
             else:
                 return

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen
 
@@ -57,7 +57,7 @@ class Rest:
         # as long as nobody knows better: an answer may be lost
         self.held = {**before, **named}
         seen = hands.until(
-            lambda slice_: hands.host.hold(hands.master, keeper, calm, HOLD_SECONDS if hold else 0.0, slice_),
+            lambda slice_: self._look(calm, keeper, HOLD_SECONDS if hold else 0.0, slice_),
             left,
             what,
             least=heard,
@@ -67,6 +67,15 @@ class Rest:
         # all of them, and not only those of the answer: a keeper that answers too late holds, too
         self.held = {**before, **(named if seen.verdict == PASS else {})}
         return seen
+
+    def _look(self, calm: Calm, keeper: str, hold: float, seconds: float) -> Seen:
+        """Before its window opens the robot is left alone."""
+        hands, wall = self._hands, self._hands.clock.wall()
+        opens = calm.windows.opens_at(wall)
+        if opens > wall:
+            hands.clock.sleep(min(opens - wall, seconds))
+            return Seen(WAIT, f"it may be changed from {calm.windows.told(opens)} on")
+        return hands.host.hold(hands.master, keeper, calm, hold, seconds)
 
     def let_go(self) -> None:
         """Let the goals go that are held: their clients wait. FleetError; they may be held still."""

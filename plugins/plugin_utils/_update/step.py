@@ -56,7 +56,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
         step_contracts(step, graph, live),
         [*_problems(step, graph), *_images_missing(step, images or {})],
         _warnings(graph, nodes),
-        Calm(actions_to_rest(graph, nodes, [*step.actions, *step.idle]), step.when),
+        Calm(actions_to_rest(graph, nodes, [*step.actions, *step.idle]), step.when, step.windows),
         allowed(graph, sorted(nodes), step.intended),
         ros_contract.rated(graph, recorded, step.intended),
     )

@@ -52,7 +52,7 @@ class Ward(Hands):
         """Its graph as it is now; RosError."""
         graph = self.host.graph(self.master)
         nodes = own_nodes(graph, self.robot)
-        self.calm = Calm(actions_to_rest(graph, nodes), wanted_before(self.robot))
+        self.calm = Calm(actions_to_rest(graph, nodes), wanted_before(self.robot), self.robot.windows)
         if self.contract is None:
             there = self.live.deployments
             well = [_key(item) for item in there if _available(item)]

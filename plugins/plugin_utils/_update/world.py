@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
 
 Object = Mapping[str, Any]
 Graph = Mapping[str, Any]  # as ros_graph_info returns it
@@ -88,14 +89,15 @@ class Seen:
 
 @dataclass(frozen=True)
 class Calm:
-    """What a robot shows that may be changed: actions that are idle, and what messages say (options of ros_ready)."""
+    """When a robot may be changed: its actions are idle, messages say so (options of ros_ready), and it is time."""
 
     actions: Sequence[Object] = ()
     when: Sequence[Object] = ()
+    windows: Windows = ALWAYS
 
     def __bool__(self) -> bool:
         """Whether there is anything to wait for."""
-        return bool(self.actions or self.when)
+        return bool(self.actions or self.when or self.windows)
 
     @property
     def seconds(self) -> float:
@@ -140,6 +142,8 @@ class Clock(Protocol):
     def wall(self) -> float: ...
 
     def now(self) -> float: ...
+
+    def sleep(self, seconds: float) -> None: ...
 
 
 def unheard(_text: str) -> None:

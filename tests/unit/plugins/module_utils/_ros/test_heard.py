@@ -51,6 +51,22 @@ def test_the_last_value_counts(bounds: dict[str, Any], value: Any, verdict: str,
     assert seen(heard, 2.0)[0] == WAIT
 
 
+def test_what_was_heard_stands_in_the_check() -> None:
+    heard = Heard(ValueCondition("/t", "a", above=1.0), 0.0)
+    heard.take({"a": 2}, 1.0)
+    found = check_value(graph("/p", "/q"), heard, 1.0)
+    assert (found.kind, found.name) == ("value", "/t a above 1.0")
+    assert found.observed == {"publishers": ["/p", "/q"], "value": 2}
+    heard.take({"a": ("x", "y")}, 2.0)
+    assert check_value(graph("/p"), heard, 2.0).observed == {"publishers": ["/p"], "value": "('x', 'y')"}
+
+
+def test_a_number_is_no_text() -> None:
+    heard = Heard(ValueCondition("/t", "a", equals="1"), 0.0)
+    heard.take({"a": 1}, 1.0)
+    assert seen(heard, 1.0) == (WAIT, "is 1, not equal to '1'")
+
+
 def test_a_field_that_no_message_has_fails_at_once() -> None:
     for condition in (ValueCondition("/t", "b", above=1.0), ValueCondition("/t", "b", quiet=1.0)):
         heard = Heard(condition, 0.0)

@@ -14,7 +14,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import (
     RESTART,
     Verdict,
     verdict,
-    version,
 )
 
 NOW = "v1.34.2+k3s1"
@@ -63,8 +62,3 @@ def test_verdicts(installed: str, wanted: str, more: dict[str, Any], word: str, 
 )
 def test_another_minor_version_may_start_all_containers_again(installed: str, wanted: str, restarts: bool) -> None:
     assert verdict(installed, wanted, changed=True) == Verdict(RESTART, restarts_pods=restarts)
-
-
-@pytest.mark.parametrize("text", ["", "1.34.2", "v1.34", "v1.34.2 ", "v1.34.2+k3s1-dirty"])
-def test_a_text_that_is_no_version(text: str) -> None:
-    assert version(text) is None

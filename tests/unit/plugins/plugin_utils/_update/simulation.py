@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras, Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.heard import Heard, check_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -64,6 +65,7 @@ DAY = 86400.0
 CONNECT = 10.0  # a call gives an API up that was away for so long, and a wait says something so often
 SILENCE = 11.0  # nobody looks at a silent run for longer than ten seconds, and what a call takes to notice
 KEY = tuple[str, str, str]  # kind, namespace, name
+BEAT = 0.1  # seconds between two messages of a topic
 LEASE, LOOK = 15.0, 2.0  # of the Lease of a run, and between two looks of the keeper at it
 RUN = "the run"
 CLUSTER_CALLS = ("read", "apply", "delete", "rollout")
@@ -102,7 +104,8 @@ class Simulation(SimulatedRobot):
         self.interrupted: set[str] = set()  # those that are without one for a reason
         self.verify_seconds = 0.0
         self.cancelled, self.begun = False, 0.0
-        self.said_from: dict[str, float] = {}  # topic -> when it began to say what is asked for
+        self.messages: dict[str, Callable[[float], Object | None]] = {}  # topic -> its message then
+        self.steps: list[float] = []  # when a Deployment was changed for a version that is to be proven
         self.unheld = True  # no call that lets goals go has met a fault
 
     # --- an operator ------------------------------------------------------------------------------------------------
@@ -201,6 +204,9 @@ class Simulation(SimulatedRobot):
     def wall(self) -> float:
         """The control node's idea of the time; the robot's own is right."""
         return EPOCH + self.time + self.skew
+
+    def sleep(self, seconds: float) -> None:
+        self.advance(seconds)
 
     def say(self, text: str) -> None:
         assert text
@@ -392,8 +398,13 @@ class Simulation(SimulatedRobot):
                 assert not self.cancelled, "a run that was cancelled goes on"
                 self.prove(item)
             self.touched.add(key)
+            if kind == "Deployment" and before and template_of(item) != template_of(before) and self.is_unproven(item):
+                self.steps.append(self.time)
             self.write(item, after)
         return Applied(ref_of(item), before, after, True)
+
+    def is_unproven(self, item: Object) -> bool:
+        return (deployment_key(item), template_of(item)) not in self.proven
 
     def write(self, item: Object, after: dict[str, Any] | None = None) -> None:
         """Whoever it is that writes it."""
@@ -571,7 +582,8 @@ class SimulatedHost:
             only_look, looks = sim.checking or not (keeper and seconds), CONSECUTIVE if seconds else 1
             ended = hold_when_idle(keeping, {} if only_look else servers, timeout, 0.5, looks, sim.now, sim.advance)
             del master, fault
-            return Seen(ended.verdict, "; ".join(check.reason for check in ended.last.unmet), ended.held)
+            unmet = [str(check) if check.kind == "value" else check.reason for check in ended.last.unmet]
+            return Seen(ended.verdict, "; ".join(unmet), ended.held)
 
     def release(self, master: str, keeper: str, actions: Sequence[Object]) -> None:
         with self.sim.call("release", 0.7):
@@ -622,20 +634,23 @@ class KeeperOf:
 
     def __init__(self, sim: Simulation, conditions: Conditions, seconds: float) -> None:
         self.sim, self.conditions, self.seconds = sim, conditions, seconds
-        self.began = sim.time
+        self.heard_until = sim.time
+        self.heard = [Heard(condition, sim.time) for condition in conditions.values]
 
     def look(self) -> Look:
         found = gate.look(self.sim, self.conditions, ears=self)
         return Look(found.verdict, found)
 
-    def checks(self, _graph: Graph) -> list[Check]:
-        """What messages say: of each topic from some time on what is asked for, to whoever listens for long enough."""
-        sim, found = self.sim, []
-        for one in self.conditions.values:
-            said = sim.said_from.get(one.topic, 0.0)
-            good = sim.time >= (max(self.began, said) + one.quiet if one.quiet else said)
-            found.append(Check("value", str(one), PASS if good else WAIT, f"{one}: not yet"))
-        return found
+    def checks(self, graph: Graph) -> list[Check]:
+        """What messages say, to whoever listens since the call began."""
+        sim = self.sim
+        while self.heard_until <= sim.time:
+            for one in self.heard:
+                message = sim.messages.get(one.condition.topic, lambda _time: None)(self.heard_until)
+                if message is not None:
+                    one.take(message, self.heard_until)
+            self.heard_until += BEAT
+        return [check_value(graph, one, sim.time) for one in self.heard]
 
     def hold(self, servers: Mapping[str, str]) -> Mapping[str, str]:
         return {action: self._hold(action, server) for action, server in servers.items()}

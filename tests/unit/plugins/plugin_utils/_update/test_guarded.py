@@ -21,7 +21,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     Calm,
@@ -78,6 +78,7 @@ class Site:
     holds: dict[str, float] = field(default_factory=dict)  # robot -> until when its goals are held
     slow: float = 0.0  # seconds of a look at the actions
     robots: tuple[Robot, ...] = ROBOTS
+    left: str = UNPROVEN
     charged_at: float = 0.0  # when messages say what the robots ask for
     lost_then: bool = False  # the Lease, once the change was made
     late_keeper: bool = False  # it holds, and says so too late
@@ -304,7 +305,7 @@ class Site:
     def run(self, fault: str = "", at: int = 0, cluster: bool = True, **limits: Any) -> StepResult | None:
         self.calls, self.said, self.fault, self.at = [], [], fault, at
         here: Any = self
-        world = Surroundings(here, here, here if cluster else None, self.said.append, sleep=self.sleep)
+        world = Surroundings(here, here, here if cluster else None, self.said.append)
         wanted = Limits(**{"busy_timeout": 60.0, "ready_timeout": 60.0, **limits})
         change = Guarded(self, self.robots, "node1", wanted, world)
         before = self.version
@@ -416,13 +417,24 @@ def test_a_robot_that_works_is_waited_for(limits: dict[str, Any], word: str) -> 
 
 def test_what_a_robot_s_messages_have_to_say_is_waited_for() -> None:
     charged = {"topic": "battery", "field": "percentage", "above": 0.4}
-    asked = robot(name="robot1", when=[charged])
+    asked = robot(name="robot1", update_when=[charged])
     site = Site(robots=(asked,), charged_at=45.0)
     assert outcome(site)[0] == "updated"
     assert site.time > 45.0
     assert any("/battery: not yet" in text for text in site.said)
     assert outcome(Site(robots=(asked,), charged_at=45.0), on_busy="defer")[0] == "deferred-busy"
     assert outcome(Site(robots=ROBOTS, charged_at=FOREVER))[0] == "updated"
+
+
+def test_a_robot_s_window_is_waited_for() -> None:
+    """The clock stands at 08:00 where the time is 0."""
+    asked = robot(name="robot1", update_windows=[{"from": "08:01", "to": "09:00"}])
+    site = Site(robots=(asked,), time=15.0)
+    assert outcome(site)[0] == "updated"
+    assert site.time > 60.0
+    assert any("it may be changed from 2027-01-15 08:01 (UTC) on" in text for text in site.said)
+    assert outcome(Site(robots=(asked,)), on_busy="defer")[0] == "deferred-busy"
+    assert outcome(Site(robots=(asked,)), on_busy="force")[0] == "updated"
 
 
 def test_what_the_kubelet_said_while_the_robot_was_waited_for_proves_nothing() -> None:

@@ -4,14 +4,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import Windows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import Rest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import Rest, look_seconds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen, World
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
@@ -21,7 +22,11 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     run_of,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    EPOCH,
+    FOREVER,
+    image,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -139,6 +144,50 @@ def test_no_goal_is_lost_whatever_happens(fault: str) -> None:
         assert all(goal.ended for goal in sim.goals), (fault, at)
 
 
+# --- when it is time ------------------------------------------------------------------------------------------------
+
+NIGHT = {"from": "01:00", "to": "05:00"}
+
+
+OPEN = 4 * 3600.0  # seconds
+
+
+def by_day(name: str, seconds: float, version: str = "good") -> tuple[Simulation, Robot]:
+    """A robot whose window opens in some seconds, or has opened before."""
+    sim, wanted = begin(name, version)
+    opens = Windows((NIGHT,)).opens_at(EPOCH)
+    sim.skew = opens - seconds - EPOCH - sim.time
+    return sim, replace(wanted, windows=Windows((NIGHT,)))
+
+
+@pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
+def test_a_window_is_waited_for(name: str) -> None:
+    sim, wanted = by_day(name, 40.0)
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, 35.0 < found.steps[0].phases["wait"] < 45.0) == ("updated", True), found
+    assert "it may be changed from" in sim.said[0]
+
+
+@pytest.mark.parametrize("policy", ["wait", "defer"])
+def test_before_its_window_nothing_is_begun(policy: str) -> None:
+    sim, wanted = by_day("overlap", 4000.0)
+    found = outcome_of(sim, wanted, on_busy=policy)
+    assert (found.outcome, "it may be changed from 20" in found.reason) == ("deferred-busy", True)
+    assert not sim.touched & {key for key in sim.objects if key[0] == "Deployment"}
+    assert outcome_of(sim, wanted, check=True).outcome == "updated"
+    assert any("busy now: it may be changed from" in line for line in sim.said)
+    assert outcome_of(sim, wanted, on_busy="force").outcome == "updated"
+
+
+def test_a_step_is_not_begun_after_its_window_but_the_way_back_is() -> None:
+    sim, wanted = by_day("two-steps", 3.0 - OPEN)
+    found = outcome_of(sim, wanted)
+    assert [step.outcome for step in found.steps] == ["updated", "deferred-busy"]
+    sim, wanted = by_day("drain", 9.0 - OPEN, "half-the-rate")
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, wanted.windows.opens_at(sim.wall()) > sim.wall()) == ("rolled-back", True)
+
+
 class Quiet:
     """A robot at rest, whose keeper holds whatever it is asked to."""
 
@@ -146,6 +195,9 @@ class Quiet:
         self.held: set[str] = set()
 
     def now(self) -> float:
+        return 0.0
+
+    def wall(self) -> float:
         return 0.0
 
     def confirm(self) -> None:
@@ -178,17 +230,31 @@ def test_whoever_only_looks_holds_nothing() -> None:
     assert not (quiet.held or rest.held)
 
 
+@pytest.mark.parametrize(
+    ("busy_timeout", "again", "seconds"),
+    [(600.0, False, 0.0), (600.0, True, 12.0), (60.0, True, 8.0), (0.0, True, 8.0)],
+)
+def test_the_first_look_takes_no_time_and_a_wait_has_about_fifty(
+    busy_timeout: float, again: bool, seconds: float
+) -> None:
+    assert look_seconds(busy_timeout, again) == seconds
+
+
 # --- what messages say ----------------------------------------------------------------------------------------------
 
 CHARGED = {"topic": "/battery", "field": "percentage", "above": 0.4}
 STEERED = {"topic": "/cmd_vel", "quiet": 12.0}
 
 
+def battery(charged: float, empty: float = FOREVER) -> Callable[[float], Object]:
+    return lambda time: {"percentage": 0.5 if charged <= time < empty else 0.1}
+
+
 def charging(name: str, *said: dict[str, Any], seconds: float = 20.0) -> tuple[Simulation, Robot]:
     """A robot whose battery will do in some seconds; its first app says what has to be before."""
     sim, wanted = begin(name, "good")
     first = replace(wanted.apps[0], update=replace(wanted.apps[0].update, when=said))
-    sim.said_from = {"/battery": sim.time + seconds}
+    sim.messages = {"/battery": battery(sim.time + seconds)}
     return sim, replace(wanted, apps=(first, *wanted.apps[1:]))
 
 
@@ -197,7 +263,7 @@ def test_messages_that_say_no_are_waited_for(name: str) -> None:
     sim, wanted = charging(name, CHARGED)
     found = outcome_of(sim, wanted)
     assert (found.outcome, 15.0 < found.steps[0].phases["wait"] < 25.0) == ("updated", True)
-    assert sim.said[0].endswith("/battery percentage above 0.4: not yet"), sim.said
+    assert sim.said[0].endswith("now: value /battery percentage above 0.4: is 0.1, not above 0.4"), sim.said
     sim, wanted = charging(name, CHARGED)
     later = outcome_of(sim, wanted, on_busy="defer")
     assert (later.outcome, "/battery percentage above 0.4" in later.reason) == ("deferred-busy", True)
@@ -205,7 +271,7 @@ def test_messages_that_say_no_are_waited_for(name: str) -> None:
     assert outcome_of(sim, wanted, on_busy="force").steps[0].phases.get("wait", 0.0) == 0.0
     sim, wanted = charging(name, CHARGED)
     assert outcome_of(sim, wanted, check=True).outcome == "updated"
-    assert any("busy now: /battery percentage above 0.4" in line for line in sim.said)
+    assert any("busy now: value /battery percentage above 0.4" in line for line in sim.said)
 
 
 @pytest.mark.parametrize("policy", ["wait", "defer"])
@@ -219,12 +285,12 @@ def test_what_has_to_be_quiet_is_listened_to_for_long_enough(policy: str) -> Non
 
 def test_what_a_robot_says_counts_for_all_of_it_but_for_no_way_back() -> None:
     sim, wanted = begin("two-steps", "good")
-    sim.said_from = {"/battery": sim.time + 20.0}
+    sim.messages = {"/battery": battery(sim.time + 20.0)}
     found = outcome_of(sim, replace(wanted, when=(CHARGED,)))
     assert [step.phases.get("wait", 0.0) > 15.0 for step in found.steps] == [True, False]
     sim, wanted = begin("drain", "half-the-rate")
     emptied = replace(wanted, when=(CHARGED,))
-    sim.later(8.0, lambda: sim.said_from.update({"/battery": sim.time + 1000.0}))
+    sim.messages = {"/battery": battery(0.0, sim.time + 8.0)}
     assert outcome_of(sim, emptied).outcome == "rolled-back"
 
 

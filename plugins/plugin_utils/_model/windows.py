@@ -1,0 +1,69 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Windows of time in which a robot may be changed, by the clock where it works. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date, datetime, time, timedelta
+from typing import Any
+from zoneinfo import ZoneInfo
+
+DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
+AHEAD = 15  # days: in one week a window may fall into the hour that a zone's clock leaves out
+
+
+@dataclass(frozen=True)
+class Windows:
+    """`spans` are items of update_windows, `zone` is a name of the IANA time zone database.
+
+    A span begins on its days (on all without any) at `from`, and ends at `to`, on the day after where that is not
+    later. Without spans the robot may be changed at any time.
+    """
+
+    spans: tuple[Mapping[str, Any], ...] = ()
+    zone: str = "UTC"
+
+    def __bool__(self) -> bool:
+        """Whether there is a time in which the robot may not be changed."""
+        return bool(self.spans)
+
+    def opens_at(self, wall: float) -> float:
+        """When the robot may be changed, `wall` or later; both in seconds since 1970."""
+        if not self.spans:
+            return wall
+        zone = ZoneInfo(self.zone)
+        today = datetime.fromtimestamp(wall, zone).date()
+        days = [today + timedelta(days=number) for number in range(-1, AHEAD)]
+        found = [_seconds(span, day, zone) for span in self.spans for day in days if _begins(span, day)]
+        return min(max(start, wall) for start, end in found if start < end and wall < end)
+
+    def told(self, opens: float) -> str:
+        """This moment in words."""
+        return f"{datetime.fromtimestamp(opens, ZoneInfo(self.zone)):%Y-%m-%d %H:%M} ({self.zone})"
+
+
+ALWAYS = Windows()
+
+
+def _begins(span: Mapping[str, Any], day: date) -> bool:
+    return not span.get("days") or DAYS[day.weekday()] in span["days"]
+
+
+def _seconds(span: Mapping[str, Any], day: date, zone: ZoneInfo) -> tuple[float, float]:
+    """Its start and its end; where the zone's clock is turned the end may come first."""
+    start, end = _minutes(span["from"]), _minutes(span["to"])
+    later = 0 if end > start else 24 * 60
+    return _at(day, start, zone), _at(day, end + later, zone)
+
+
+def _at(day: date, minutes: int, zone: ZoneInfo) -> float:
+    days, within = divmod(minutes, 24 * 60)
+    return datetime.combine(day + timedelta(days=days), time(*divmod(within, 60)), zone).timestamp()
+
+
+def _minutes(text: str) -> int:
+    hours, minutes = text.split(":")
+    return int(hours) * 60 + int(minutes)

@@ -1,0 +1,111 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The user's tasks behind the gate: whose turn it is, and what becomes of the host."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.action import _guarded
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Live
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+from ansible_collections.rosops.fleet.tests.unit.robots import fleet_of, robot
+
+
+class Cluster:
+    """One in which robot1 runs nothing, so that only its node has to be well."""
+
+    def __init__(self) -> None:
+        self.beats = 0
+
+    def read(self, _namespaces: Any) -> Any:
+        return Live()
+
+    def beat(self, _node: str) -> str:
+        self.beats += 1
+        return str(self.beats)
+
+    def robots_on(self, _node: str, robots: Any) -> list[Any]:
+        return list(robots)
+
+    def confirm(self) -> None:
+        """Nobody else is there."""
+
+    def wait(self, objects: list[Any], timeout: float) -> None:
+        assert [item["kind"] for item in objects] == ["Node"]
+        assert timeout <= 300
+
+
+class World:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, directory: Path) -> None:
+        self.away = False
+        monkeypatch.setattr(ActionHost, "module", lambda _host, _name, _args, *_more: self.there())
+        monkeypatch.setattr(RobotHost, "there", lambda _host: self.there())
+        monkeypatch.setattr(_guarded.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
+        monkeypatch.setattr(_guarded, "KubeNodes", lambda *_args: Cluster())
+        monkeypatch.setattr(_guarded.C, "DEFAULT_LOCAL_TMP", str(directory))
+
+    def there(self) -> dict[str, Any]:
+        if self.away:
+            raise AwayError("no route to host")
+        return {}
+
+    def task(self, check_mode: bool = False, args: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+        variables = {"guarded_tasks": "/srv/reboot.yml", "guarded_failure_budget": "0", **fleet_of(robot()), **more}
+        return run(_guarded, args or {}, variables, check_mode)
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[World]:
+    yield World(monkeypatch, tmp_path)
+
+
+def test_the_tasks_have_their_turn_and_are_proven(world: World) -> None:
+    begun = world.task()
+    assert (begun["turn"], begun["changed"]) == ("make", False)
+    ended = world.task(args={"line": begun["line"]})
+    assert "outcome" not in ended  # what the tasks have changed says it
+    assert not {"failed", "turn"} & set(ended)
+
+
+def test_tasks_that_fail_without_a_way_back(world: World) -> None:
+    begun = world.task()
+    ended = world.task(args={"line": begun["line"], "failure": "Install it: no space left"})
+    assert ended["outcome"]["outcome"] == "failed"
+    assert "Install it: no space left" in ended["outcome"]["reason"]
+    assert "what was done stays, as there is no guarded_undo" in ended["outcome"]["reason"]
+    assert "failed" not in ended  # the play goes on
+
+
+def test_tasks_that_fail_are_taken_back(world: World) -> None:
+    back = {"guarded_undo": "/srv/undo.yml"}
+    begun = world.task(**back)
+    undo = world.task(args={"line": begun["line"], "failure": "Install it: no space left"}, **back)
+    assert undo["turn"] == "undo"
+    ended = world.task(args={"line": undo["line"]}, **back)
+    assert (ended["outcome"]["outcome"], ended["outcome"]["reason"]) == ("rolled-back", "Install it: no space left")
+
+
+def test_no_further_wave_begins_after_a_failure(world: World) -> None:
+    begun = world.task()
+    world.task(args={"line": begun["line"], "failure": "no"})
+    later = world.task(ansible_play_batch=["robot2"], ansible_play_hosts_all=["robot1", "robot2"])
+    assert later["outcome"]["outcome"] == "unchanged"
+    assert "not begun: robot1 failed" in later["outcome"]["reason"]
+
+
+def test_a_host_that_is_off_is_deferred(world: World) -> None:
+    world.away = True
+    ended = world.task()
+    assert ended["outcome"]["outcome"] == "deferred-offline"
+    assert "nothing was touched" in ended["outcome"]["reason"]
+
+
+def test_check_mode_gives_no_turn(world: World) -> None:
+    assert world.task(check_mode=True)["foreseen"]

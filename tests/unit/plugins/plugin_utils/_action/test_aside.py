@@ -1,0 +1,133 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Work in a process of its own, and the tasks that take turns with it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import aside
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import Turns, begin, come_back
+
+
+def work(turns: Turns) -> Mapping[str, Any]:
+    """What was told of its turns."""
+    told = []
+    for word in ("make", "undo"):
+        try:
+            turns.give(word)
+            told.append(f"{word} went well")
+        except FleetError as error:
+            told.append(f"{word}: {error}")
+    return {"told": told, "process": os.getpid()}
+
+
+def test_two_turns_and_the_end() -> None:
+    first = begin(work)
+    assert first["turn"] == "make"
+    line = first["line"]
+    assert come_back(line, "no space left") == {"turn": "undo", "line": line}
+    ended = come_back(line)
+    assert ended["told"] == ["make: no space left", "undo went well"]
+    assert ended["process"] != os.getpid()
+    assert gone(ended["process"])
+    assert not Path(line).parent.exists()
+
+
+def gone(process: int, seconds: float = 10.0) -> bool:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        done, _status = os.waitpid(process, os.WNOHANG)
+        if done:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_work_without_a_turn_has_its_word_at_once() -> None:
+    assert begin(lambda _turns: {"outcome": "waiting"})["outcome"] == "waiting"
+
+
+def test_what_breaks_the_work_is_heard() -> None:
+    def broken(_turns: Turns) -> Mapping[str, Any]:
+        raise ValueError("a mistake of ours")
+
+    assert "ValueError: a mistake of ours" in begin(broken)["error"]
+
+
+def test_work_that_was_killed_is_told_of() -> None:
+    def killed(_turns: Turns) -> Mapping[str, Any]:
+        os._exit(9)
+
+    with pytest.raises(FleetError, match="has ended without a word"):
+        begin(killed)
+
+
+def test_work_that_is_not_there_any_more_is_told_of(tmp_path: Path) -> None:
+    with pytest.raises(FleetError, match="the process beside this run has ended: "):
+        come_back(str(tmp_path / "line"))
+
+
+RUN = """
+import os, sys
+from pathlib import Path
+sys.path[:0] = {paths!r}
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import begin
+
+def work(turns):
+    Path("process").write_text(str(os.getpid()))
+    try:
+        turns.give("make")
+    except BaseException as error:
+        Path("ended").write_text(str(error))
+        raise
+    return {{}}
+
+if os.fork() == 0:  # a task's worker, as Ansible has it
+    begin(work)
+    os._exit(0)
+os.wait()
+Path("task").write_text("has ended")
+sys.stdin.read()  # the run goes on, until it is killed
+"""
+
+
+def test_it_outlives_its_task_and_ends_with_the_run(tmp_path: Path) -> None:
+    program = tmp_path / "run.py"
+    program.write_text(RUN.format(paths=sys.path))
+    with subprocess.Popen([sys.executable, str(program)], cwd=tmp_path, stdin=subprocess.PIPE) as run:  # noqa: S603
+        until(tmp_path / "task")
+        assert aside._lives(int((tmp_path / "process").read_text()))()
+        assert not (tmp_path / "ended").exists()
+        run.kill()
+        # nobody has waited for the run yet, as where a container's first process does not
+        assert until(tmp_path / "ended") == "the run was cancelled"
+
+
+def test_where_the_kernel_has_no_handles_a_process_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacking(_process: int) -> int:
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    monkeypatch.setattr(os, "pidfd_open", lacking)
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:  # noqa: S603 - waits
+        lives = aside._lives(other.pid)
+        assert lives()
+        other.kill()
+    assert not lives()
+
+
+def until(path: Path, seconds: float = 20.0) -> str:
+    end = time.monotonic() + seconds
+    while not (path.exists() and path.read_text()):
+        assert time.monotonic() < end, f"no {path.name}"
+        time.sleep(0.02)
+    return path.read_text()

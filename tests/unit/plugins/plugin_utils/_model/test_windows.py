@@ -1,0 +1,83 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""When a robot may be changed."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import Windows
+
+BERLIN = "Europe/Berlin"
+NIGHT = {"days": ["mon", "fri"], "from": "22:00", "to": "05:30"}
+NOON = {"from": "12:00", "to": "13:00"}
+SUNDAY = {"days": ["sun"], "from": "00:00", "to": "24:00"}
+
+
+def seconds(text: str, zone: str = BERLIN) -> float:
+    return datetime.fromisoformat(text).replace(tzinfo=ZoneInfo(zone)).timestamp()
+
+
+def opens(now: str, *spans: dict[str, Any], zone: str = BERLIN) -> str:
+    """As the zone's clock shows it; empty where it is open now."""
+    wall = seconds(now, zone)
+    found = Windows(spans, zone).opens_at(wall)
+    assert found >= wall
+    return "" if found == wall else datetime.fromtimestamp(found, ZoneInfo(zone)).isoformat(" ")[:16]
+
+
+@pytest.mark.parametrize(
+    ("now", "spans", "opening"),
+    [
+        ("2026-11-23 12:00", [], ""),
+        ("2026-11-23 21:59:59", [NIGHT], "2026-11-23 22:00"),  # a Monday
+        ("2026-11-23 22:00", [NIGHT], ""),
+        ("2026-11-24 05:29:59", [NIGHT], ""),  # of the day before
+        ("2026-11-24 05:30", [NIGHT], "2026-11-27 22:00"),
+        ("2026-11-28 04:00", [NIGHT], ""),
+        ("2026-11-29 04:00", [NIGHT], "2026-11-30 22:00"),
+        ("2026-11-29 04:00", [NIGHT, NOON], "2026-11-29 12:00"),
+        ("2026-11-29 12:59", [NIGHT, NOON], ""),
+        ("2026-11-29 00:00", [SUNDAY], ""),
+        ("2026-11-29 23:59:59", [SUNDAY], ""),
+        ("2026-11-30 00:00", [SUNDAY], "2026-12-06 00:00"),
+        ("2026-11-28 07:00", [{"from": "06:00", "to": "06:00"}], ""),  # all day
+        ("2026-11-28 05:00", [{"days": [], "from": "24:00", "to": "01:00"}], "2026-11-29 00:00"),
+    ],
+)
+def test_the_next_window(now: str, spans: list[dict[str, Any]], opening: str) -> None:
+    assert opens(now, *spans) == opening
+
+
+def test_the_clock_of_the_zone_counts() -> None:
+    wall = seconds("2026-11-23 12:30", "UTC")
+    assert Windows((NOON,), "UTC").opens_at(wall) == wall
+    assert Windows((NOON,), BERLIN).opens_at(wall) == seconds("2026-11-24 12:00")
+    assert Windows((NOON,), BERLIN).told(seconds("2026-11-24 12:00")) == "2026-11-24 12:00 (Europe/Berlin)"
+
+
+def test_when_clocks_are_turned() -> None:
+    """In Berlin 02:00 to 03:00 is left out on 2026-03-29, and comes twice on 2026-10-25."""
+    gone = {"from": "02:30", "to": "03:00"}
+    assert opens("2026-03-29 01:59", gone) == "2026-03-30 02:30"
+    assert opens("2026-03-29 01:59", {**gone, "days": ["sun"]}) == "2026-04-05 02:30"
+    night = Windows(({"from": "01:00", "to": "04:00"},), BERLIN)
+    for day, hours in (("2026-03-28", 3), ("2026-03-29", 2), ("2026-10-25", 4)):
+        start = seconds(f"{day} 01:00")
+        assert night.opens_at(start + hours * 3600 - 1) == start + hours * 3600 - 1
+        assert night.opens_at(start + hours * 3600) > start + hours * 3600
+
+
+def test_every_hour_of_a_year_has_a_window_to_wait_for() -> None:
+    zones = (BERLIN, "America/St_Johns", "Australia/Lord_Howe", "Asia/Kolkata", "UTC")
+    start = datetime.fromisoformat("2026-01-01T00:00:00+00:00")
+    for zone in zones:
+        rare = Windows(({"days": ["sun"], "from": "02:15", "to": "02:45"},), zone)
+        for hour in range(0, 366 * 24, 7):
+            wall = (start + timedelta(hours=hour)).timestamp()
+            opening = rare.opens_at(wall)
+            assert wall <= opening <= wall + 15 * 86400
+            assert rare.opens_at(opening) == opening

@@ -1,0 +1,98 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tasks of a user's own behind the gate: a robot at work, tasks that fail, a run that is killed in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fleet import ALL_AT_ONCE, ROBOTS, Fleet
+from runs import Run
+from test_3_interrupted import wait_for_new_goal
+
+MARK = "/var/tmp/guarded"  # noqa: S108 - on the lab's hosts
+DONE = f"""
+- name: Leave a mark
+  ansible.builtin.copy: {{content: done, dest: {MARK}, mode: "0644"}}
+  become: true
+"""
+FAILS = f"""
+{DONE}
+- name: Find something wrong
+  ansible.builtin.fail: {{msg: the disk is full}}
+"""
+UNDONE = f"""
+- name: Take the mark away
+  ansible.builtin.file: {{path: {MARK}, state: absent}}
+  become: true
+"""
+LASTS = f"""
+{DONE}
+- name: Take a while
+  ansible.builtin.pause: {{seconds: 120}}
+"""
+
+
+@pytest.fixture
+def tasks(fleet: Fleet, tmp_path: Path) -> Iterator[Any]:
+    """Writes a file of tasks; the hosts have no mark before and after."""
+
+    def clean() -> None:
+        for robot in ROBOTS:
+            fleet.hosts.ssh(robot, f"rm -f {MARK}")
+
+    def written(text: str, name: str = "tasks.yml") -> str:
+        (tmp_path / name).write_text(f"---{text}", encoding="utf-8")
+        return str(tmp_path / name)
+
+    clean()
+    yield written
+    clean()
+
+
+def guarded(fleet: Fleet, tasks: str, *arguments: str, **variables: Any) -> Run:
+    return fleet.playbooks.run("guarded", {**fleet.variables, "guarded_tasks": tasks, **variables}, *arguments)
+
+
+def marked(fleet: Fleet) -> list[str]:
+    return [robot for robot in ROBOTS if fleet.hosts.ssh(robot, f"ls {MARK} || true").strip()]
+
+
+@pytest.mark.promise("tasks of one's own leave a robot at work alone, and are proven or taken back")
+def test_tasks_wait_for_a_robot_at_work_and_what_fails_is_taken_back(fleet: Fleet, tasks: Any) -> None:
+    normal = fleet.variables
+    slow = fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), "--limit", "robot1,edge1")
+    assert slow.status == 0, slow
+    watch, pods = fleet.watch(), fleet.running()
+    wait_for_new_goal(fleet, "robot1")
+    # a goal of robot1 takes half a minute; those of robot2 are short, and there is time between them
+    run = guarded(fleet, tasks(DONE), guarded_busy_timeout=8, **ALL_AT_ONCE)
+    assert (run.status, run.outcomes) == (2, {"robot1": "deferred-busy", "robot2": "updated"}), run
+    assert marked(fleet) == ["robot2"]
+
+    again = guarded(fleet, tasks(DONE), "--limit", "robot2,edge1")
+    assert (again.status, again.outcomes["robot2"], again.changed) == (0, "unchanged", 0), again
+
+    back = guarded(fleet, tasks(FAILS), "--limit", "robot2,edge1", guarded_undo=tasks(UNDONE, "undo.yml"))
+    assert (back.status, back.outcomes["robot2"]) == (2, "rolled-back"), back
+    assert "Find something wrong: the disk is full" in back.host("robot2")["reason"], back
+    assert marked(fleet) == []
+    fleet.assert_still_running(pods)
+    assert fleet.update(normal, "--limit", "robot1,edge1").status == 0  # a goal under way ends soon, and is counted
+    watch.assert_nothing_lost()
+
+
+def test_after_a_run_that_was_killed_in_the_tasks_the_next_one_has_the_robot(fleet: Fleet, tasks: Any) -> None:
+    variables = {**fleet.variables, "guarded_tasks": tasks(LASTS)}
+    running = fleet.playbooks.start("guarded", variables, "--limit", "robot2,edge1")
+    running.wait_for("Pausing for 120 seconds")  # the name of the task comes after it
+    beside = fleet.update(fleet.new_version("robot2", "temperature"), "--limit", "robot2,edge1")
+    assert beside.outcomes["robot2"] == "deferred-busy", beside
+    assert "changes this robot since" in beside.host("robot2")["reason"], beside
+    running.kill()
+    run = guarded(fleet, tasks(DONE), "--limit", "robot2,edge1")
+    assert run.status == 0, run
+    assert marked(fleet) == ["robot2"]
