@@ -8,13 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ansible.utils.vars import load_extra_vars
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.folded import Hosts, folded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import inventory_problems, near_misses
 
 
 class ActionModule(FleetAction):
@@ -24,27 +27,32 @@ class ActionModule(FleetAction):
         groups = {str(name): [str(host) for host in hosts] for name, hosts in known["groups"].items()}
         names = [host for host in groups["all"] if host != IMPLICIT_HOST]
         try:
-            hosts = fleet_hosts(HostVariables(known["hostvars"]), names)
-            return outcome(check_fleet({"groups": groups, "hosts": hosts}))
+            hostvars = HostVariables(known["hostvars"])
+            hosts = fleet_hosts(hostvars, names)
+            found = check_fleet({"groups": groups, "hosts": hosts})
+            wrong = inventory_problems(hostvars, names, load_extra_vars(self._loader))
+            warnings = [*found.warnings, *near_misses(hostvars, names)]
+            return outcome(Report([*found.problems, *wrong], warnings, None if wrong else found.fleet), hosts)
         except FleetError as error:
             error.details.setdefault("valid", False)
             raise
 
 
-def outcome(report: Report) -> dict[str, Any]:
+def outcome(report: Report, hosts: Hosts) -> dict[str, Any]:
     """What the task returns."""
-    count = len(report.problems)
+    problems = folded(report.problems, hosts)
+    count = len(problems)
     result: dict[str, Any] = {
         "changed": False,
         "valid": not count,
-        "errors": [problem.as_dict() for problem in report.problems],
-        "warnings": report.warnings,
+        "errors": [problem.as_dict() for problem in problems],
+        "warnings": [warning.line() for warning in folded(report.warnings, hosts)],
         "_ansible_verbose_override": True,  # with -v, too: a whole fleet is nothing that anybody reads on a screen
     }
     if report.fleet is not None:
         remote = {image for robot in report.fleet.robots.values() for image in images(robot, "remote")}
         shared = any(needs_fleet_namespace(robot) for robot in report.fleet.robots.values())
         return {**result, **report.fleet.as_dict(), "remote_images": sorted(remote), "shared": shared}
-    lines = "\n".join(problem.line() for problem in report.problems)
+    lines = "\n".join(problem.line() for problem in problems)
     words = f"{count} error{'s' if count > 1 else ''} in the fleet's variables:"
     return {**result, "failed": True, "msg": f"{words}\n{lines}"}

@@ -13,7 +13,8 @@ version_added: 0.1.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Checks groups, robots, apps, volumes and masters of the inventory, one by one and against each other.
-  - Reports all errors at once, each with the path of the value, what is wrong with it and what is allowed.
+  - Reports all errors at once, each with the path of the value, what is wrong with it and what is allowed. What is
+    wrong in the same way on several hosts, as a group's variable is, is one error.
   - Returns the fleet with every default filled in, in which later tasks find what they need. It holds no password and
     no token; an app's own environment is in it as it stands in the inventory.
   - Runs on the control node, inside Ansible's own process. It contacts no host and no cluster and changes nothing.
@@ -60,6 +61,13 @@ errors:
       description: What would be right.
       type: str
       sample: local or remote
+    hosts:
+      description: All hosts of which that is so; the path is the first one's. None where it is no host's.
+      type: list
+      elements: str
+    app:
+      description: The name of the app at this path; empty where it is no app's.
+      type: str
 robots:
   description: The robots by name, each with every default filled in.
   returned: if there are no errors

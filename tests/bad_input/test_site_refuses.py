@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The table of bad inputs, end to end: `site.yml` refuses each before it touches anything.
 
-Run on its own: `.venv/bin/pytest tests/bad_input` (about 2 s a case). Hosts are 127.0.0.1, port 1: whoever got past the
-validation would be seen as unreachable. Only `ansible-playbook` is run, as an operator does it.
+Run on its own: `.venv/bin/pytest tests/bad_input` (about 2 s a case). Hosts are 127.0.0.1 and on, port 1: whoever got
+past the validation would be seen as unreachable. Only `ansible-playbook` is run, as an operator does it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 PLAYBOOK = CHECKOUT / "playbooks" / "site.yml"
 VALIDATE = CHECKOUT / "playbooks" / "validate.yml"  # what site.yml imports first
 TABLE = CHECKOUT / "tests" / "unit" / "bad_input" / "table.py"
-NOWHERE = {"ansible_host": "127.0.0.1", "ansible_port": 1, "ansible_connection": "ssh"}
+NOWHERE = {"ansible_port": 1, "ansible_connection": "ssh"}
 TASK = re.compile(r"^TASK \[(?P<name>.*?)\]", re.MULTILINE)
 PLAY = re.compile(r"^PLAY \[(?P<name>.*?)\]", re.MULTILINE)
 VALIDATION = "rosops.fleet.fleet_config"
@@ -60,7 +60,10 @@ def inventory(case: dict[str, Any]) -> str:
     return yaml.safe_dump(
         {
             "all": {
-                "hosts": {host: {**NOWHERE, **fleet["hosts"].get(host, {})} for host in fleet["groups"]["all"]},
+                "hosts": {
+                    host: {**NOWHERE, "ansible_host": f"127.0.0.{number}", **fleet["hosts"].get(host, {})}
+                    for number, host in enumerate(fleet["groups"]["all"], 1)
+                },
                 "children": {name: {"hosts": dict.fromkeys(hosts, None)} for name, hosts in groups.items()},
             }
         }

@@ -10,11 +10,14 @@ from typing import Any, NamedTuple
 
 
 class Problem(NamedTuple):
-    """path `hosts.robot1.ros_apps[2].placement`, problem `is 'cloud'`, allowed `local or remote`."""
+    """path `hosts.robot1.ros_apps[2].placement`, problem `is 'cloud'`, allowed `local or remote`.
+
+    Nothing allowed stands in what is no error.
+    """
 
     path: str
     problem: str
-    allowed: str
+    allowed: str = ""
 
     def as_dict(self) -> dict[str, str]:
         """Shape of an item of fleet_config's `errors`."""
@@ -22,7 +25,7 @@ class Problem(NamedTuple):
 
     def line(self) -> str:
         """The finding as one line for people."""
-        return f"{self.path}: {self.problem}; allowed: {self.allowed}"
+        return f"{self.path}: {self.problem}" + (f"; allowed: {self.allowed}" if self.allowed else "")
 
 
 def join_path(path: str, *parts: str | int) -> str:

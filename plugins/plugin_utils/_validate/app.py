@@ -37,18 +37,15 @@ def app_problems(app: App, raw: Raw, draft: Draft, path: str) -> list[Problem]:
     return [problem for check in CHECKS for problem in check(app, raw, draft, path)]
 
 
-def app_warnings(app: App, raw: Raw, path: str) -> list[str]:
+def app_warnings(app: App, raw: Raw, path: str) -> Iterator[Problem]:
     """What is allowed but seldom meant."""
-    warnings = []
     if moving_tag(app.image):
-        warnings.append(f"{path}.image: {app.image} may mean another image tomorrow; name a version or a digest")
+        yield Problem(f"{path}.image", f"{app.image} may mean another image tomorrow; name a version or a digest")
     if app.devices:
-        warnings.append(
-            f"{path}.devices: the container runs privileged, as Kubernetes has no other plain way to a device"
-        )
+        told = "the container runs privileged, as Kubernetes has no other plain way to a device"
+        yield Problem(f"{path}.devices", told)
     if raw.get("private_names") and app.handoff != "overlap":
-        warnings.append(f"{path}.private_names: has no effect with the handoff {app.handoff}")
-    return warnings
+        yield Problem(f"{path}.private_names", f"has no effect with the handoff {app.handoff}")
 
 
 def _name(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:

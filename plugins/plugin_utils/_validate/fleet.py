@@ -19,6 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology impor
     mode_of,
     topology_problems,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import Version, version
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import app_problems, app_warnings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft, draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, schema_problems
@@ -38,7 +39,7 @@ class Report(NamedTuple):
     """What was found, and the fleet if nothing is wrong."""
 
     problems: list[Problem]
-    warnings: list[str]
+    warnings: list[Problem]
     fleet: Fleet | None
 
 
@@ -54,16 +55,18 @@ def check_fleet(given: Any) -> Report:
     modes = {robot: mode_of(robot, hosts) for robot in members(groups, "robots")}
     problems += topology_problems(groups, modes)
     problems += _name_problems(groups)
+    problems += _node_problems(hosts)
     problems += _group_problems(groups, hosts)
     schema = host_schema()
     wrong = [problem for name in hosts for problem in schema_problems(hosts[name], schema, f"hosts.{name}")]
     problems += wrong
     problems += _token_problems(groups, modes, hosts)
+    problems += _version_problems(groups, modes, hosts)
     problems += _fleet_name_problems(hosts)
     problems += observability_problems(groups, modes, hosts, wrong)
     edge_count = len(members(groups, "edge"))
     drafts = [draft(robot, hosts.get(robot, {}), wrong) for robot in modes]
-    warnings: list[str] = []
+    warnings: list[Problem] = []
     for item in drafts:
         problems += robot_problems(item, edge_count)
         for path, app, raw in item.apps():
@@ -74,7 +77,7 @@ def check_fleet(given: Any) -> Report:
     problems += fleet_app_problems(drafts)
     problems = unique(problems)
     fleet = None if problems else _fleet(groups, hosts, drafts)
-    return Report(problems, list(dict.fromkeys(warnings)), fleet)
+    return Report(problems, unique(warnings), fleet)
 
 
 def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -114,6 +117,16 @@ def _name_problems(groups: Mapping[str, Any]) -> Iterator[Problem]:
         taken.setdefault(key, host)
 
 
+def _node_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
+    """Two hosts of one node name would take each other's place in the cluster."""
+    first: dict[str, str] = {}
+    for host, own in hosts.items():
+        node = str(own.get("k3s_node_name") or host)
+        other = first.setdefault(node, host)
+        if other != host:
+            yield Problem(f"hosts.{host}.k3s_node_name", f"is {node} as that of {other}", "a name of its own")
+
+
 def _group_problems(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
     """A host in no group of ours would silently be left out of the fleet."""
     placed = {*members(groups, "edge"), *members(groups, "robots")}
@@ -122,13 +135,19 @@ def _group_problems(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any
             yield Problem(f"hosts.{host}", "is in neither of the groups edge and robots", "each host in one of them")
 
 
+def _edge_cluster(groups: Mapping[str, Any], modes: Mapping[str, Any]) -> list[str]:
+    """The hosts of the shared cluster, servers and agents."""
+    return [*members(groups, "edge"), *(robot for robot, mode in modes.items() if mode == "agent")]
+
+
 def _token_problems(
     groups: Mapping[str, Any], modes: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]
 ) -> Iterator[Problem]:
     """Servers with different tokens form no cluster; nor do agents whose agent token nobody knows."""
-    servers = edge_servers(groups)
-    cluster = [*members(groups, "edge"), *(robot for robot, mode in modes.items() if mode == "agent")]
-    for variable, sharers in (("k3s_token", servers), ("k3s_agent_token", cluster)):
+    for variable, sharers in (
+        ("k3s_token", edge_servers(groups)),
+        ("k3s_agent_token", _edge_cluster(groups, modes)),
+    ):
         holders = [host for host in sharers if variable in hosts.get(host, {})]
         for host in holders[1:]:
             if hosts[host][variable] != hosts[holders[0]][variable]:
@@ -137,6 +156,27 @@ def _token_problems(
                     f"differs from the one of {holders[0]}",
                     f"one {variable} for the cluster {EDGE_CLUSTER}, in the group_vars of its hosts",
                 )
+
+
+def _version_problems(
+    groups: Mapping[str, Any], modes: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]
+) -> Iterator[Problem]:
+    """A kubelet must not be newer than its API server. What an airgap directory holds is seen later."""
+
+    def known(host: str) -> Version | None:
+        own = hosts.get(host, {})
+        return version(str(own.get("k3s_version", ""))) if own.get("k3s_install_source") != "airgap" else None
+
+    servers = {host: known(host) for host in edge_servers(groups)}
+    for host in _edge_cluster(groups, modes):
+        own = None if host in servers else known(host)
+        older = next((server for server, its in servers.items() if own and its and own.newer_than(its)), "")
+        if older:
+            yield Problem(
+                f"hosts.{host}.k3s_version",
+                f"is {hosts[host]['k3s_version']}, newer than {hosts[older]['k3s_version']} of the server {older}",
+                "servers that are as new as their agents, or newer",
+            )
 
 
 def _fleet_name_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:

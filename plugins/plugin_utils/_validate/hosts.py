@@ -44,8 +44,13 @@ def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, 
     return hosts
 
 
+def variables_of(hostvars: Mapping[str, Any], host: str) -> Mapping[str, Any]:
+    """Those of a host; none of one that is not there."""
+    return hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
+
+
 def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], problems: list[Problem]) -> dict[str, Any]:
-    variables = hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
+    variables = variables_of(hostvars, host)
     picked = {}
     for name in variables:
         if is_ours(str(name)):

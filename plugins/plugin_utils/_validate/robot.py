@@ -31,6 +31,7 @@ def robot_problems(draft: Draft, edge_count: int) -> list[Problem]:
         *_same_names(draft),
         *_volume_names(draft),
         *_pod_security(draft),
+        *_pull_secrets(draft),
         *_volume_users(draft, edge_count),
         *dependency_problems(draft),
         *when_problems(draft.robot.when, f"{draft.path}.update_when"),
@@ -46,6 +47,14 @@ def _pod_security(draft: Draft) -> Iterator[Problem]:
         if app.scope != "fleet" and (more := more_than_baseline(app)):
             found = f"is {level}, but {path} has {more}"
             yield Problem(f"{draft.path}.robot_namespace_pod_security", found, "privileged, or leave it out")
+
+
+def _pull_secrets(draft: Draft) -> Iterator[Problem]:
+    """Two of one name are one Secret, and only the last login would be in it."""
+    for index, name in enumerate(draft.robot.pull_secrets):
+        if name in draft.robot.pull_secrets[:index]:
+            where = f"{draft.path}.robot_namespace_pull_secrets[{index}].name"
+            yield Problem(where, f"is '{name}' for the second time", "a name of its own")
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
@@ -130,18 +139,20 @@ def _same_node(volume: Volume, app: App, edge_count: int) -> bool:
     return volume.access_mode != "ReadWriteOncePod"
 
 
-def robot_warnings(draft: Draft) -> list[str]:
+def robot_warnings(draft: Draft) -> Iterator[Problem]:
     """Volumes nobody mounts, and a master image that may change by itself."""
     used = {mount.name for app in draft.robot.apps for mount in app.volumes}
-    warnings = [
-        f"{draft.path}.persistent_storage.volumes: no app mounts {volume.name}"
-        for volume in draft.robot.volumes
-        if volume.name not in used
-    ]
+    for volume in draft.robot.volumes:
+        if volume.name not in used:
+            yield Problem(f"{draft.path}.persistent_storage.volumes", f"no app mounts {volume.name}")
+    first: dict[str, str] = {}
+    for path, app, _raw in draft.apps():
+        for device in app.devices:
+            if first.setdefault(device, app.name) != app.name:
+                yield Problem(f"{path}.devices", f"{device} is {first[device]}'s, too; few devices serve two")
     image = draft.robot.master.image
     if draft.robot.master.mode != "external" and moving_tag(image):
-        warnings.append(f"{draft.path}.ros_master_image: {image} may mean another image tomorrow")
-    return warnings
+        yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
 
 
 def master_problems(draft: Draft, variables: Mapping[str, Any]) -> list[Problem]:

@@ -38,6 +38,11 @@ def number(low: float, above: bool = False) -> Schema:
     return {"type": "number", "exclusiveMinimum" if above else "minimum": low}
 
 
+def numeral(allowed: str, schema: Schema, pattern: str) -> Schema:
+    """A number, or the text of one."""
+    return either(allowed, schema, {"type": "string", "pattern": pattern, "x-allowed": allowed})
+
+
 def whole(low: int, high: int = 86400) -> Schema:
     """A whole number; a day is the longest time that makes sense in seconds."""
     return {"type": "integer", "minimum": low, "maximum": high}
@@ -115,6 +120,10 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].update.idle[]": text("graph-name"),
     "ros_apps[].update.when[]": VALUE,
     "update_when[]": VALUE,
+    "update_windows[].days": {"minItems": 1},
+    "update_windows[].from": text("time-of-day"),
+    "update_windows[].to": text("time-of-day"),
+    "update_timezone": text("time-zone"),
     "ros_apps[].update.ignore[]": text("graph-pattern"),
     "ros_apps[].update.renamed": table("graph-name", text("graph-name")),
     "ros_apps[].update.rates": table("graph-pattern", number(0)),
@@ -129,6 +138,8 @@ FORMS: dict[str, Schema] = {
     "persistent_storage.volumes[].size": SIZE,
     "persistent_storage.volumes[].storage_class": text("dns-name"),
     "persistent_storage.volumes[].mountPath": text("mount-path"),
+    "k3s_version": text("k3s-version"),
+    "k3s_node_ip": either("an IP address, or one of each family", text("addresses"), {"const": ""}),
     "ros_master_image": text("image"),
     # empty is the roles' default and says the same as leaving it out
     "ros_master_uri": either("http://<host>:<port>", text("master-uri"), {"const": ""}),
@@ -207,10 +218,16 @@ STRICT: dict[str, Schema] = {
 LENIENT: dict[str, Schema] = {
     **STRICT,
     "str": {"type": ["string", "number"]},
-    "int": either("a whole number", {"type": "integer"}, {"type": "string", "pattern": "^-?[0-9]+$"}),
-    "float": either("a number", {"type": "number"}, {"type": "string", "pattern": r"^-?[0-9]+(\.[0-9]+)?$"}),
+    "int": numeral("a whole number", {"type": "integer"}, "^-?[0-9]+$"),
+    "float": numeral("a number", {"type": "number"}, r"^-?[0-9]+(\.[0-9]+)?$"),
     "bool": either("true or false", FLAG, {"enum": ["true", "false", "yes", "no", "on", "off", "1", "0", 1, 0]}),
 }
+# Of times in seconds.
+SECONDS: dict[str, Schema] = {
+    "int": numeral("a whole number, 0 or more", {"type": "integer", "minimum": 0}, "^[0-9]+$"),
+    "float": numeral("a number, 0 or more", number(0), r"^[0-9]+(\.[0-9]+)?$"),
+}
+TIMES = ("_timeout", "_seconds")
 
 
 @functools.cache
@@ -246,6 +263,8 @@ def _plain_schema(option: Option, path: str) -> Schema:
     if "choices" in option:
         return {"enum": list(option["choices"])}
     if kind != "dict":
+        if "." not in path and path.endswith(TIMES):
+            return SECONDS[kind]
         # YAML takes 007 for a number; a secret has to be written as the text it is
         return (STRICT if "." in path or option.get("no_log") else LENIENT)[kind]
     if "options" not in option:

@@ -88,8 +88,63 @@ def test_what_cannot_be_templated_is_named(tmp_path: Path) -> None:
 def test_the_order_of_errors_is_the_inventorys(tmp_path: Path) -> None:
     names = ["r3", "r1", "r2"]
     groups = {"edge": ["edge1"], "robots": names, "all": ["edge1", *names]}
-    result = run(tmp_path, {"groups": groups, "hosts": {name: {"robot_mode": "cloud"} for name in names}})
+    result = run(tmp_path, {"groups": groups, "hosts": {name: {"robot_mode": f"c{name}"} for name in names}})
     assert [error["path"] for error in result["errors"]] == [f"hosts.{name}.robot_mode" for name in names]
+
+
+def test_a_group_s_mistake_is_told_once(tmp_path: Path) -> None:
+    names = [f"r{number}" for number in range(1, 61)]
+    groups = {"edge": ["edge1"], "robots": names, "all": ["edge1", *names]}
+    apps = [{**table.GOOD_APP, "image": "example.org/talker"}, {**table.GOOD_APP, "name": "lidar", "placement": "moon"}]
+    result = run(tmp_path, {"groups": groups, "hosts": {name: {"ros_apps": apps} for name in names}})
+    (error,) = result["errors"]
+    assert (error["hosts"], error["app"]) == (names, "lidar")
+    (line,) = result["msg"].splitlines()[1:]
+    assert line.startswith("hosts.r1.ros_apps[1].placement: is 'moon'; allowed: local or remote")
+    assert line.endswith("(app lidar; so on r2, r3, r4, r5 and 55 more, too)")
+    assert len(result["warnings"]) == 1
+
+
+def test_one_machine_is_no_two_hosts(tmp_path: Path) -> None:
+    groups = {"edge": ["edge1"], "robots": ["r1", "r2", "r3"], "all": ["edge1", "r1", "r2", "r3"]}
+    same = {"ansible_host": "192.0.2.7"}
+    result = run(
+        tmp_path, {"groups": groups, "hosts": {"edge1": same, "r1": {**same, "ansible_port": 2201}, "r2": same}}
+    )
+    (error,) = result["errors"]
+    assert (error["path"], error["problem"]) == ("hosts.r2.ansible_host", "is 192.0.2.7 as that of edge1")
+    local = {**same, "ansible_connection": "local"}
+    assert run(tmp_path, {"groups": groups, "hosts": {"edge1": local, "r1": local, "r2": same}})["valid"]
+
+
+def test_waves_of_an_inventory_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fleet = {**GOOD, "hosts": {"robot1": {"update_waves": [1, "100%"]}}}
+    result = run(tmp_path, fleet)
+    assert "hosts.robot1.update_waves: has no effect in an inventory; allowed: -e '{" in result["msg"]
+    assert "robots" not in result
+    monkeypatch.setattr(fleet_config, "load_extra_vars", lambda _loader: {"update_waves": [1]})
+    assert run(tmp_path, fleet)["valid"]
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("persistant_storage", "persistent_storage"),
+        ("rosapps", "ros_apps"),
+        ("observabilty", "observability"),
+        ("node_label", "node_labels"),
+        ("robot_modes", "robot_mode"),
+        ("robot_model", ""),
+        ("ros_distro", ""),
+        ("ansible_host", ""),
+    ],
+)
+def test_near_misses_are_warned_of(name: str, meant: str, tmp_path: Path) -> None:
+    result = run(tmp_path, {**GOOD, "hosts": {"robot1": {name: "x"}}})
+    told = f"hosts.robot1.{name}: is no variable of this collection; did you mean {meant}?"
+    assert result["valid"]
+    assert (told in result["warnings"]) == bool(meant)
+    assert len(result["warnings"]) == bool(meant)
 
 
 def test_without_jsonschema_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -128,6 +128,19 @@ def test_what_must_pass(app: dict[str, Any], robot: dict[str, Any]) -> None:
     assert lines(report) == ""
 
 
+@pytest.mark.parametrize(
+    ("edge", "robot"),
+    [
+        ({"k3s_version": "v1.35.0+k3s1"}, {"k3s_version": "v1.34.2+k3s1"}),  # as an upgrade has it between its waves
+        ({"k3s_version": "v1.34.2+k3s1"}, {"k3s_version": "v1.35.0+k3s1", "robot_mode": "standalone"}),
+        ({"k3s_version": "v1.34.2+k3s1", "k3s_install_source": "airgap"}, {"k3s_version": "v1.35.0+k3s1"}),
+        ({}, {"k3s_version": "v1.35.0+k3s1"}),
+    ],
+)
+def test_versions_of_k3s_that_go_together_or_are_not_known_yet(edge: dict[str, Any], robot: dict[str, Any]) -> None:
+    assert lines(check_fleet({"groups": table.GROUPS, "hosts": {"edge1": edge, "robot1": robot}})) == ""
+
+
 def test_overlap_on_a_volume_of_one_node_depends_on_the_nodes() -> None:
     app = {"volumes": [{"name": "v", "shared": True}], "pattern": "pubsub"}
 
@@ -161,7 +174,7 @@ def test_overlap_on_a_volume_of_one_node_depends_on_the_nodes() -> None:
 def test_warnings(app: dict[str, Any], words: str) -> None:
     report = check(app)
     assert report.problems == []
-    assert any(words in warning for warning in report.warnings)
+    assert any(words in warning.line() for warning in report.warnings)
 
 
 def test_unused_volume_and_moving_master_image_are_warned_of() -> None:

@@ -7,12 +7,14 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import VALUE_ARGS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import all_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import schema_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import (
     FORMS,
     OWN,
+    VALUE,
     host_schema,
     needed,
     schema_of,
@@ -49,6 +51,12 @@ def test_every_format_is_known_and_used() -> None:
     used = formats(host_schema())
     assert used <= set(KNOWN)
     assert set(KNOWN) - used == {"robot-name", "host-name"}  # of the groups' hosts, which are no variables
+
+
+def test_what_messages_must_say_is_written_as_the_module_takes_it() -> None:
+    options = VALUE_ARGS["values"]["options"]
+    assert set(VALUE["properties"]) == set(options)
+    assert VALUE["required"] == [name for name, option in options.items() if option.get("required")]
 
 
 def wrong(name: str, value: Any) -> bool:

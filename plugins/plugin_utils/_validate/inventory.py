@@ -1,0 +1,74 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What stands in an inventory and does not do what it says: no role reads it there, or Ansible takes it otherwise."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import is_ours, variables_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
+
+NEAR = 0.9
+THEIRS = ("robot_model",)  # a name that an inventory is likely to have of its own
+SSH = ("", "ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh")
+WAVES, GIVEN = "update_waves", '-e \'{"update_waves": [1, "25%", "100%"]}\''
+
+HostVars = Mapping[str, Mapping[str, Any]]
+
+
+def inventory_problems(hostvars: HostVars, names: Iterable[str], given: Collection[str]) -> list[Problem]:
+    """Of these hosts; `given` are the names of what was given with `-e`."""
+    listed = list(names)
+    return [*_waves(hostvars, listed, given), *_addresses(hostvars, listed)]
+
+
+def near_misses(hostvars: HostVars, names: Iterable[str]) -> list[Problem]:
+    """Variables that hardly differ from one of ours. They may well be the inventory's own, so they are no errors."""
+    return [
+        Problem(f"hosts.{host}.{name}", f"is no variable of this collection; did you mean {near}?")
+        for host in names
+        for name in variables_of(hostvars, host)
+        if (near := _near(str(name)))
+    ]
+
+
+@functools.cache
+def _near(name: str) -> str:
+    if is_ours(name) or name in THEIRS or name.startswith("ansible_"):
+        return ""
+    return nearest_name(name, known_variables(), NEAR) or ""
+
+
+def _waves(hostvars: HostVars, names: list[str], given: Collection[str]) -> Iterator[Problem]:
+    """A play's waves are cut before any host's variables are there, so its canary would not be one."""
+    for host in names:
+        if WAVES in variables_of(hostvars, host) and WAVES not in given:
+            yield Problem(f"hosts.{host}.{WAVES}", "has no effect in an inventory", GIVEN)
+
+
+def _addresses(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:
+    """One machine would be two hosts, each undoing what is done to the other."""
+    first: dict[tuple[str, str], str] = {}
+    for host in names:
+        own = variables_of(hostvars, host)
+        address, port, connection = (_read(own, f"ansible_{key}") for key in ("host", "port", "connection"))
+        if not address or connection not in SSH:
+            continue
+        other = first.setdefault((address, port or "22"), host)
+        if other != host:
+            allowed = "an address of its own, or the ansible_port of its own behind one"
+            yield Problem(f"hosts.{host}.ansible_host", f"is {address} as that of {other}", allowed)
+
+
+def _read(own: Mapping[str, Any], name: str) -> str:
+    """What cannot be templated says so when somebody connects."""
+    try:
+        return str(own[name] or "") if name in own else ""
+    except Exception:  # the templar raises a dozen kinds
+        return ""
