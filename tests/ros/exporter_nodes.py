@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import faulthandler
 import json
+import signal
 import sys
 import threading
 import time
@@ -64,5 +66,6 @@ KINDS: dict[str, Callable[..., None]] = {function.__name__: function for functio
 
 if __name__ == "__main__":
     kind, name, path, *words = sys.argv[1:]
+    faulthandler.register(signal.SIGUSR2)  # a test that failed asks where the threads are
     rospy.init_node(name, disable_rosout=True)
     KINDS[kind](path, *words)

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import faulthandler
+import signal
 import sys
 import time
 
@@ -73,6 +75,7 @@ def caller(persistent: bool) -> None:
 
 def main() -> None:
     kind, name = sys.argv[1:3]
+    faulthandler.register(signal.SIGUSR2)  # a test that failed asks where the threads are
     rospy.init_node(name, disable_signals=False)
     if kind == "talker":
         talker(float(sys.argv[3]))

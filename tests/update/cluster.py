@@ -106,7 +106,7 @@ class Cluster:
         return found
 
     def last_words(self, robot: str, app: str) -> list[str]:
-        """How containers of the app's pods ended that were started again, and the last that they printed."""
+        """How containers of the app that were started again had ended: what they printed last, and the pods' events."""
         found = []
         for pod in self.pods(robot).get(app, []):
             if pod.ended:
@@ -116,8 +116,18 @@ class Cluster:
                     )
                 except client.ApiException as error:  # the container may be gone with its log
                     log = f"its log cannot be read: {error.reason}"
-                found.append(f"{pod.name} {pod.ended}: {log}")
+                found.append(f"{pod.name} {pod.ended}: {log}; {self._events(robot, pod.name)}")
         return found
+
+    def _events(self, robot: str, pod: str) -> str:
+        """What the kubelet says that it did with a pod: who ended a container stands nowhere else."""
+        try:
+            events = self._core.list_namespaced_event(
+                f"robot-{robot}", field_selector=f"involvedObject.name={pod}", _request_timeout=20
+            )
+        except client.ApiException as error:
+            return f"its events cannot be read: {error.reason}"
+        return "; ".join(f"{item.last_timestamp} {item.reason}: {item.message}" for item in events.items)
 
     def keeper_log(self, robot: str) -> str:
         """What the robot's keeper has printed."""
