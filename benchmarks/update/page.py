@@ -105,9 +105,10 @@ def _bars(trials: Trials) -> str:
         lines += [
             f"   * {item.verdict}: {item.text}" for item in findings if item.limit == limit and item.verdict != PASS
         ]
-    failed = [f"{item['app']}/{item['update']}, {item['arm']}, trial {item['trial']}: {item['problem']}"
+    failed = [f"* {item['app']}/{item['update']}, {item['arm']}, trial {item['trial']}: "
+              f"{item['problem'].splitlines()[0].rstrip(':')}"
               for item in trials.details if item.get("problem")]  # fmt: skip
-    return "\n".join([*lines, "", "Updates that did not come to their end: " + ("; ".join(failed) or "none") + "."])
+    return "\n".join([*lines, "", "Updates that did not come to their end:", "", *(failed or ["* none"])])
 
 
 def _percentiles(details: Iterable[Mapping[str, Any]]) -> str:
