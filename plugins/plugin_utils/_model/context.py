@@ -71,6 +71,31 @@ class HostPath:
 
 
 @dataclass(frozen=True)
+class File:
+    """A file in an app's container, by its path there: this text, or what a Secret has under a key.
+
+    The Secret is somebody else's; only its name is known here.
+    """
+
+    path: str
+    content: str = ""
+    secret: str = ""
+    key: str = ""
+    mode: str = "0644"
+
+
+@dataclass(frozen=True)
+class Port:
+    """A port of an app's container, and which one of the robot's host or of all hosts of the cluster leads there."""
+
+    name: str
+    port: int
+    protocol: str = "TCP"
+    host_port: int | None = None
+    node_port: int | None = None
+
+
+@dataclass(frozen=True)
 class Readiness:
     """When an app is ready. Topics, services and actions are options of the module ros_ready; times are in seconds."""
 
@@ -112,7 +137,9 @@ class App:
     node_name: str
     command: tuple[str, ...] = ()
     args: tuple[str, ...] = ()
-    env: Mapping[str, str] = field(default_factory=dict)
+    env: Mapping[str, str | Mapping[str, str]] = field(default_factory=dict)  # text, or Secret and key
+    files: tuple[File, ...] = ()
+    ports: tuple[Port, ...] = ()
     placement: str = "remote"
     scope: str = "robot"
     pattern: str | None = None
@@ -138,7 +165,8 @@ class App:
 
     def alone(self) -> list[str]:
         """Why two pods of it cannot be up at once, volumes aside."""
-        return unshared(self.devices, self.host_network, self.resources, self.overrides)
+        ports = [{"hostPort": port.host_port} for port in self.ports]
+        return unshared(self.devices, self.host_network, self.resources, [self.overrides, ports])
 
 
 @dataclass(frozen=True)
@@ -273,7 +301,7 @@ def said_namespace(app: App) -> str:
     """
     words = [found[1] for word in (*app.command, *app.args) for found in _NAMESPACE.finditer(word)]
     said = words[-1] if words else app.env.get("ROS_NAMESPACE", "")
-    return "/" + said.strip("/") if said else ""
+    return "/" + said.strip("/") if said and isinstance(said, str) else ""
 
 
 def graph_namespace(app: App, robot: Robot) -> str:
@@ -286,8 +314,10 @@ def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
     return resolve(app.node_name + suffix, graph_namespace(app, robot), "")
 
 
-def env_text(value: Any) -> str:
-    """An environment value as the text a container gets; YAML's booleans become true and false."""
+def env_value(value: Any) -> str | Mapping[str, str]:
+    """An environment value as the text a container gets, or where it is; YAML's booleans become true and false."""
+    if isinstance(value, Mapping):
+        return dict(value)
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
@@ -309,10 +339,12 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
         "handoff": given.get("handoff") or HANDOFF_BY_PATTERN[given.get("pattern")],
         "placement": given.get("placement") or ("local" if given.get("devices") else "remote"),
         "node_name": given.get("node_name") or names.ros_name(str(raw["name"])),
-        "env": {str(key): env_text(value) for key, value in (raw.get("env") or {}).items()},
+        "env": {str(key): env_value(value) for key, value in (raw.get("env") or {}).items()},
         "private_names": [str(name).lstrip("~") for name in given.get("private_names", ())],
         "depends_on": list(dict.fromkeys(given.get("depends_on", ()))),
         "volumes": [mount(item) for item in given.get("volumes", ())],
+        "files": [_file(item) for item in given.get("files", ())],
+        "ports": [Port(**_given(item)) for item in given.get("ports", ())],
         "host_paths": [
             HostPath(**{"mount_path": item["path"], **_given(item)}) for item in given.get("host_paths", ())
         ],
@@ -325,6 +357,12 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
     pairs = [(mount, volume) for mount in app.volumes for volume in volumes if mount.name == volume.name]
     alone = app.alone() or any(mount.alone(volume) for mount, volume in pairs)
     return replace(app, handoff="replace") if alone else app
+
+
+def _file(raw: Mapping[str, Any]) -> File:
+    """A Secret's key is named as the file, unless it is said."""
+    key = {"key": raw["path"].rpartition("/")[2]} if raw.get("secret") else {}
+    return File(**{**key, **_given(raw)})
 
 
 def _readiness(raw: Mapping[str, Any]) -> Readiness:
@@ -347,6 +385,8 @@ def _master(raw: Mapping[str, Any]) -> Master:
 def _app_from_dict(value: Mapping[str, Any]) -> App:
     given = {
         "volumes": [Mount(**item) for item in value["volumes"]],
+        "files": [File(**item) for item in value["files"]],
+        "ports": [Port(**item) for item in value["ports"]],
         "host_paths": [HostPath(**item) for item in value["host_paths"]],
         "readiness": Readiness(**_tuples(value["readiness"])),
         "update": UpdateSettings(**_tuples(value["update"])),

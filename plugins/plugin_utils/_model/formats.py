@@ -174,6 +174,12 @@ FORMS: dict[str, Form] = {
     "master-uri": Form(master_uri, "http://<host>:<port>"),
     "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),
     "host-path": Form(safe_host_path, HOST_PATHS),
+    "port-name": Form(
+        _matching(r"(?=.*[a-z])[a-z0-9]+(?:-[a-z0-9]+)*", 15),
+        "at most 15 lower-case letters, digits and dashes, a letter among them",
+    ),
+    "secret-key": Form(_matching(r"[-\w.]+", 253), "letters, digits, -, _ and ."),
+    "file-mode": Form(_matching(r"0[0-7]{3}"), 'four octal digits in quotes, such as "0644"'),
     "mount-path": Form(clean_path, "an absolute path other than /, without '..', ':' or blanks"),
     "retention": Form(
         _matching(r"(?:[0-9]+(?:ms|[smhdwy]))+"), "a duration as Prometheus writes it, such as 10s, 24h, 7d or 1w2d"

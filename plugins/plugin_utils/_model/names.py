@@ -15,6 +15,7 @@ LABEL_ROBOT = "rosops.fleet/robot"
 LABEL_APP = "rosops.fleet/app"
 LABEL_REVISION = "rosops.fleet/revision"
 LABEL_PLACEMENT = "deploymentType"
+LABEL_FILES = "rosops.fleet/files"  # on a ConfigMap of an app's files: the app. No version changes it
 LABEL_KEPT = "rosops.fleet/kept"  # on a ConfigMap of the namespace `fleet`: the shared master's keeper watches over
 # the namespace of that name
 ANNOTATION_HASH = "rosops.fleet/spec-hash"
@@ -49,6 +50,11 @@ def claim_name(volume: str) -> str:
 def update_name(app: str) -> str:
     """The ConfigMap that keeps an app's contract and its earlier versions."""
     return f"{app}-update"
+
+
+def files_name(app: str, revision: str) -> str:
+    """The ConfigMap of an app's files with this content."""
+    return f"{app}-files-{revision}"
 
 
 def default_mount_path(volume: str) -> str:

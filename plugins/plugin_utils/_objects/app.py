@@ -26,6 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
     variable,
     workload,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_volumes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
     app_probes,
     code_mount,
@@ -34,6 +35,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code imp
     exec_command,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import container_ports
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import APPS, harden
 
 REVISION_LENGTH = 8
@@ -110,6 +112,8 @@ def _container(app: App, robot: Robot) -> Object:
         container["command"] = list(app.command)
     if app.args:
         container["args"] = list(app.args)
+    if app.ports:
+        container["ports"] = container_ports(app)
     if app.resources:
         container["resources"] = dict(app.resources)
     mounts = [target for _source, target in _volumes(app)]
@@ -140,16 +144,23 @@ def _environment(app: App, robot: Robot) -> list[Object]:
         settings = json.dumps(app_settings(app, robot), sort_keys=True)
         found.append(variable(names.SETTINGS_ENV, settings.replace("$", "$$")))  # $(NAME) is Kubernetes' own
         found.append(field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']"))
-    found += [variable(key, value) for key, value in app.env.items()]
+    found += [_said(key, value) for key, value in app.env.items()]
     return list({item["name"]: item for item in found}.values())
 
 
+def _said(key: str, value: str | Mapping[str, str]) -> Object:
+    if isinstance(value, str):
+        return variable(key, value)
+    return {"name": key, "valueFrom": {"secretKeyRef": {"name": value["secret"], "key": value["key"]}}}
+
+
 def _volumes(app: App) -> list[tuple[Object, Object]]:
-    """Pairs of a pod's volume and the container's mount of it: claims, devices, host paths, the collection's code."""
+    """Pairs of a pod's volume and the container's mount of it: claims, files, devices, host paths, our own code."""
     pairs: list[tuple[Object, Object]] = []
     for volume in app.volumes:
         source = {"persistentVolumeClaim": {"claimName": names.claim_name(volume.name)}}
         pairs.append(({"name": volume.name, **source}, mount(volume.name, volume.mount_path, volume.read_only)))
+    pairs += file_volumes(app)
     for number, device in enumerate(app.devices):
         name, path = f"device-{number}", device.rstrip("/")
         kind = "Directory" if device.endswith("/") else "CharDevice"

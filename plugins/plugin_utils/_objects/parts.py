@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
@@ -20,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
     pull_secret_objects,
     storage_objects,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
 
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
 
@@ -40,7 +42,9 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 def ground_objects(
     robot: Robot, parts: Collection[str], pull_secrets: Sequence[Mapping[str, Any]], code: Mapping[str, str]
 ) -> list[Object]:
-    """What the pods stand on, and what changes without any of them: namespace, Secrets, claims, the code in the pods.
+    """What the pods stand on, and what changes without any of them.
+
+    These are namespace, Secrets, claims, the code in the pods, the files of versions to come, and apps' Services.
 
     `pull_secrets` are the items of robot_namespace_pull_secrets, `code` is file name -> content.
     """
@@ -53,6 +57,8 @@ def ground_objects(
         found += storage_objects(robot)
     if MASTER in parts or APPS in parts:
         found += code_maps(robot, code)
+    if APPS in parts:
+        found += [*file_maps(robot), *port_services(robot)]
     return found
 
 

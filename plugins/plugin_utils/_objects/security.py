@@ -54,6 +54,7 @@ def more_than_baseline(app: App) -> str:
         "devices": app.devices,
         "host_paths": app.host_paths,
         "host_network": app.host_network,
+        "host_port": [port for port in app.ports if port.host_port],
     }
     return ", ".join(key for key, value in asked.items() if value)
 

@@ -33,7 +33,7 @@ from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, namespace_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
@@ -41,14 +41,17 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UNCHANGED,
     UPDATED,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import removed_claims
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import READY, ground_objects, workload_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.gated import Gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL, claim_users, with_install
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.installing import Installing, all_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, robot_outcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step, update_plan, wanted_deployments
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import Key, files_owner, key_of, unused
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import local_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Turn
@@ -170,6 +173,7 @@ class Engine(Turn):
                 break
         else:
             self._remove(gone)
+            self._tidy(gated)
         self.tell()
 
     def _tell_first(self) -> None:
@@ -233,6 +237,26 @@ class Engine(Turn):
                 raise
             # a new keeper has nobody to ask: it waits for a master that answers
             self.plan = replace(self.plan, steps=[*mending, *(step for step in self.plan.steps if step not in mending)])
+
+    def _tidy(self, gated: Sequence[Step]) -> None:
+        """What apps had before: their files, when nobody goes back to them any more, and their Services.
+
+        What is left because of an error the next update finds.
+        """
+        apps = {key_of(item) for step in gated for item in step.workloads} & self._own_apps()
+        before = {*map(files_owner, self.live.maps), *map(key_of, self.live.services)}
+        if not apps & before:  # most have none
+            return
+        wanted = [*file_maps(self.robot), *port_services(self.robot)]
+        try:
+            gone = self.cluster.delete(unused(self.read(), apps, wanted), self.check)
+            self.changes += [done for done in gone if done.changed]
+        except FleetError as error:
+            self.say(f"what earlier versions had is still there: {error}")
+
+    def _own_apps(self) -> set[Key]:
+        """Namespace and name; the master and its keeper have Services of their own."""
+        return {(namespace_of(app, self.robot), app.name) for app in self.robot.apps}
 
     def _remove(self, claims: Sequence[Object]) -> None:
         """The claims, with their data; none of them while something runs that mounts it."""

@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 HISTORY_KEY = "history.json"
 CONTRACT_KEY = "contract.json"
@@ -35,6 +35,29 @@ def _read(maps: Iterable[Object], key: str, empty: str) -> dict[str, Any]:
         for item in maps
         if names.LABEL_APP in (item["metadata"].get("labels") or {})
     }
+
+
+def files_owner(item: Object) -> Key:
+    """The app whose files a ConfigMap holds; without a name where it is another one."""
+    return key_of(item)[0], (item["metadata"].get("labels") or {}).get(names.LABEL_FILES, "")
+
+
+def unused(live: Live, apps: Collection[Key], wanted: Iterable[Object]) -> list[Object]:
+    """What these apps had and have no more: Services, and ConfigMaps of files that no version mounts.
+
+    A version is one that is there, one that is kept for the way back, or the one that is wanted.
+    """
+    there = [entry["deployment"] for entries in read_histories(live.maps).values() for entry in entries]
+    mounted = {
+        (key_of(item)[0], volume["configMap"]["name"])
+        for item in [*live.deployments, *there]
+        for volume in item["spec"]["template"]["spec"].get("volumes") or []
+        if "configMap" in volume
+    }
+    used = {key_of(item) for item in wanted}
+    maps = [item for item in live.maps if files_owner(item) in apps and key_of(item) not in used | mounted]
+    services = [item for item in live.services if key_of(item) in apps and key_of(item) not in used]
+    return [identity(item) for item in [*maps, *services]]
 
 
 def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:

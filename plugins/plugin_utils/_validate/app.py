@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import res
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import moving_tag, quantity_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
@@ -26,6 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import
 Raw = Mapping[str, Any]
 Check = Callable[[App, Raw, Draft, str], Iterator[Problem]]
 
+FILES_BYTES = 900_000  # the API takes no object above a megabyte (kubernetes.io, ConfigMap)
 _MASTER = re.compile(r"(?:^|[\s/;&|(])(?:roscore|rosmaster)(?:$|[\s;&|)])")
 _SHELLS = ("sh", "bash", "dash")
 # What a `sh -c` script reads the appended ROS node name from.
@@ -187,11 +188,45 @@ def _volumes(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
         seen.add(name)
 
 
+def _files(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    form = FORMS["secret-key"]
+    for index, (given, item) in enumerate(zip(raw.get("files") or (), app.files, strict=True)):
+        where = join_path(path, "files", index)
+        if ("content" in given) == ("secret" in given):
+            found = "has both content and secret" if item.secret else "has neither content nor secret"
+            yield Problem(where, found, "content with the file's text, or the name of a secret that is there")
+        if "key" in given and not item.secret:
+            yield Problem(f"{where}.key", "has no effect without secret", "leave it out")
+        elif item.secret and not form.test(item.key):
+            yield Problem(f"{where}.key", f"is missing, and {item.key} is no key of a Secret", form.allowed)
+    size = sum(len(item.content.encode()) for item in app.files)
+    if size > FILES_BYTES:
+        allowed = f"at most {FILES_BYTES} bytes in one app; larger ones belong into its image or on a volume"
+        yield Problem(f"{path}.files", f"hold {size} bytes", allowed)
+
+
+def _ports(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    for index, port in enumerate(app.ports):
+        where, before = join_path(path, "ports", index), app.ports[:index]
+        if port.name in [one.name for one in before]:
+            yield Problem(f"{where}.name", f"is {port.name} for the second time", "a name of its own")
+        if (port.port, port.protocol) in [(one.port, one.protocol) for one in before]:
+            yield Problem(f"{where}.port", f"is {port.port} for the second time", "each port once per app")
+        if port.host_port and app.placement == "remote":
+            default = "" if "placement" in raw else " (the default)"
+            found = f"is one edge host's, and placement is remote{default}, so nobody knows whose"
+            yield Problem(f"{where}.host_port", found, "node_port, which every host has, or placement: local")
+        if port.host_port and app.host_network:
+            found = f"has no effect, as host_network gives it the host's port {port.port}"
+            yield Problem(f"{where}.host_port", found, "leave it out")
+
+
 def _mounts(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Kubernetes refuses two mounts at one path, long after validation."""
     places: dict[str, str] = {names.CODE_DIR: "the collection's own code"} if app.hooks else {}
     for key, field, targets in (
         ("volumes", "mount_path", [mount.mount_path for mount in app.volumes]),
+        ("files", "path", [item.path for item in app.files]),
         ("devices", "", app.devices),
         ("host_paths", "mount_path", [mount.mount_path for mount in app.host_paths]),
     ):
@@ -219,6 +254,9 @@ def _environment(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Prob
         if key in app.env:
             reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
             yield Problem(f"{path}.env.{key}", reason, "leave it out")
+    if isinstance(app.env.get("ROS_NAMESPACE"), Mapping):
+        found = "is in a Secret, so that nobody knows where its node is"
+        yield Problem(f"{path}.env.ROS_NAMESPACE", found, "the namespace as a text")
 
 
 def _readiness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
@@ -264,6 +302,8 @@ CHECKS: tuple[Check, ...] = (
     _scope,
     _grace,
     _volumes,
+    _files,
+    _ports,
     _mounts,
     _resources,
     _environment,

@@ -27,6 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observabili
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
     fleet_app_problems,
     master_problems,
+    port_problems,
     robot_problems,
     robot_warnings,
 )
@@ -74,7 +75,7 @@ def check_fleet(given: Any) -> Report:
             warnings += app_warnings(app, raw, path)
         problems += master_problems(item, hosts.get(item.robot.name, {}))
         warnings += robot_warnings(item)
-    problems += fleet_app_problems(drafts)
+    problems += [*fleet_app_problems(drafts), *port_problems(drafts)]
     problems = unique(problems)
     fleet = None if problems else _fleet(groups, hosts, drafts)
     return Report(problems, unique(warnings), fleet)

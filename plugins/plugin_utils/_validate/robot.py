@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Master, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import plain_keeper
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import plain_master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import more_than_baseline
@@ -186,6 +187,27 @@ def master_problems(draft: Draft, variables: Mapping[str, Any]) -> list[Problem]
         path = f"{base}.ros_master_keeper_overrides"
         problems += override_problems(plain_keeper(robot), master.keeper_overrides, names.KEEPER_NAME, path)
     return problems
+
+
+def port_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
+    """A port of a host or of all hosts of a cluster leads to one app."""
+    taken: dict[tuple[str, str, int, str], tuple[str, str]] = {}
+    for draft in drafts:
+        robot = draft.robot
+        cluster = robot.name if robot.mode == "standalone" else EDGE_CLUSTER
+        for path, app, _raw in draft.apps():
+            for index, port in enumerate(app.ports):
+                where = join_path(path, "ports", index)
+                # the fleet's one app comes out of every robot's variables
+                owner = f"{app.name} {index}" if app.scope == "fleet" else where
+                for key, place, number in (
+                    ("host_port", robot.name, port.host_port),
+                    ("node_port", cluster, port.node_port),
+                ):
+                    if number:
+                        other = taken.setdefault((key, place, number, port.protocol), (owner, where))
+                        if other[0] != owner:
+                            yield Problem(f"{where}.{key}", f"is {number} as that of {other[1]}", f"a {key} of its own")
 
 
 def fleet_app_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:

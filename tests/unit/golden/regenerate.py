@@ -22,6 +22,7 @@ if __name__ == "__main__":  # pytest's conftest.py has done this already
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (  # noqa: E402
@@ -29,6 +30,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
     pull_secret_objects,
     storage_objects,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services  # noqa: E402
 
 
 def built(case: dict[str, Any]) -> dict[str, Any]:
@@ -40,6 +42,8 @@ def built(case: dict[str, Any]) -> dict[str, Any]:
             *pull_secret_objects(robot, case["variables"].get("robot_namespace_pull_secrets", [])),
             *storage_objects(robot),
             *master_objects(robot),
+            *file_maps(robot),
+            *port_services(robot),
             *app_objects(robot, CODE),
         ],
         "conditions": graph_conditions(robot),

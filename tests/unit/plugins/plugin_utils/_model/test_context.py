@@ -13,7 +13,9 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import (
     App,
+    File,
     Master,
+    Port,
     Robot,
     UpdateSettings,
     Volume,
@@ -39,7 +41,10 @@ def test_every_field_survives() -> None:
     """Each one away from its default, so that none can be lost and filled in again."""
     made = robot(
         {
-            **APP, "handoff": "replace", "node_name": "n", "command": ["c"], "args": ["a"], "env": {"A": True, "B": 1},
+            **APP, "handoff": "replace", "node_name": "n", "command": ["c"], "args": ["a"],
+            "env": {"A": True, "B": 1, "C": {"secret": "s", "key": "k"}},
+            "ports": [{"name": "web", "port": 80, "protocol": "UDP", "host_port": 81, "node_port": 30080}],
+            "files": [{"path": "/etc/a", "secret": "s", "mode": "0600"}, {"path": "/etc/b", "content": "b"}],
             "placement": "local", "scope": "fleet", "pattern": "service", "private_names": ["~p"],
             "volumes": [{"name": "v", "mount_path": "/m", "read_only": True}], "hooks": False,
             "readiness": {
@@ -74,7 +79,9 @@ def test_every_field_survives() -> None:
         for field in dataclasses.fields(item):
             assert getattr(item, field.name) != field.default, field.name
     assert made.apps[0].depends_on == ("o",)
-    assert made.apps[0].env == {"A": "true", "B": "1"}
+    assert made.apps[0].env == {"A": "true", "B": "1", "C": {"secret": "s", "key": "k"}}
+    assert made.apps[0].ports == (Port("web", 80, "UDP", 81, 30080),)
+    assert made.apps[0].files == (File("/etc/a", "", "s", "a", "0600"), File("/etc/b", "b"))
     assert "hush" not in json.dumps(fact)
 
 

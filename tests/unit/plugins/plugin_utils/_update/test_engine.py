@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import HISTORY_KEPT
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     MATRIX,
     OLD,
@@ -130,3 +131,46 @@ def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image
     assert f"Service {name} is gone or was changed by hand" in sim.said
     assert sim.engine.live.service_uri(name)  # what is held back, is held there
     assert outcome_of(sim, wanted).outcome == "unchanged"
+
+
+def services_of(sim: Simulation) -> list[str]:
+    return sorted(name for kind, _namespace, name in sim.objects if kind == "Service")
+
+
+def test_a_service_comes_with_ports_and_goes_with_them() -> None:
+    def with_ports(*numbers: int) -> Robot:
+        ports = [{"name": f"p{number}", "port": number} for number in numbers]
+        return robot(app("sensor", OLD, placement="local", ports=ports))
+
+    sim = Simulation()
+    sim.install(with_ports())
+    before = services_of(sim)
+    for numbers, more in (((80,), ["sensor"]), ((80, 81), ["sensor"]), ((), [])):
+        assert outcome_of(sim, with_ports(*numbers), check=True).outcome == "updated"
+        assert outcome_of(sim, with_ports(*numbers)).outcome == "updated"
+        assert services_of(sim) == sorted([*before, *more])
+        assert outcome_of(sim, with_ports(*numbers)).outcome == "unchanged"
+
+
+def with_file(content: str) -> Robot:
+    files = [{"path": "/etc/sensor.yaml", "content": content}]
+    return robot(app("sensor", OLD, placement="local", files=files))
+
+
+def file_maps_of(sim: Simulation) -> list[str]:
+    """What is in them."""
+    maps = [item for key, item in sim.objects.items() if key[0] == "ConfigMap" and key[2].startswith("sensor-files-")]
+    return [text for item in maps for text in item["data"].values()]
+
+
+def test_files_are_a_version_s_and_are_kept_for_as_long_as_its_way_back() -> None:
+    sim = Simulation()
+    sim.install(with_file("0"))
+    versions = [str(number) for number in range(1, HISTORY_KEPT + 4)]
+    for content in versions:
+        assert outcome_of(sim, with_file(content), check=True).outcome == "updated"
+        assert outcome_of(sim, with_file(content)).outcome == "updated"
+    assert sorted(file_maps_of(sim)) == versions[-HISTORY_KEPT - 1 :]
+    assert outcome_of(sim, with_file(versions[-1])).outcome == "unchanged"
+    assert outcome_of(sim, with_file(versions[-1]), request=Request(to="previous")).outcome == "updated"
+    assert sorted(file_maps_of(sim)) == versions[-HISTORY_KEPT:]

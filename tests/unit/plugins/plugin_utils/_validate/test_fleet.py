@@ -293,6 +293,9 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         ),
         ("device", ["/dev/ttyUSB0", "/dev/bus/usb/"], ["/dev", "/dev/..", "/devices", "dev/x", "/dev/mem"]),
         ("mount-path", ["/a", "/a/b/"], ["", "/", "a", "/a:b", "/a/../b", "/a b"]),
+        ("port-name", ["web", "a1", "9a", "a-b", "a" * 15], ["", "9", "a" * 16, "a--b", "-a", "A"]),
+        ("secret-key", ["a", "A.b-c_d", ".x"], ["", "a b", "a/b", "a" * 254]),
+        ("file-mode", ["0644", "0755"], ["", "644", "0888", "07777"]),
         (
             "master-uri",
             ["http://a:1", "http://1.2.3.4:11311/"],

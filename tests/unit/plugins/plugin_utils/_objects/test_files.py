@@ -1,0 +1,77 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of the inventory and values of Secrets in an app's container."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import kubernetes_validate
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, MASTER, ground_objects
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+APP = {"name": "arm", "image": "example.org/arm:1.0", "command": ["run"], "hooks": False}
+
+
+def made(*files: dict[str, Any], **more: Any) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The ConfigMaps, and the Deployment's pod template."""
+    one = robot({**APP, "files": files, **more}, master={"mode": "shared"})
+    (deployment,) = app_objects(one)
+    for item in (*file_maps(one), deployment):
+        kubernetes_validate.validate(item, "1.34", strict=True)
+    return file_maps(one), deployment["spec"]["template"]
+
+
+def test_a_file_is_where_the_app_looks_for_it() -> None:
+    (held,), template = made(
+        {"path": "/etc/arm/params.yaml", "content": "speed: 1\n"},
+        {"path": "/etc/arm/key", "secret": "arm-2", "mode": "0400"},
+        {"path": "/opt/start", "secret": "arm-2", "key": "start.sh", "mode": "0755"},
+    )
+    assert held["data"] == {"file-0": "speed: 1\n"}
+    assert held["immutable"] is True
+    name = held["metadata"]["name"]
+    item, secret = {"key": "file-0", "path": "file-0"}, {"key": "key", "path": "file-1"}
+    assert template["spec"]["volumes"] == [
+        {"name": "file-0", "configMap": {"name": name, "items": [item], "defaultMode": 0o644}},
+        {"name": "file-1", "secret": {"secretName": "arm-2", "items": [secret], "defaultMode": 0o400}},
+        {
+            "name": "file-2",
+            "secret": {"secretName": "arm-2", "items": [{"key": "start.sh", "path": "file-2"}], "defaultMode": 0o755},
+        },
+    ]
+    assert template["spec"]["containers"][0]["volumeMounts"] == [
+        {"name": f"file-{number}", "mountPath": path, "readOnly": True, "subPath": f"file-{number}"}
+        for number, path in enumerate(("/etc/arm/params.yaml", "/etc/arm/key", "/opt/start"))
+    ]
+
+
+def test_another_content_is_another_map_and_another_revision() -> None:
+    (one,), first = made({"path": "/p", "content": "a"})
+    (two,), second = made({"path": "/p", "content": "b"})
+    (again,), third = made({"path": "/p", "content": "a"})
+    assert (one, first) == (again, third)
+    assert one["metadata"]["name"] != two["metadata"]["name"]
+    assert first["metadata"]["labels"] != second["metadata"]["labels"]
+    assert made({"path": "/p", "content": "a", "mode": "0755"})[1] != first
+
+
+def test_maps_are_where_their_pods_are_and_come_before_them() -> None:
+    files = [{"path": "/p", "content": "a"}]
+    one = robot({**APP, "files": files, "scope": "fleet"}, {**APP, "name": "eye"}, master={"mode": "shared"})
+    (held,) = file_maps(one)
+    assert held["metadata"]["namespace"] == "fleet"
+    assert "rosops.fleet/robot" not in held["metadata"]["labels"]
+    assert held in ground_objects(one, [APPS], (), {})
+    assert held not in ground_objects(one, [MASTER], (), {})
+    assert made({"path": "/p", "secret": "s"})[0] == []
+
+
+def test_a_variable_may_be_in_a_secret() -> None:
+    _maps, template = made(env={"TOKEN": {"secret": "arm", "key": "token"}, "SPEED": 1})
+    assert template["spec"]["containers"][0]["env"][-3:-1] == [
+        {"name": "TOKEN", "valueFrom": {"secretKeyRef": {"name": "arm", "key": "token"}}},
+        {"name": "SPEED", "value": "1"},
+    ]
