@@ -47,7 +47,7 @@ def blocks() -> Iterator[Block]:
         last = 0
         for start in starts:
             if start >= last:
-                last = next(n for n, line in enumerate([*lines, "end"]) if n > start and line[:4].strip())
+                last = start + next((n for n, line in enumerate(lines[start:]) if line[:4].strip()), len(lines) - start)
                 text = textwrap.dedent("\n".join(lines[start:last])).rstrip() + "\n"
                 yield Block(f"{page.relative_to(CHECKOUT)}:{start}", text)
 
