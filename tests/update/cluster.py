@@ -15,6 +15,7 @@ from typing import Any
 
 import evidence
 from kubernetes import client, config
+from kubernetes.stream import stream
 from runs import CHECKOUT, wait_until
 
 LAB = CHECKOUT / "tests" / "lab" / "lab"
@@ -140,6 +141,21 @@ class Cluster:
         data = self._core.read_namespaced_config_map(*where, _request_timeout=20).data
         changed = {name: f"{text}# of another release\n" for name, text in data.items() if name.endswith(".py")}
         self._core.patch_namespaced_config_map(*where, {"data": changed}, _request_timeout=20)
+
+    def execute(self, robot: str, pod: str, *command: str) -> str:
+        """What a command prints in the pod's app container."""
+        call, where = self._core.connect_get_namespaced_pod_exec, (pod, f"robot-{robot}")
+        said = stream(call, *where, container="ros-app", command=[*command], stdout=True, stderr=True)
+        return str(said)
+
+    def behind(self, robot: str, service: str) -> dict[str, list[str]]:
+        """The ports of a Service, and the names of the pods behind it."""
+        found = self._core.read_namespaced_endpoints(service, f"robot-{robot}", _request_timeout=20).subsets or []
+        return {
+            f"{port.name}:{port.port}": sorted(address.target_ref.name for address in subset.addresses or [])
+            for subset in found
+            for port in subset.ports
+        }
 
     def delete_pod(self, robot: str, app: str) -> None:
         """As `kubectl delete pod` does."""

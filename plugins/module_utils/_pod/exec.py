@@ -1,13 +1,13 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The app's own command, begun once its master can be reached: `run.py exec [--after NODE] COMMAND...`.
+"""The app's own command, begun once its master can be reached: `run.py exec [--after NODE] [COMMAND...]`.
 
 A pod may be faster than its host with the Service of a new master. The kernel then tracks the first connection without
 the Service's translation, and all that it repeats of it, too: a node whose first look-up meets that moment hangs for
 127 s (tcp_syn_retries of tcp(7)). So it is looked with connections that are each a new one, and only then the process
 becomes the app's. A master that is away for long is the app's own business. `--after`: nor before another process of
-this node's name has ended (`namesake.py`).
+this node's name has ended (`namesake.py`). Without a command it ends when that could begin (`sidecar.py`).
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def wait(
 
 
 def main(words: list[str]) -> int:
-    """Does not return if the command can be started."""
-    node, words = (words[1], words[2:]) if words[0] == AFTER else ("", words)
+    """Does not return if there is a command that can be started."""
+    node, words = (words[1], words[2:]) if words[:1] == [AFTER] else ("", words)
     signal.signal(signal.SIGTERM, lambda *_: os._exit(STOPPED))  # the first process of a container is deaf to it
     try:
         address = address_of(os.environ)
@@ -74,7 +74,9 @@ def main(words: list[str]) -> int:
     elif address[0] and node:
         from .namesake import wait as wait_for_namesake  # noqa: PLC0415 - it takes longer to load than all else here
 
-        wait_for_namesake(node, words[0])
+        wait_for_namesake(node, *words[:1])
+    if not words:
+        return 0
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # Python ignores it, and a process inherits that
     try:

@@ -72,7 +72,7 @@ def outlasts(host: str, port: int) -> bool:
     return True
 
 
-def wait(node: str, command: str) -> None:
+def wait(node: str, command: str = "") -> None:
     """As the pod's environment says. A command that is not there shows at once, not when the old version has gone."""
-    if shutil.which(command):
+    if not command or shutil.which(command):
         wait_for_its_end(os.environ["ROS_MASTER_URI"], node, os.environ.get("ROS_IP", ""))

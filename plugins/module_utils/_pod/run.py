@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The entry of what runs in pods, there as `run.py`: `python3 run.py exec|started|stop|keeper|exporter`.
+"""The entry of what runs in pods, there as `run.py`: `python3 run.py exec|started|stop|sidecar|keeper|exporter`.
 
 Nothing more than the way to the command's own module, because a script, unlike a module, is compiled at every start.
 """
@@ -20,6 +20,7 @@ COMMANDS = {
     "exec": "_pod.exec",
     "started": "_pod.started",
     "stop": "_pod.stop",
+    "sidecar": "_pod.sidecar",
     "keeper": "_pod.keeper_main",
     "exporter": "_exporter.main",
 }

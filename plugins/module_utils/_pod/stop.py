@@ -29,6 +29,7 @@ FINDING = 8  # calls of whoever hangs that fit into the stop's time while the no
 LEAST = 0.05  # s for a call when the time is over: a node that answers does so within that
 HOLD = 300.0  # for the next server to come: goals are held so long
 CALL_TICK = 0.05
+LOG = "/proc/1/fd/1"  # of the container
 
 Hold = Callable[[str, str, float, float], str]  # action, server, seconds to hold, seconds to answer -> why not
 
@@ -226,7 +227,9 @@ def tell(line: str) -> None:
     if "ROSOPS_REVISION" not in os.environ:
         return  # no pod of ours, and its process 1 is somebody else's
     try:
-        with open("/proc/1/fd/1", "w", encoding="utf-8") as log:  # noqa: PTH123 - not a path of a file system
+        if os.path.samefile("/proc/self/fd/1", LOG):  # noqa: PTH121 - not a path of a file system
+            return
+        with open(LOG, "w", encoding="utf-8") as log:  # noqa: PTH123 - nor is that
             log.write(f"{line}\n")
     except OSError:
         pass

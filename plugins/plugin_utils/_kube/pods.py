@@ -78,12 +78,21 @@ def is_ready(pod: Mapping[str, Any]) -> bool:
 
 
 def is_up(pod: Mapping[str, Any]) -> bool:
-    """One of its containers runs, so that its probes may have something to say."""
-    statuses = (pod.get("status") or {}).get("containerStatuses") or []
+    """One of its containers runs, a sidecar too, so that its probes may have something to say."""
+    status = pod.get("status") or {}
+    beside = [item for item in status.get("initContainerStatuses") or [] if item.get("name") in sidecars(pod)]
+    statuses = [*(status.get("containerStatuses") or []), *beside]
     return not is_terminating(pod) and any("running" in (item.get("state") or {}) for item in statuses)
 
 
-def _containers(pod: Mapping[str, Any]) -> Iterator[Object]:
+def sidecars(pod: Mapping[str, Any]) -> list[str]:
+    """Names of the init containers that stay (KEP-753)."""
+    found = (pod.get("spec") or {}).get("initContainers") or []
+    return [str(item["name"]) for item in found if item.get("restartPolicy") == "Always"]
+
+
+def containers(pod: Mapping[str, Any]) -> Iterator[Object]:
+    """What its status says of each, of init containers first."""
     status = pod.get("status") or {}
     for key in ("initContainerStatuses", "containerStatuses"):
         yield from status.get(key) or []
@@ -137,7 +146,7 @@ def trouble(pod: Mapping[str, Any], crashes: bool = True) -> Verdict | None:
         return None
     who = f"pod {name_of(pod)}"
     suspect: Verdict | None = None
-    for container in _containers(pod):
+    for container in containers(pod):
         if not crashes and _state(container, "waiting").get("reason") == CRASH_LOOP:
             continue
         found = _container_trouble(container, f"{who}, container {container.get('name', '?')}")
@@ -155,12 +164,12 @@ def trouble(pod: Mapping[str, Any], crashes: bool = True) -> Verdict | None:
 
 def restarts(pod: Mapping[str, Any]) -> dict[str, int]:
     """How often each of its containers was started again."""
-    return {str(item.get("name", "?")): int(item.get("restartCount") or 0) for item in _containers(pod)}
+    return {str(item.get("name", "?")): int(item.get("restartCount") or 0) for item in containers(pod)}
 
 
 def error_end(pod: Mapping[str, Any], before: Mapping[str, int]) -> Verdict | None:
     """A failure for a container that ended with an error even once, beyond the restarts that it had `before`."""
-    for container in _containers(pod):
+    for container in containers(pod):
         name = str(container.get("name", "?"))
         again = int(container.get("restartCount") or 0)
         last = dict((container.get("lastState") or {}).get("terminated") or {}) if again > before.get(name, 0) else {}
@@ -183,7 +192,7 @@ def why_not_ready(pod: Mapping[str, Any]) -> str:
     scheduled = condition(pod, "PodScheduled")
     if scheduled.get("status") != "True" and not (pod.get("spec") or {}).get("nodeName"):
         return _words(f"{who} is not scheduled yet", str(scheduled.get("message") or ""))
-    for container in _containers(pod):
+    for container in containers(pod):
         where = f"{who}, container {container.get('name', '?')}"
         waiting, ended = _state(container, "waiting"), _state(container, "terminated")
         if waiting:
@@ -216,7 +225,7 @@ def judge_pod(pod: Mapping[str, Any]) -> Verdict:
     if phase == "Succeeded":
         return Verdict(PASS, "succeeded")
     if phase == "Failed":
-        ends = [_exit(ended) for ended in (_state(item, "terminated") for item in _containers(pod)) if ended]
+        ends = [_exit(ended) for ended in (_state(item, "terminated") for item in containers(pod)) if ended]
         why = _words(str(status.get("reason") or ""), str(status.get("message") or ""), "; ".join(ends))
         return Verdict(FAIL, _words(f"pod {name_of(pod)} failed", why))
     if is_ready(pod):

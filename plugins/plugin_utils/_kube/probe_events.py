@@ -3,8 +3,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a pod's probes say: the status tells that a container is not ready, only the kubelet's events tell why.
 
-A probe of this collection starts its line with `cannot become ready: ` where waiting cannot mend it. Events are listed
-only while they can say something new, and seldom: the API server answers a list of events from all that it has.
+A probe of this collection starts its line with `cannot become ready: ` where waiting cannot mend it. Of a probe by HTTP
+the kubelet tells no more than the status, so what a sidecar with our hooks has to say stands in its log. Both are asked
+for only while they can say something new, and seldom: the API server answers a list of events from all that it has.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, name_of, uid_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import SIDECAR
 
 HOPELESS = "cannot become ready: "
 COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind
@@ -69,6 +71,8 @@ class Events(Protocol):
 
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]: ...
 
+    def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str: ...
+
 
 class ProbeNews:
     """The pods' last lines, asked for at most once a second per namespace."""
@@ -81,12 +85,19 @@ class ProbeNews:
         """When one of these may be asked next."""
         return min((self._due.get(namespace, now) for namespace in namespaces), default=math.inf)
 
-    def ask(self, events: Events, namespaces: Iterable[str], now: float) -> bool:
-        """Ask those that are due; whether there was one."""
+    def ask(self, events: Events, namespaces: Iterable[str], now: float, beside: Iterable[Object] = ()) -> bool:
+        """Ask those that are due; whether there was one. `beside`: pods whose hooks are in a sidecar."""
         due = [namespace for namespace in namespaces if self._due.get(namespace, now) <= now]
         for namespace in due:
             try:
                 self.lines.update(latest(events.objects("Event", namespace, fields=FIELDS)))
+                self.lines.update(
+                    {
+                        uid_of(pod): ProbeLine(events.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False))
+                        for pod in beside
+                        if meta(pod).get("namespace") == namespace
+                    }
+                )
                 self._due[namespace] = now + SECONDS
             except ApiError as error:  # the wait can do without: the watch tells what matters
                 self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR

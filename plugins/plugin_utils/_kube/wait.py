@@ -30,6 +30,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     Object,
     Verdict,
     condition,
+    containers,
     error_end,
     is_ready,
     is_terminating,
@@ -37,12 +38,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     meta,
     name_of,
     restarts,
+    sidecars,
     uid_of,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import ProbeNews
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change, Watch
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import SIDECAR
 
 ROLLOUT_ARGS: dict[str, dict[str, Any]] = {
     "objects": {"type": "list", "elements": "dict", "required": True, "aliases": ["definitions"]},
@@ -201,7 +204,8 @@ class _Wait:
             ended = error_end(pod, before)
             if ended:
                 return ended
-        said = [(pod, self.news.lines[uid_of(pod)]) for pod in pods if _waits(pod) and uid_of(pod) in self.news.lines]
+        lines = [(pod, self.news.lines.get(uid_of(pod))) for pod in pods if _waits(pod)]
+        said = [(pod, line) for pod, line in lines if line and line.text]
         for pod, line in said if verdict.verdict == WAIT else ():
             if line.hopeless:
                 return Verdict(FAIL, f"pod {name_of(pod)}: {line.text}")
@@ -222,7 +226,9 @@ class _Wait:
         return {ref.namespace for ref in self.refs if any(_waits(pod) for pod in present_pods(ref, self.view))}
 
     def hear(self, kube: Cluster) -> bool:
-        return self.news.ask(kube, self.starting(), self.settings.now())
+        pods = [pod for ref in self.refs for pod in present_pods(ref, self.view) if _waits(pod)]
+        beside = [pod for pod in pods if SIDECAR in sidecars(pod)]
+        return self.news.ask(kube, self.starting(), self.settings.now(), beside)
 
     def unreachable(self) -> str:
         return str(next(iter(self.lost.values()))) if self.lost else ""
@@ -360,7 +366,7 @@ def _last_words(kube: Cluster, pod: Mapping[str, Any], names: Iterable[str], sai
     if not _concerns(name, names) or recovered:
         return []
     lines: list[str] = []
-    for container in (pod.get("status") or {}).get("containerStatuses") or []:
+    for container in containers(pod):
         last = (container.get("lastState") or {}).get("terminated") or {}
         now = (container.get("state") or {}).get("terminated") or {}
         ended = last or (now if now.get("exitCode") else {})

@@ -146,7 +146,7 @@ class App:
     private_names: tuple[str, ...] = ()  # without their ~
     volumes: tuple[Mount, ...] = ()
     readiness: Readiness = Readiness()
-    hooks: bool = True
+    hooks: str = "app"  # in the app's container, in a sidecar, or none
     depends_on: tuple[str, ...] = ()
     update: UpdateSettings = UpdateSettings()
     drain_deadline: int = 30

@@ -28,6 +28,7 @@ SETTINGS_ENV = "ROSOPS_SETTINGS"
 REVISION_ENV = "ROSOPS_REVISION"
 CODE_NAME = "rosops-code"  # the ConfigMap of what runs in pods, and the volume of it
 CODE_DIR = "/opt/rosops-fleet/hooks"
+SIDECAR = "hooks"  # the container beside the app's where its image has no Python
 KEEPER_NAME = "ros-keeper"
 KEEPER_PORT = 11411
 

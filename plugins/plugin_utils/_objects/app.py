@@ -36,7 +36,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code imp
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import container_ports
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import APPS, harden
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import ALL, APPS, harden
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.sidecar import asking_fields, sidecar
 
 REVISION_LENGTH = 8
 # Under `overlap` the new pod comes beside the old one, under a ROS node name of its own; else the old one goes first.
@@ -59,13 +60,17 @@ def app_deployment(app: App, robot: Robot) -> Object:
     template = _template(deployment, app)
     container = _app_container(template, app)
     harden(container, APPS)
+    beside = [one for one in template["spec"].get("initContainers") or [] if one["name"] == names.SIDECAR]
+    for one in beside:
+        harden(one, ALL)
     template_hash = canonical_hash(template)
     revision = template_hash[:REVISION_LENGTH]
-    container["args"] = [*(container.get("args") or []), *naming_args(app, robot, revision)]
-    container["env"] = [
-        *(container.get("env") or []),
-        variable(names.NODE_NAME_ENV, app.node_name + name_suffix(app, revision)),
-    ]
+    args = [*(container.get("args") or []), *naming_args(app, robot, revision)]
+    if args:
+        container["args"] = args
+    own_name = variable(names.NODE_NAME_ENV, app.node_name + name_suffix(app, revision))
+    for one in [container, *beside]:
+        one["env"] = [*(one.get("env") or []), own_name]
     metadata = template["metadata"]
     metadata["labels"] = {**(metadata.get("labels") or {}), names.LABEL_REVISION: revision}
     metadata["annotations"] = {
@@ -91,13 +96,16 @@ def plain_deployment(app: App, robot: Robot) -> Object:
 def _pod_spec(app: App, robot: Robot) -> Object:
     # with the host's network the Service name ros-master resolves only when it is asked for
     network = {"hostNetwork": True, "dnsPolicy": "ClusterFirstWithHostNet"} if app.host_network else {}
+    beside = {"initContainers": [sidecar(app, robot, _for_hooks(app, robot))]} if app.hooks == "sidecar" else {}
+    code = [code_volume(app)] if app.hooks != "none" else []
     return pod_spec(
         [_container(app, robot)],
-        [source for source, _mount in _volumes(app)],
+        [*(source for source, _mount in _volumes(app)), *code],
         robot.pull_secrets,
         terminationGracePeriodSeconds=app.termination_grace_period,
         nodeSelector=node_selector(app.placement, robot.name),
         **network,
+        **beside,
     )
 
 
@@ -116,13 +124,15 @@ def _container(app: App, robot: Robot) -> Object:
         container["ports"] = container_ports(app)
     if app.resources:
         container["resources"] = dict(app.resources)
-    mounts = [target for _source, target in _volumes(app)]
+    mounts = [*(target for _source, target in _volumes(app)), *([code_mount()] if app.hooks == "app" else [])]
     if mounts:
         container["volumeMounts"] = mounts
     if app.devices:
         # Kubernetes gives a device node to a container only through a device plugin or to a privileged one.
         container["securityContext"] = {"privileged": True}
-    if app.hooks:
+    if app.hooks == "sidecar":
+        container.update(asking_fields(app))
+    elif app.hooks == "app":
         container.update(app_probes(app.readiness.command))
         if app.command:  # without one only the image knows what it starts
             container["command"] = [*exec_command(app, context.graph_node(app, robot)), *app.command]
@@ -133,6 +143,13 @@ def _container(app: App, robot: Robot) -> Object:
 
 def _environment(app: App, robot: Robot) -> list[Object]:
     """The collection's variables first; what the app sets itself wins over them, except for the node's name."""
+    found = _ros_environment(app, robot) if app.hooks == "sidecar" else _for_hooks(app, robot)
+    found += [_said(key, value) for key, value in app.env.items()]
+    return list({item["name"]: item for item in found}.values())
+
+
+def _ros_environment(app: App, robot: Robot) -> list[Object]:
+    """Where the master is, and where the app is itself."""
     found = [
         variable("ROS_MASTER_URI", context.master_uri(robot)),
         field_variable("ROS_IP", "status.hostIP" if app.host_network else "status.podIP"),
@@ -140,12 +157,17 @@ def _environment(app: App, robot: Robot) -> list[Object]:
     namespace = context.graph_namespace(app, robot)
     if namespace != "/":
         found.append(variable("ROS_NAMESPACE", namespace))
-    if app.hooks:
+    return found
+
+
+def _for_hooks(app: App, robot: Robot) -> list[Object]:
+    """The same, with what the hooks have to know, where there are any."""
+    found = _ros_environment(app, robot)
+    if app.hooks != "none":
         settings = json.dumps(app_settings(app, robot), sort_keys=True)
         found.append(variable(names.SETTINGS_ENV, settings.replace("$", "$$")))  # $(NAME) is Kubernetes' own
         found.append(field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']"))
-    found += [_said(key, value) for key, value in app.env.items()]
-    return list({item["name"]: item for item in found}.values())
+    return found
 
 
 def _said(key: str, value: str | Mapping[str, str]) -> Object:
@@ -155,7 +177,7 @@ def _said(key: str, value: str | Mapping[str, str]) -> Object:
 
 
 def _volumes(app: App) -> list[tuple[Object, Object]]:
-    """Pairs of a pod's volume and the container's mount of it: claims, files, devices, host paths, our own code."""
+    """Pairs of a pod's volume and the container's mount of it: claims, files, devices, host paths."""
     pairs: list[tuple[Object, Object]] = []
     for volume in app.volumes:
         source = {"persistentVolumeClaim": {"claimName": names.claim_name(volume.name)}}
@@ -168,18 +190,20 @@ def _volumes(app: App) -> list[tuple[Object, Object]]:
     for number, item in enumerate(app.host_paths):
         name = f"host-path-{number}"
         pairs.append(({"name": name, "hostPath": {"path": item.path}}, mount(name, item.mount_path, item.read_only)))
-    if app.hooks:
-        pairs.append((code_volume(app), code_mount()))
     return pairs
 
 
 def naming_args(app: App, robot: Robot, revision: str) -> list[str]:
-    """ROS remapping arguments: the node's name and, under overlap, its private names kept where others expect them."""
+    """ROS remapping arguments: the node's name and, under overlap, its private names kept where others expect them.
+
+    None for an app that names its nodes itself: without any, its image runs what it runs by itself.
+    """
     args = []
     if app.handoff == "overlap":
         stable = context.graph_node(app, robot)
         args = [f"~{private}:={stable}/{private}" for private in app.private_names]
-    return [*args, f"__name:={app.node_name}{name_suffix(app, revision)}"]
+    names_itself = not app.readiness.nodes and app.handoff != "overlap"
+    return [*args, *([] if names_itself else [f"__name:={app.node_name}{name_suffix(app, revision)}"])]
 
 
 def name_suffix(app: App, revision: str) -> str:

@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
 
 def code_maps(robot: Robot, code: Mapping[str, str]) -> list[Object]:
     """The ConfigMaps `rosops-code`, one per namespace that has pods with our code; `code` is file name -> content."""
-    scopes = {app.scope for app in robot.apps if app.hooks}
+    scopes = {app.scope for app in robot.apps if app.hooks != "none"}
     mode, objects = robot.master.mode, []
     if "robot" in scopes or mode == "robot":  # the keeper of a master mounts it, too
         objects.append(config_map(names.CODE_NAME, robot.namespace, owner_labels(robot.name), code))

@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, Object, exec_probe, mount
 
+STARTED_TIMEOUT = 45  # s; `started` ends long before
 COMMAND_TIMEOUT = 5  # s; Kubernetes' own 1 s is too short for a process that starts on a loaded robot
 # Characters that only a shell gives a meaning: a readiness command with one of them is a script, else a path.
 SHELL_CHARACTERS = frozenset(" \t\n;&|<>()$`\"'*?[]{}~#!\\")
@@ -28,21 +29,29 @@ def code_command(word: str) -> list[str]:
 
 
 def exec_command(app: App, node: str) -> list[str]:
-    """What comes before an app's own command.
+    """What comes before an app's own command."""
+    return [*code_command("exec"), *begin_after(app, node)]
+
+
+def begin_after(app: App, node: str) -> list[str]:
+    """Whose end the app's own command waits for.
 
     Where all versions share the node's name, a new one waits for the old one's end. With the host's network nobody can
     tell by its address whose a process is.
     """
     alone = app.handoff != "overlap" and app.readiness.nodes and not app.host_network
-    return [*code_command("exec"), *([AFTER, node] if alone else [])]
+    return [AFTER, node] if alone else []
 
 
 def waits_for_the_old(deployment: Mapping[str, Any]) -> bool:
     """Whether its pod may start beside the one that it replaces; kept Deployments of earlier releases may not."""
-    containers = deployment["spec"]["template"]["spec"]["containers"]
-    own = [one.get("command") or [] for one in containers if one["name"] == names.APP_CONTAINER]
-    word = code_command("exec")
-    return any(command[: len(word) + 1] == [*word, AFTER] for command in own)
+    spec = deployment["spec"]["template"]["spec"]
+    ours = {names.APP_CONTAINER: code_command("exec"), names.SIDECAR: code_command("sidecar")}
+    for container in [*(spec.get("initContainers") or []), *spec["containers"]]:
+        word, command = ours.get(container["name"], []), container.get("command") or []
+        if word and command[: len(word) + 1] == [*word, AFTER]:
+            return True
+    return False
 
 
 def code_mount() -> Object:
@@ -67,8 +76,8 @@ def app_probes(command: str | Sequence[str] | None) -> Object:
     not pay for being asked. What becomes of the node later is seen on the graph.
     """
     return {
-        "startupProbe": exec_probe(code_command("started"), period=1, timeout=45, failures=FOR_EVER),
-        **({"readinessProbe": _steady(command)} if command else {}),
+        "startupProbe": exec_probe(code_command("started"), period=1, timeout=STARTED_TIMEOUT, failures=FOR_EVER),
+        **({"readinessProbe": steady_probe(command)} if command else {}),
         "lifecycle": {"preStop": {"exec": {"command": code_command("stop")}}},
     }
 
@@ -76,10 +85,11 @@ def app_probes(command: str | Sequence[str] | None) -> Object:
 def command_probes(command: str | Sequence[str]) -> Object:
     """The probes of an app that has readiness.command but not our code: often until it has passed, then seldom."""
     start = exec_probe(probe_command(command), period=1, timeout=COMMAND_TIMEOUT, failures=FOR_EVER)
-    return {"startupProbe": start, "readinessProbe": _steady(command)}
+    return {"startupProbe": start, "readinessProbe": steady_probe(command)}
 
 
-def _steady(command: str | Sequence[str]) -> Object:
+def steady_probe(command: str | Sequence[str]) -> Object:
+    """Of readiness.command, once it has agreed: it goes on for ever, so seldom."""
     return exec_probe(probe_command(command), period=10, timeout=COMMAND_TIMEOUT, failures=3)
 
 

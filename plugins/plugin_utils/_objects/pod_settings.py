@@ -37,7 +37,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "expect_node": readiness.nodes,
         "actions": [full(action["name"]) for action in readiness.actions],
         "stop_deadline": app.stop_deadline,
-        "command": probe_command(command) if command else None,
+        "command": probe_command(command) if command and app.hooks == "app" else None,
         "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
         "keeper": keeper_url(robot),
         "host_network": app.host_network,

@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import PORT as SIDECAR_PORT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
@@ -66,9 +67,9 @@ def _second_master(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Pro
                 yield Problem(f"{path}.{key}[{index}]", "starts a second ROS master", allowed)
 
 
-def _command(_app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _command(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
-    if "command" not in raw and "args" not in raw:
+    if "command" not in raw and "args" not in raw and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
             f"{path}.command",
             "is missing, as is args",
@@ -223,7 +224,7 @@ def _ports(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
 
 def _mounts(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Kubernetes refuses two mounts at one path, long after validation."""
-    places: dict[str, str] = {names.CODE_DIR: "the collection's own code"} if app.hooks else {}
+    places: dict[str, str] = {names.CODE_DIR: "the collection's own code"} if app.hooks == "app" else {}
     for key, field, targets in (
         ("volumes", "mount_path", [mount.mount_path for mount in app.volumes]),
         ("files", "path", [item.path for item in app.files]),
@@ -235,6 +236,19 @@ def _mounts(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
             if bare in places:
                 yield Problem(where, f"is {bare}, where {places[bare]} is mounted already", "a path of its own")
             places.setdefault(bare, join_path("", key, index))
+
+
+def _hooks(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    """The kubelet asks a sidecar by the pod's address."""
+    if app.hooks != "sidecar":
+        return
+    if app.host_network:
+        found = "is sidecar, but with host_network its port is the host's, and another app's sidecar has the same"
+        yield Problem(f"{path}.hooks", found, "app, or none, or leave host_network out")
+    for index, port in enumerate(app.ports):
+        if port.port == SIDECAR_PORT and port.protocol == "TCP":
+            found = f"is {port.port}, the port of the hooks' sidecar"
+            yield Problem(join_path(path, "ports", index, "port"), found, "any other port")
 
 
 def _resources(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
@@ -305,6 +319,7 @@ CHECKS: tuple[Check, ...] = (
     _files,
     _ports,
     _mounts,
+    _hooks,
     _resources,
     _environment,
     _readiness,

@@ -73,11 +73,13 @@ def _pod_problems(plain: Mapping[str, Any], merged: Mapping[str, Any], container
         if not isinstance(_get(merged, field), dict):
             yield Problem(join_path(path, *field), "is removed", "a mapping")
             return
-    containers = _get(merged, (*template, "spec", "containers"))
-    kept = [item for item in containers or [] if isinstance(item, dict) and item.get("name") == container]
-    where = join_path(path, *template, "spec", "containers")
-    if not kept:
-        yield Problem(where, f"leaves no container {container}", f"entries with the key name, {container} among them")
+    own = [("containers", container)]
+    own += [("initContainers", item["name"]) for item in _get(plain, (*template, "spec", "initContainers")) or []]
+    for key, name in own:
+        listed = _get(merged, (*template, "spec", key))
+        if not [item for item in listed or [] if isinstance(item, dict) and item.get("name") == name]:
+            where = join_path(path, *template, "spec", key)
+            yield Problem(where, f"leaves no container {name}", f"entries with the key name, {name} among them")
     yield from _spec_problems(_get(merged, (*template, "spec")), join_path(path, *template, "spec"))
 
 

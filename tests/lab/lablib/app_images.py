@@ -14,7 +14,7 @@ from .artifacts import Cache, Recipe
 from .debian import ensure_imported, grow_tree, grown_recipe, make_layer
 from .errors import LabError
 from .images import inside, ros_image, ros_recipe, ros_tree, runnable_ros
-from .oci import Image, Layer, write_archive, write_update
+from .oci import Image, Layer, write_archive, write_removal, write_update
 from .paths import APPS, IMAGES, pins
 from .run import Job, build
 
@@ -35,19 +35,28 @@ _COMPILE = (
 class Version:
     """A version of the apps, as the pins have it. What it does not say is as in the others.
 
-    `packages` of Debian's come with it as a layer of their own; `environment` is that of build.sh.
+    `packages` of Debian's come with it as a layer of their own; `environment` is that of build.sh. What is under names
+    like `without` is taken away, and by itself the image runs `entrypoint`.
     """
 
     name: str
     packages: tuple[str, ...] = ()
     environment: tuple[tuple[str, str], ...] = ()
+    without: str = ""
+    entrypoint: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, name: str, pinned: dict[str, Any]) -> Version:
-        known = {"packages", "environment"}
+        known = {"packages", "environment", "without", "entrypoint"}
         if unknown := pinned.keys() - known:
             raise LabError(f"apps version {name}: {', '.join(sorted(unknown))} is none of {', '.join(sorted(known))}")
-        return cls(name, tuple(pinned.get("packages", ())), tuple(sorted(pinned.get("environment", {}).items())))
+        return cls(
+            name,
+            tuple(pinned.get("packages", ())),
+            tuple(sorted(pinned.get("environment", {}).items())),
+            pinned.get("without", ""),
+            tuple(pinned.get("entrypoint", ())),
+        )
 
 
 def versions() -> list[Version]:
@@ -76,15 +85,17 @@ def _make(cache: Cache, directory: Path, log: Path) -> None:
     sources = directory / "sources.tar"
     _pack(sources, _compiled(cache, tree))
     for number, version in enumerate(versions()):
-        top = directory / f"layer-{version.name}.tar"
+        top, bare = (directory / f"{what}-{version.name}.tar" for what in ("layer", "removal"))
         _build(runnable, version, sources, top, log)
-        apps = _image(ros, version, [*_added(cache, version, tree), Layer.of(top)])
+        less = [write_removal(bare, tree / "rootfs.tar", version.without)] if version.without else []
+        apps = _image(ros, version, [*_added(cache, version, tree), Layer.of(top), *less])
         archive = directory / f"apps-{version.name}.tar"
         if number == 0:
             write_archive(archive, [ros, apps])
         else:
             write_update(archive, apps, present=ros.layers)
         top.unlink()
+        bare.unlink(missing_ok=True)
     sources.unlink()
 
 
@@ -97,6 +108,7 @@ def _image(ros: Image, version: Version, layers: list[Layer]) -> Image:
             **ros.config,
             "Env": [*ros.config["Env"], f"ROSOPS_APPS_VERSION={version.name}"],
             "Labels": {"org.opencontainers.image.version": version.name},
+            **({"Entrypoint": list(version.entrypoint), "Cmd": None} if version.entrypoint else {}),
         },
     )
 

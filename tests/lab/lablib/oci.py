@@ -15,7 +15,8 @@ import platform
 import tarfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from .artifacts import file_sha256
@@ -81,6 +82,18 @@ def write_layer(target: Path, files: Iterable[tuple[str, Path]]) -> Layer:
     with tarfile.open(target, "w", format=tarfile.USTAR_FORMAT) as tar:
         for name, source in files:
             _add_file(tar, name.lstrip("/"), source, 0o755)
+    return Layer.of(target)
+
+
+def write_removal(target: Path, below: Path, pattern: str) -> Layer:
+    """A layer without what the tree `below` it has under names like that (OCI image specification, Whiteouts)."""
+    with tarfile.open(below) as tar:
+        gone = [PurePosixPath(_name(entry)) for entry in tar if fnmatchcase(_name(entry), pattern)]
+    if not gone:
+        raise LabError(f"there is no {pattern} to take away", where=str(below))
+    with tarfile.open(target, "w", format=tarfile.USTAR_FORMAT) as layer:
+        for name in sorted(gone):
+            _add(layer, str(name.with_name(f".wh.{name.name}")), b"")
     return Layer.of(target)
 
 

@@ -16,7 +16,7 @@ import pytest
 from lablib.app_images import Version, versions
 from lablib.errors import LabError
 from lablib.k3s import parse_sums
-from lablib.oci import Image, Layer, write_archive, write_difference, write_layer, write_update
+from lablib.oci import Image, Layer, write_archive, write_difference, write_layer, write_removal, write_update
 from lablib.setup import fingerprint
 
 
@@ -113,13 +113,22 @@ def test_a_layer_takes_nothing_away(tmp_path: Path) -> None:
         write_difference(tmp_path / "layer.tar", below, less, leave_out=("dev",))
 
 
+def test_a_removal_names_what_is_gone(tmp_path: Path) -> None:
+    below = tree(tmp_path / "below.tar", BELOW)
+    made = write_removal(tmp_path / "removal.tar", below, "etc/*")
+    with tarfile.open(made.tar) as tar:
+        assert [entry.name for entry in tar] == ["etc/.wh.a", "etc/.wh.b"]
+    with pytest.raises(LabError, match=r"there is no srv/\* to take away"):
+        write_removal(tmp_path / "removal.tar", below, "srv/*")
+
+
 def test_versions_of_the_apps() -> None:
     by_name = {version.name: version for version in versions()}
     assert versions()[0] == Version("1.0")  # the whole one comes first: the others are updates of it
     assert by_name["1.1"].packages == ()
     assert by_name["2.0"].packages == ("python3-numpy",)
     assert dict(by_name["broken"].environment) == {"ROSOPS_APPS_BROKEN": "true"}
-    with pytest.raises(LabError, match=r"apps version 3\.0: package is none of environment, packages"):
+    with pytest.raises(LabError, match=r"apps version 3\.0: package is none of entrypoint, environment, packages"):
         Version.of("3.0", {"package": []})
 
 

@@ -87,4 +87,4 @@ def test_how_it_is_used(words: list[str], tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    assert (process.returncode, process.stdout) == (2, "usage: run.py exec|started|stop|keeper|exporter\n")
+    assert (process.returncode, process.stdout) == (2, "usage: run.py exec|started|stop|sidecar|keeper|exporter\n")

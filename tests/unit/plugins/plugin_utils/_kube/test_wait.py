@@ -500,6 +500,20 @@ def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_read
     assert set(kube.asked) == {("Event", NS, "reason=Unhealthy,involvedObject.kind=Pod")}
 
 
+def test_a_sidecar_says_in_its_log_why_the_app_is_not_ready() -> None:
+    """Of a probe by HTTP the kubelet tells the status alone."""
+    status = "Startup probe failed: HTTP probe failed with statuscode: 503"
+    starting = pod("talker-new-1", NEW, [app()])
+    starting["spec"]["initContainers"] = [{"name": "hooks", "restartPolicy": "Always"}]
+    kube = FakeKube({"Event": [unhealthy(status, 1)]}, log="not ready: not registered yet")
+    calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
+    assert calm.message.splitlines()[1].endswith("pod talker-new-1: not ready: not registered yet")
+    kube.log = "cannot become ready: never"
+    assert Run((0.1, lists(starting, old_pod)), kube=kube).took == pytest.approx(0.1)
+    kube.log = ""
+    assert "talker-new-1:" not in Run((0.1, lists(starting, old_pod)), kube=kube, timeout=3).message.splitlines()[1]
+
+
 def test_events_of_other_pods_say_nothing_here() -> None:
     hopeless = "Startup probe failed: cannot become ready: never"
     events = [

@@ -94,4 +94,4 @@ def test_it_runs_from_a_mount_and_writes_nothing_there(mounted: Path, word: str,
 
 @pytest.mark.parametrize("word", ["", "jump"])
 def test_another_word_is_explained(mounted: Path, word: str) -> None:
-    assert run(mounted, word) == (2, "usage: run.py exec|started|stop|keeper|exporter\n")
+    assert run(mounted, word) == (2, "usage: run.py exec|started|stop|sidecar|keeper|exporter\n")

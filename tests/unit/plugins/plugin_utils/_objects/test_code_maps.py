@@ -39,8 +39,9 @@ EXTERNAL = {"mode": "external", "uri": "http://192.0.2.1:11311"}
         ([], {}, {ROBOT: ONLY_CODE}),  # the keeper's pod needs it
         ([], EXTERNAL, {}),
         ([app()], {}, {ROBOT: ONLY_CODE}),
-        ([app(hooks=False)], {}, {ROBOT: ONLY_CODE}),
-        ([app(hooks=False)], EXTERNAL, {}),
+        ([app(hooks="none")], {}, {ROBOT: ONLY_CODE}),
+        ([app(hooks="none")], EXTERNAL, {}),
+        ([app(hooks="sidecar")], EXTERNAL, {ROBOT: ONLY_CODE}),
         ([app()], EXTERNAL, {ROBOT: ONLY_CODE}),
         ([app()], {"mode": "shared"}, {ROBOT: ONLY_CODE, FLEET: ONLY_CODE}),
         ([app(scope="fleet")], {"mode": "shared"}, {FLEET: ONLY_CODE}),
@@ -165,8 +166,8 @@ def test_probes_and_the_stop_hook() -> None:
     assert not {"readinessProbe", "livenessProbe"} & set(container)
 
 
-@pytest.mark.parametrize("hooks", [True, False])
-def test_a_readiness_command_goes_on_by_itself_and_seldom(hooks: bool) -> None:
+@pytest.mark.parametrize("hooks", ["app", "sidecar", "none"])
+def test_a_readiness_command_goes_on_by_itself_and_seldom(hooks: str) -> None:
     made = objects(readiness={"command": "test -f /tmp/ready"}, hooks=hooks)
     container = made[-1]["spec"]["template"]["spec"]["containers"][0]
     probe = container["readinessProbe"]
@@ -174,7 +175,8 @@ def test_a_readiness_command_goes_on_by_itself_and_seldom(hooks: bool) -> None:
     assert (probe["periodSeconds"], probe["timeoutSeconds"], probe["failureThreshold"]) == (10, 5, 3)
     # until it has passed it is asked every second, by `started` or by itself
     assert container["startupProbe"]["periodSeconds"] == 1
-    assert ("run.py" in str(container["startupProbe"]["exec"]["command"])) is hooks
+    assert ("run.py" in str(container["startupProbe"].get("exec"))) is (hooks == "app")
+    assert ("/started" in str(container["startupProbe"].get("httpGet"))) is (hooks == "sidecar")
 
 
 def test_overrides_come_last() -> None:

@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, MASTER, ground_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
-APP = {"name": "arm", "image": "example.org/arm:1.0", "command": ["run"], "hooks": False}
+APP = {"name": "arm", "image": "example.org/arm:1.0", "command": ["run"], "hooks": "none"}
 
 
 def made(*files: dict[str, Any], **more: Any) -> tuple[list[dict[str, Any]], dict[str, Any]]:

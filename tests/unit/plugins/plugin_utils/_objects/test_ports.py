@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
-BRIDGE = {"name": "bridge", "image": "example.org/bridge:1.0", "command": ["run"], "pattern": "pubsub", "hooks": False}
+BRIDGE = {"name": "bridge", "image": "example.org/bridge:1.0", "command": ["run"], "pattern": "pubsub", "hooks": "none"}
 
 
 def made(*ports: dict[str, Any], **more: Any) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -140,8 +140,8 @@ def test_the_order_of_keys_changes_nothing() -> None:
         {"resources": {"limits": {"cpu": 1}}},
         {"handoff": "replace"},
         {"overrides": {"spec": {"template": {"spec": {"priorityClassName": "high"}}}}},
-        {"hooks": False},
-        {"hooks": False, "readiness": {"command": "/ready"}},
+        {"hooks": "none"},
+        {"hooks": "none", "readiness": {"command": "/ready"}},
         {"readiness": {"command": "/ready"}},
         {"readiness": {"topics": [{"name": "chatter", "min_rate": 5}]}},
         {"readiness": {"nodes": False}},
@@ -179,6 +179,30 @@ def test_overlap_gives_each_revision_a_name_and_keeps_private_names() -> None:
     assert container(item)["args"] == ["talk", "~status:=/talker/status", f"__name:={name}"]
     assert env(item)["ROSOPS_NODE_NAME"] == name
     assert item["spec"]["strategy"] == {"type": "RollingUpdate", "rollingUpdate": {"maxSurge": 1, "maxUnavailable": 0}}
+
+
+def test_an_app_that_names_its_nodes_itself_is_given_no_name() -> None:
+    """So an image without command and args runs what it runs by itself."""
+    item = deployment(readiness={"nodes": False}, command=["roslaunch"], args=["a", "b.launch"])
+    assert container(item)["args"] == ["a", "b.launch"]
+    own = container(deployment(readiness={"nodes": False}, hooks="sidecar", command=[], args=[]))
+    assert not {"command", "args"} & set(own)
+
+
+def test_hooks_beside_the_app_are_told_what_they_are_told_within_it() -> None:
+    def told(one: dict[str, Any]) -> dict[str, Any]:
+        return {item["name"]: item.get("value", item.get("valueFrom")) for item in one["env"]}
+
+    more: dict[str, Any] = {"pattern": "pubsub", "command": ["talk"], "env": {"TOKEN": {"secret": "s", "key": "k"}}}
+    within, outside = container(deployment(**more)), deployment(**more, hooks="sidecar")
+    (beside,) = outside["spec"]["template"]["spec"]["initContainers"]
+    ours = {key: value for key, value in told(within).items() if key not in ("TOKEN", "ROSOPS_NODE_NAME")}
+    assert {key: told(beside).get(key) for key in ours} == ours
+    assert told(beside)["ROSOPS_NODE_NAME"] == told(container(outside))["ROSOPS_NODE_NAME"]
+    assert "TOKEN" not in told(beside)
+    assert "ROSOPS_SETTINGS" not in told(container(outside))
+    assert container(outside)["command"] == ["talk"]
+    assert beside["securityContext"]["capabilities"] == {"drop": ["ALL"]}
 
 
 @pytest.mark.parametrize(("pattern", "handoff"), [("action", None), (None, None), ("pubsub", "replace")])
@@ -250,14 +274,14 @@ def test_overrides_may_not_lose_the_app() -> None:
     ],
 )
 def test_readiness_command(command: Any, expected: list[str]) -> None:
-    found = container(deployment(hooks=False, readiness={"command": command}))
+    found = container(deployment(hooks="none", readiness={"command": command}))
     for kind in ("startupProbe", "readinessProbe"):
         assert found[kind]["exec"]["command"] == expected
         assert found[kind]["timeoutSeconds"] >= 2
 
 
 def test_no_probe_without_hooks_and_a_command() -> None:
-    item = deployment(hooks=False)
+    item = deployment(hooks="none")
     assert not {"readinessProbe", "startupProbe", "lifecycle", "volumeMounts"} & set(container(item))
     assert "volumes" not in pod(item)
     assert not {"ROSOPS_SETTINGS", "ROSOPS_REVISION"} & set(env(item))

@@ -171,7 +171,8 @@ def test_a_new_version_that_took_over_is_not_stopped_in_its_work(monkeypatch: py
         ({}, {"pattern": "pubsub"}, False),  # it waits for nobody
         ({}, {"readiness": {"nodes": False}}, False),  # nobody knows the names of what it starts
         ({}, {"host_network": True}, False),
-        ({}, {"hooks": False}, False),
+        ({}, {"hooks": "none"}, False),
+        ({}, {"hooks": "sidecar"}, True),
     ],
 )
 def test_who_starts_beside_the_old_version(old: dict[str, object], new: dict[str, object], starts: bool) -> None:

@@ -1,0 +1,88 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The hooks of an app whose image has no Python: `run.py sidecar [--after NODE]`, in a container beside the app's.
+
+The kubelet's probes and its preStop ask here by HTTP: a path is a command of ours, 200 that it ended well. A command
+runs in a process of its own, so that what stays between a start and a stop is a bare interpreter. It sees of the app
+what the pod's network shows, which is all that the hooks need. What a command has to say goes to this container's log.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+
+TYPE_CHECKING = False  # typing's own costs its import
+if TYPE_CHECKING:
+    from typing import Callable, Mapping, Sequence
+
+PORT = 11412
+BACKLOG = 8
+PATIENCE = 10.0  # s for a request to come
+LONGEST = 4096  # bytes of it, of which the first line counts
+FAILED, UNKNOWN = "503 Service Unavailable", "404 Not Found"
+
+
+def commands(words: Sequence[str]) -> dict[str, list[str]]:
+    """Path -> words for `run.py`; `words` are what `exec` gets: whose end the app's start waits for."""
+    return {"/begin": ["exec", *words], "/started": ["started"], "/stop": ["stop"]}
+
+
+def path_of(request: bytes) -> str:
+    """Of the request line `GET /path HTTP/1.1` (RFC 9112, 3); empty: it is none."""
+    words = request.split(b"\r\n", 1)[0].split(b" ")
+    return words[1].decode("ascii", "replace") if len(words) == 3 and words[0] == b"GET" else ""
+
+
+def answer(status: str) -> bytes:
+    return f"HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode()
+
+
+def read_request(connection: socket.socket) -> bytes:
+    """As much as there is of it until its head ends."""
+    text = b""
+    while b"\r\n\r\n" not in text and len(text) < LONGEST:
+        part = connection.recv(LONGEST)
+        if not part:
+            break
+        text += part
+    return text
+
+
+def respond(connection: socket.socket, known: Mapping[str, list[str]], run: Callable[[list[str]], int]) -> None:
+    """Do what is asked for, and say whether it went well."""
+    connection.settimeout(PATIENCE)
+    words = known.get(path_of(read_request(connection)))
+    status = UNKNOWN if words is None else FAILED if run(words) else "200 OK"
+    connection.sendall(answer(status))
+
+
+def run_hook(words: list[str]) -> int:
+    """The exit status of `run.py` with these words; its output is ours."""
+    return os.spawnv(os.P_WAIT, sys.executable, [sys.executable, "-I", "-S", sys.argv[0], *words])  # noqa: S606
+
+
+def serve(listener: socket.socket, known: Mapping[str, list[str]], run: Callable[[list[str]], int]) -> None:
+    """For ever; each request in a process of its own, as a stop may come while a start is looked at."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel buries them
+    while True:
+        connection, _address = listener.accept()
+        with connection:
+            if os.fork() == 0:
+                signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+                code = 1
+                try:
+                    respond(connection, known, run)
+                    code = 0
+                finally:
+                    os._exit(code)
+
+
+def main(words: list[str]) -> int:
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # the first process of a container is deaf to it
+    with socket.create_server(("", PORT), backlog=BACKLOG) as listener:
+        serve(listener, commands(words), run_hook)
+    return 0

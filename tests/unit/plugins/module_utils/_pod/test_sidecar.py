@@ -1,0 +1,108 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidecar as the kubelet sees it: a path is a command, and a slow one holds up no other."""
+
+from __future__ import annotations
+
+import http.client
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import sidecar
+
+CODE = Path(sidecar.__file__).read_text("utf-8")
+# Stands for run.py: it is the sidecar, and what the sidecar starts. `begin` lasts until its file is there.
+ENTRY = """
+if sys.argv[1] == "sidecar":
+    PORT = int(sys.argv[2])
+    raise SystemExit(main(sys.argv[3:]))
+import time
+if sys.argv[1] == "exec":
+    while not os.path.exists(sys.argv[-1]):
+        time.sleep(0.01)
+print("not ready: " + " ".join(sys.argv[1:]), flush=True)
+raise SystemExit(sys.argv[1] == "started")
+"""
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as chosen:
+        chosen.bind(("127.0.0.1", 0))
+        return int(chosen.getsockname()[1])
+
+
+@pytest.fixture
+def running(tmp_path: Path, port: int) -> Iterator[subprocess.Popen[str]]:
+    script = tmp_path / "run.py"
+    script.write_text(CODE + ENTRY)
+    command = [sys.executable, "-I", "-S", str(script), "sidecar", str(port), "--after", str(tmp_path / "gone")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our own
+        while process.poll() is None:
+            try:
+                socket.create_connection(("127.0.0.1", port), 1).close()
+                break
+            except ConnectionRefusedError:
+                continue
+        yield process
+        process.kill()
+
+
+def get(port: int, path: str, method: str = "GET") -> int:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection.request(method, path)
+    return connection.getresponse().status
+
+
+def test_a_path_is_a_command_and_its_status_the_answer(running: subprocess.Popen[str], port: int) -> None:
+    assert [get(port, path) for path in ("/stop", "/started", "/", "/stop/", "/keeper")] == [200, 503, 404, 404, 404]
+    assert get(port, "/stop", "POST") == 404
+    assert running.stdout is not None
+    assert [running.stdout.readline() for _ in range(2)] == ["not ready: stop\n", "not ready: started\n"]
+
+
+def test_a_stop_does_not_wait_for_a_start(running: subprocess.Popen[str], port: int, tmp_path: Path) -> None:
+    """A pod may be ended while it waits for another one's end."""
+    assert running.poll() is None
+    begun: list[int] = []
+    waiting = threading.Thread(target=lambda: begun.append(get(port, "/begin")), daemon=True)
+    waiting.start()
+    assert get(port, "/stop") == 200
+    assert begun == []
+    (tmp_path / "gone").touch()
+    waiting.join(20)
+    assert begun == [200]
+
+
+@pytest.mark.usefixtures("running")
+def test_whoever_says_nothing_or_hangs_up_costs_nothing(port: int) -> None:
+    with socket.create_connection(("127.0.0.1", port)) as silent:
+        socket.create_connection(("127.0.0.1", port)).close()
+        assert get(port, "/stop") == 200
+        silent.sendall(b"\x16\x03\x01 no http\r\n\r\n")
+        assert silent.recv(100).startswith(b"HTTP/1.1 404 ")
+
+
+def test_it_ends_with_its_pod(running: subprocess.Popen[str]) -> None:
+    os.kill(running.pid, signal.SIGTERM)
+    assert running.wait(10) == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "path"),
+    [
+        (b"GET /stop HTTP/1.1\r\nHost: 10.42.0.9:11412\r\n\r\n", "/stop"),
+        (b"GET /stop\r\n\r\n", ""),
+        (b"PUT /stop HTTP/1.1\r\n\r\n", ""),
+        (b"", ""),
+    ],
+)
+def test_a_request_line(line: bytes, path: str) -> None:
+    assert sidecar.path_of(line) == path
