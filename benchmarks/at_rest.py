@@ -215,6 +215,10 @@ def measure(scene: ExporterScene, seconds: float) -> dict[str, Any]:
         Row("ten apps: their probes", sum(probing(container(objects, app.name), 0, 0) for app in robot.apps)),
         Row("ten apps: what the keeper asks", one_node * APPS * 1000 / keeper_memory.PERIOD),
     ]
+    beside = scene.start_code("sidecar").pid
+    time.sleep(1)
+    took = shares({"sidecar": beside}, seconds)["sidecar"]
+    rows.append(Row("one app's hooks in a sidecar, where it has one", took, *memory_mb(beside), ours=False))
     exporter = scene.start_exporter(interval=Settings().interval, timeout=Settings().timeout).pid
     time.sleep(Settings().interval)
     took = shares({"exporter": exporter}, seconds)["exporter"]

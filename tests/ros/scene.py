@@ -77,25 +77,19 @@ class Scene:
         until("the master", lambda: xmlrpc.client.ServerProxy(self.uri).getPid("/tester"))
 
     def start_keeper(self, *options: str) -> subprocess.Popen[bytes]:
+        more = ("--record", str(self.directory / "record"), "--port", str(self.keeper_port), *options)
+        process = self.start_code("keeper", *more)
+        until("the keeper", self.keeper_api.state)
+        return process
+
+    def start_code(self, word: str, *options: str) -> subprocess.Popen[bytes]:
+        """A command of what runs in pods, as their objects start it."""
         code = self.directory / "hooks"
         code.mkdir(exist_ok=True)
         for name, text in app_files().items():
             (code / name).write_text(text)
-        process = self._start(
-            "keeper",
-            *(
-                "/usr/bin/env",
-                "MALLOC_ARENA_MAX=1",
-                os.environ.get("KEEPER_PYTHON", PYTHON),
-                "-I",
-                "-S",
-                str(code / "run.py"),
-                "keeper",
-            ),
-            *("--record", str(self.directory / "record"), "--port", str(self.keeper_port), *options),
-        )
-        until("the keeper", self.keeper_api.state)
-        return process
+        python = ("/usr/bin/env", "MALLOC_ARENA_MAX=1", os.environ.get("KEEPER_PYTHON", PYTHON), "-I", "-S")
+        return self._start(word, *python, str(code / "run.py"), word, *options)
 
     def start(self, kind: str, name: str, *words: str, log: str = "") -> subprocess.Popen[bytes]:
         path = self.directory / f"{log or name.strip('/')}.jsonl"

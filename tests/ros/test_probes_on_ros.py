@@ -9,9 +9,11 @@ import os
 import re
 import subprocess
 import time
+import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
@@ -49,9 +51,9 @@ class Pod:
             "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": "0a1b2c3d",
         }  # fmt: skip
 
-    def call(self, word: str) -> tuple[int, str]:
+    def call(self, word: str, *more: str) -> tuple[int, str]:
         python = os.environ.get("HOOK_PYTHON", PYTHON)
-        command = [python, "-I", "-S", str(self.hooks / "run.py"), word]
+        command = [python, "-I", "-S", str(self.hooks / "run.py"), word, *more]
         done = subprocess.run(command, env=self.environ(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
         return done.returncode, done.stdout.strip() + done.stderr
 
@@ -88,6 +90,28 @@ def test_a_talker_starts_is_ready_and_leaves(scene: Scene, pods: Any) -> None:
     assert time.monotonic() - began < 3
     scene.processes[pod.node].wait(5)
     assert pod.node not in scene.registered()
+
+
+@pytest.mark.parametrize("own_name", [False, True])
+def test_parameters_come_before_the_app_and_go_with_its_node(scene: Scene, pods: Any, own_name: bool) -> None:
+    pod = pods("talker", params={"~rate": 20, "~pid": {"gain": 1.5, "names": ["a"], "on": True}, "/limits/speed": 2})
+    if own_name:  # as under overlap
+        pod.name = f"{pod.name}_0a1b2c3d"
+        pod.node = f"/{pod.name}"
+    scene.start_master()
+    master = xmlrpc.client.ServerProxy(scene.uri)
+    assert pod.call("exec", "sh", "-c", "exit 3") == (3, "")
+    assert pod.call("exec") == (0, "")
+    given = {"rate": 20, "pid": {"gain": 1.5, "names": ["a"], "on": True}}
+    assert master.getParam("/test", pod.node) == [1, ANY, given]
+    assert master.getParam("/test", "/limits/speed") == [1, ANY, 2]
+    scene.start("talker", pod.node)
+    assert pod.call("started") == (0, "")
+    master.setParam("/test", f"{pod.node}/found_at_run_time", 1)
+    assert pod.call("stop") == (0, "")
+    left = master.getParam("/test", pod.node)
+    assert left == [-1, ANY, 0] if own_name else [1, ANY, {"found_at_run_time": 1}]
+    assert master.getParam("/test", "/limits/speed") == [1, ANY, 2]
 
 
 def test_its_registrations_are_gone_when_it_is_stopped(scene: Scene, pods: Any) -> None:

@@ -7,7 +7,8 @@ A pod may be faster than its host with the Service of a new master. The kernel t
 the Service's translation, and all that it repeats of it, too: a node whose first look-up meets that moment hangs for
 127 s (tcp_syn_retries of tcp(7)). So it is looked with connections that are each a new one, and only then the process
 becomes the app's. A master that is away for long is the app's own business. `--after`: nor before another process of
-this node's name has ended (`namesake.py`). Without a command it ends when that could begin (`sidecar.py`).
+this node's name has ended (`namesake.py`), nor without its parameters, where it has some (`params.py`). Without a
+command this ends when one could begin (`sidecar.py`).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ PATIENCE = 30.0  # s for a master that does not answer
 ATTEMPT = 0.5  # s for a connection, which takes milliseconds
 PAUSE = 0.1
 AFTER = "--after"
-UNAVAILABLE, NOT_FOUND, STOPPED = 126, 127, 128 + signal.SIGTERM  # as shells say it
+UNSET, UNAVAILABLE, NOT_FOUND, STOPPED = 1, 126, 127, 128 + signal.SIGTERM  # as shells say it
 
 
 def address_of(environ: Mapping[str, str]) -> tuple[str, int]:
@@ -68,13 +69,26 @@ def main(words: list[str]) -> int:
         address = address_of(os.environ)
     except ValueError:
         address = ("", 0)  # whatever that is, the app's ROS will say it better
-    if address[0] and not wait(lambda: reachable(address)):
-        sys.stderr.write(f"rosops.fleet: no ROS master at {address[0]}:{address[1]} for {PATIENCE:.0f} s\n")
-        sys.stderr.flush()
-    elif address[0] and node:
+    params = '"params"' in os.environ.get("ROSOPS_SETTINGS", "")
+    there = False
+    while address[0] and not there:
+        there = wait(lambda: reachable(address))
+        if not there:
+            sys.stderr.write(f"rosops.fleet: no ROS master at {address[0]}:{address[1]} for {PATIENCE:.0f} s\n")
+            sys.stderr.flush()
+            if not params:
+                break
+    if there and node:
         from .namesake import wait as wait_for_namesake  # noqa: PLC0415 - it takes longer to load than all else here
 
         wait_for_namesake(node, *words[:1])
+    if params:
+        from .params import set_all  # noqa: PLC0415 - as above
+
+        unset = set_all(os.environ)
+        if unset:
+            sys.stderr.write(f"rosops.fleet: its parameters are not set: {unset}\n")
+            return UNSET
     if not words:
         return 0
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -15,13 +15,14 @@ import sys
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Protocol, Sequence
+from typing import Any, Callable, Mapping, Protocol, Sequence
 
 from .._common.poll import PASS, WAIT, Seen, poll
 from .._ros import keeper_client
 from .._ros.graph import BUSY_STATES, GOAL_STATES, StatusReading
 from .._ros.rpc import in_parallel
 from .own_node import CALLER, TIMEOUT, OwnNode, find_node, nodes_here, ros_of
+from .params import forget
 from .state import load_settings
 
 LEAVING = 3.0  # of the stop's time for the node to end by itself, or a third of it where there is less
@@ -48,6 +49,8 @@ class Stopped(Protocol):
     def calls(self, seconds: float) -> int: ...
 
     def unregister(self, seconds: float) -> None: ...
+
+    def forget(self, seconds: float) -> None: ...
 
     def shut_down(self, seconds: float) -> None: ...
 
@@ -111,7 +114,7 @@ def _main() -> list[str]:
     if not nodes:
         return [f"left to SIGTERM: {reason}"]
     keeper = keeper_client.KeeperCalls(settings["keeper"], CALLER).hold if settings["keeper"] else None
-    found = [_Stopped(node, settings["actions"]) for node in nodes]
+    found = [_Stopped(node, settings) for node in nodes]
     return stop(found, settings["expect_node"], keeper, ends_of(began, total))
 
 
@@ -135,6 +138,10 @@ def stop(
             node.unregister(clock.left(ends.away))
         except Exception as error:  # a master that is away will know nothing of the node when it comes back
             remarks.append(f"not unregistered: {error}")
+        try:  # before its end, for which the next version of this name waits
+            node.forget(clock.left(ends.away))
+        except Exception as error:
+            remarks.append(f"its parameters stay: {error}")
         # a call may have come meanwhile; from now on nobody finds the node any more
         remarks += let_calls_end([node], ends, clock)
         # It unregisters by itself, too, but rospy does so in a thread that ends with the process, and the main thread
@@ -238,8 +245,9 @@ def tell(line: str) -> None:
 class _Stopped:
     """The own node, read and told through a ROS backend."""
 
-    def __init__(self, node: OwnNode, expected: list[str]) -> None:
-        self.node, self.expected = node, expected
+    def __init__(self, node: OwnNode, settings: Mapping[str, Any]) -> None:
+        self.node, self.expected = node, settings["actions"]
+        self.forget = partial(forget, settings)
         self.name = node.name
         self.isolate = node.isolate
         self.calls = node.calls

@@ -138,6 +138,7 @@ class App:
     command: tuple[str, ...] = ()
     args: tuple[str, ...] = ()
     env: Mapping[str, str | Mapping[str, str]] = field(default_factory=dict)  # text, or Secret and key
+    params: Mapping[str, Any] = field(default_factory=dict)  # private to the node, but for names with a slash first
     files: tuple[File, ...] = ()
     ports: tuple[Port, ...] = ()
     placement: str = "remote"

@@ -170,6 +170,9 @@ FORMS: dict[str, Form] = {
     "node-name": Form(
         _matching(r"[A-Za-z]\w*"), "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"
     ),
+    "param-name": Form(
+        _matching(r"/?[A-Za-z]\w*(?:/\w+)*"), "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"
+    ),
     "ros-type": Form(_matching(r"[A-Za-z]\w*/[A-Za-z]\w*"), "<package>/<type> such as std_msgs/Float64"),
     "master-uri": Form(master_uri, "http://<host>:<port>"),
     "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),

@@ -31,6 +31,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
 
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
+    params = {name if name.startswith("/") else f"~{name}": value for name, value in app.params.items()}
     return {
         "app": app.name,
         "node": context.graph_node(app, robot),
@@ -42,6 +43,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "keeper": keeper_url(robot),
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
+        **({"params": params} if params else {}),
     }
 
 

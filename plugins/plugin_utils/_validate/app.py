@@ -206,6 +206,47 @@ def _files(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
         yield Problem(f"{path}.files", f"hold {size} bytes", allowed)
 
 
+def _params(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    """They are set before the app starts, and who reads one that is everybody's is everybody's business."""
+    if not app.params:
+        return
+    if app.hooks == "none" or (app.hooks == "app" and not app.command):
+        found = "cannot be set before the app starts, as " + (
+            "it has no hooks" if app.hooks == "none" else "it has no command"
+        )
+        yield Problem(f"{path}.params", found, "command, or hooks: sidecar")
+    space = context.robot_space(app, draft.robot).rstrip("/")
+    for name, value in app.params.items():
+        where = join_path(path, "params", name)
+        if not name.startswith("/"):
+            if not app.readiness.nodes:
+                yield Problem(where, "is private to a node, and the app names its nodes itself", f"/<node>/{name}")
+        elif app.handoff == "overlap":
+            found = "is read by the version before, too, as handoff is overlap"
+            yield Problem(where, found, "a private name, without the slash, or handoff: replace")
+        elif not name.startswith(f"{space}/"):
+            found = f"is out of the namespace {space} that keeps robots on one master apart"
+            yield Problem(where, found, f"{space}{name}")
+        yield from _value_problems(value, where)
+
+
+def _value_problems(value: Any, path: str) -> Iterator[Problem]:
+    """What XML-RPC can carry (xmlrpc.com/spec.md); names of parameters are texts."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            if not isinstance(key, str) or not key or "/" in key:
+                yield Problem(join_path(path, key), "is no name of a parameter", "text without a slash")
+            yield from _value_problems(item, join_path(path, key))
+    elif isinstance(value, (list, tuple)):
+        for index, item in enumerate(value):
+            yield from _value_problems(item, join_path(path, index))
+    elif isinstance(value, int) and not -(2**31) <= value < 2**31:
+        yield Problem(path, f"is {value}, more than 32 bits", "a smaller number, or a text")
+    elif not isinstance(value, (str, int, float)):
+        found = "is empty (null)" if value is None else f"is a {type(value).__name__}"
+        yield Problem(path, found, "a text, a number, true, false, a list or a mapping")
+
+
 def _ports(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     for index, port in enumerate(app.ports):
         where, before = join_path(path, "ports", index), app.ports[:index]
@@ -316,6 +357,7 @@ CHECKS: tuple[Check, ...] = (
     _scope,
     _grace,
     _volumes,
+    _params,
     _files,
     _ports,
     _mounts,

@@ -99,6 +99,10 @@ def caught(pid: int, number: int) -> bool:
     return bool(int(mask, 16) & (1 << (number - 1)))
 
 
+def test_without_a_command_it_ends_when_one_could_begin(tmp_path: Path, listening: int) -> None:
+    assert started(tmp_path, listening).wait(timeout=20) == 0
+
+
 def test_a_command_that_is_not_there(tmp_path: Path, listening: int) -> None:
     process = started(tmp_path, listening, "/nowhere/node")
     _out, err = process.communicate(timeout=20)

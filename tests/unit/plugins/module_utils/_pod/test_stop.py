@@ -85,6 +85,9 @@ class Node:
     def unregister(self, seconds: float) -> None:
         self._note("unregister", seconds)
 
+    def forget(self, seconds: float) -> None:
+        self._note("forget", seconds)
+
     def shut_down(self, seconds: float) -> None:
         with contextlib.suppress(TimeoutError):
             self._note("shutdown", seconds)
@@ -110,7 +113,7 @@ def held(node: Node) -> stop_command.Hold:
 def test_a_node_without_actions_ends_at_once() -> None:
     node = Node()
     assert stop(node) == []
-    assert [what for what, _at in node.done] == ["actions", "calls", "unregister", "calls", "shutdown"]
+    assert [what for what, _at in node.done] == ["actions", "calls", "unregister", "forget", "calls", "shutdown"]
     assert node.at == 0
 
 
@@ -131,7 +134,7 @@ def test_a_call_that_came_before_the_service_was_taken_away_is_let_end() -> None
     node = Node()
     node.under_way = [0, 1, 1]
     assert stop(node) == []
-    assert [what for what, _at in node.done][-5:] == ["unregister", "calls", "calls", "calls", "shutdown"]
+    assert [what for what, _at in node.done][-5:] == ["forget", "calls", "calls", "calls", "shutdown"]
 
 
 def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> None:
@@ -145,7 +148,7 @@ def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> 
 def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
     node = Node({"/move": [IDLE]})
     assert stop(node, held(node)) == []
-    assert node.order == ["actions", "hold /move", "isolate /move", "calls", "unregister", "shutdown"]
+    assert node.order == ["actions", "hold /move", "isolate /move", "calls", "unregister", "forget", "shutdown"]
     assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
 
 
@@ -176,7 +179,7 @@ def test_without_a_keeper_it_drains_without_cutting_off(hold: Any, remark: str) 
     node = Node({"/move": [ACTIVE, IDLE]})
     assert stop(node, hold) == [remark]
     assert "isolate /move" not in node.order
-    assert node.order[-3:] == ["calls", "unregister", "shutdown"]
+    assert node.order[-4:] == ["calls", "unregister", "forget", "shutdown"]
 
 
 @pytest.mark.parametrize(("total", "share"), [(30.0, 27.0), (3.0, 2.0)])
@@ -188,7 +191,7 @@ def test_the_deadline_holds_and_says_what_was_cut_short(total: float, share: flo
     assert node.at <= total
 
 
-EVERYTHING = ("actions", "hold", "isolate", "status", "calls", "unregister", "shutdown")
+EVERYTHING = ("actions", "hold", "isolate", "status", "calls", "unregister", "forget", "shutdown")
 
 
 @pytest.mark.parametrize("hanging", [*((one,) for one in EVERYTHING), EVERYTHING, EVERYTHING[1:]])
@@ -262,7 +265,7 @@ def test_a_status_that_cannot_be_read_is_no_idleness() -> None:
     assert stop_command.busy("/a", StatusReading(((3, 4), (3, 4)))) == []
 
 
-@pytest.mark.parametrize("what", ["calls", "unregister", "actions", "isolate", "hold"])
+@pytest.mark.parametrize("what", ["calls", "unregister", "forget", "actions", "isolate", "hold"])
 def test_whatever_fails_the_node_is_shut_down(what: str) -> None:
     node = Node({"/move": [IDLE]})
     node.raising = {what}
