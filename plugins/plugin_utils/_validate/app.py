@@ -242,9 +242,8 @@ def _value_problems(value: Any, path: str) -> Iterator[Problem]:
             yield from _value_problems(item, join_path(path, index))
     elif isinstance(value, int) and not -(2**31) <= value < 2**31:
         yield Problem(path, f"is {value}, more than 32 bits", "a smaller number, or a text")
-    elif not isinstance(value, (str, int, float)):
-        found = "is empty (null)" if value is None else f"is a {type(value).__name__}"
-        yield Problem(path, found, "a text, a number, true, false, a list or a mapping")
+    elif value is None:
+        yield Problem(path, "is empty (null)", "a text, a number, true, false, a list or a mapping")
 
 
 def _ports(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:

@@ -72,8 +72,8 @@ def plain(value: Any, path: str, problems: list[Problem]) -> Any:
     if value is None or isinstance(value, (bool, int, float)):
         return value
     if not isinstance(value, str):
-        found, allowed = f"is a {type(value).__name__}", "text (in quotes), a number, true or false, a list, a mapping"
-        problems.append(Problem(path, found, allowed))
+        kind = next(name for name in (kind.__name__ for kind in type(value).__mro__) if name[0] != "_")  # Ansible's own
+        problems.append(Problem(path, f"is a {kind}", "text (in quotes), a number, true or false, a list, a mapping"))
     return str(value)
 
 
