@@ -24,6 +24,10 @@ MASTER, KEEPER, CODE = "ros-master", "ros-keeper", "rosops-code"
 # Claims on the robot and at the edge (molecule/update/inventory), in local-path's directory names.
 STORAGE = "/var/lib/rancher/k3s/storage"
 SENSOR, EDGE = "sensor-volume-pvc", "edge-volume-pvc"
+ASK = (
+    "import json, os, xmlrpc.client as x; "
+    "print(json.dumps(x.ServerProxy(os.environ['ROS_MASTER_URI']).getParam('/test', '/')[2]))"
+)
 TAIL = 6_000_000  # bytes of a log that are read: some twenty minutes of the fastest one
 
 
@@ -147,6 +151,13 @@ class Cluster:
         call, where = self._core.connect_get_namespaced_pod_exec, (pod, f"robot-{robot}")
         said = stream(call, *where, container="ros-app", command=[*command], stdout=True, stderr=True)
         return str(said)
+
+    def parameters(self, robot: str, pod: str) -> dict[str, Any]:
+        """What the parameter server has, asked from a pod with Python; a namespace is a mapping."""
+        said = self.execute(robot, pod, "python3", "-c", ASK)
+        known = json.loads(said)
+        assert isinstance(known, dict), said
+        return known
 
     def behind(self, robot: str, service: str) -> dict[str, list[str]]:
         """The ports of a Service, and the names of the pods behind it."""

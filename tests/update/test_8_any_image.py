@@ -34,9 +34,8 @@ def settled(fleet: Fleet) -> Iterator[None]:
 def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None:
     files = [{"path": "/etc/sensor/limits.yaml", "content": "most: 40\n"}]
     ports = [{"name": "debug", "port": 9000, "node_port": 30123}]
-    changes = fleet.changed(
-        "robot1", "temperature", command=[f"{BIN}/temperature_publisher_cpp"], files=files, ports=ports, **BARE
-    )
+    said: dict[str, Any] = {"command": [f"{BIN}/temperature_publisher_cpp"], "files": files, "ports": ports}
+    changes = fleet.changed("robot1", "temperature", **said, params={"limits": {"most": 40, "on": True}}, **BARE)
     changes = fleet.changed(
         "robot1", "temperature-stats", on=changes, command=[f"{BIN}/temperature_subscriber_cpp"], **BARE
     )
@@ -50,15 +49,19 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     assert fleet.cluster.execute("robot1", pod.name, "cat", files[0]["path"]) == files[0]["content"]
     assert fleet.cluster.execute("robot1", pod.name, "sh", "-c", "command -v python3 || echo none") == "none\n"
     assert fleet.cluster.behind("robot1", "temperature") == {"debug:9000": [pod.name]}
+    assert own_parameters(fleet, "temperature") == {f"temperature_{pod.revision}": {"limits": {"most": 40, "on": True}}}
 
-    # from one sidecar to the next, with a file that says something else
-    changes = fleet.changed("robot1", "temperature", on=changes, files=[{**files[0], "content": "most: 50\n"}])
+    # from one sidecar to the next, with a file and a parameter that say something else
+    said = {"files": [{**files[0], "content": "most: 50\n"}], "params": {"limits": {"most": 50}}}
+    changes = fleet.changed("robot1", "temperature", on=changes, **said)
     run = fleet.update({**changes, **IMAGES}, *LIMIT)
     assert run.status == 0, run
     assert [step["name"] for step in run.steps("robot1")] == ["temperature"], run
     (pod,) = fleet.pods()["robot1"]["temperature"]
     assert fleet.cluster.execute("robot1", pod.name, "cat", files[0]["path"]) == "most: 50\n"
     assert fleet.cluster.behind("robot1", "temperature") == {"debug:9000": [pod.name]}
+    proven = {f"temperature_{pod.revision}": {"limits": {"most": 50, "on": True}}}  # mappings are merged by the fleet
+    assert own_parameters(fleet, "temperature") == proven
     watch.assert_nothing_lost("robot1")
 
     before = fleet.running()
@@ -72,6 +75,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     run = fleet.update({**bad, **IMAGES}, *LIMIT, update_ready_timeout=20)
     assert run.outcomes["robot1"] == "rolled-back", run
     assert re.search(r"not ready: rate /temperature: 2[45]\d(\.\d+)? Hz", run.host("robot1")["reason"]), run
+    assert own_parameters(fleet, "temperature") == proven
     watch.assert_nothing_lost("robot1")
 
 
@@ -99,3 +103,10 @@ def test_an_action_server_with_its_hooks_beside_it(fleet: Fleet) -> None:
         assert run.status == 0, run
         assert [step["name"] for step in run.steps("robot1")] == ["prime-factors"], run
     watch.assert_nothing_lost("robot1")
+
+
+def own_parameters(fleet: Fleet, node: str) -> dict[str, Any]:
+    """Name of the node's version -> its private parameters."""
+    (asked,) = fleet.pods()["robot1"]["add-two-ints"]
+    known = fleet.cluster.parameters("robot1", asked.name)
+    return {name: value for name, value in known.items() if re.fullmatch(rf"{node}(_[0-9a-f]{{8}})?", name)}
