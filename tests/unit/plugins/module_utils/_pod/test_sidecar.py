@@ -65,7 +65,7 @@ def test_a_path_is_a_command_and_its_status_the_answer(running: subprocess.Popen
     assert [get(port, path) for path in ("/stop", "/started", "/", "/stop/", "/keeper")] == [200, 503, 404, 404, 404]
     assert get(port, "/stop", "POST") == 404
     assert running.stdout is not None
-    assert [running.stdout.readline() for _ in range(2)] == ["not ready: stop\n", "not ready: started\n"]
+    assert [running.stdout.readline() for _line in range(2)] == ["not ready: stop\n", "not ready: started\n"]
 
 
 def test_a_stop_does_not_wait_for_a_start(running: subprocess.Popen[str], port: int, tmp_path: Path) -> None:
