@@ -76,6 +76,7 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "rollout_timeout": {"type": "float", "default": 300},
     "remove_claims": {"type": "list", "elements": "str", "default": []},
     "remove_confirm": {"type": "bool", "default": False},
+    "remove_apps": {"type": "list", "elements": "str", "default": []},
     "strict": {"type": "bool", "default": False},
     "image_archives": {"type": "list", "elements": "dict", "default": []},
     "image_names": {"type": "list", "elements": "str", "default": []},
@@ -153,7 +154,10 @@ class ActionModule(ClusterAction):
         """The robot's outcome; nothing where it is left for its wave."""
         check = bool(self._task.check_mode)
         settings = Settings(
-            Request(tuple(params["apps"]), params["to"], params["shared"], params["own"]),
+            Request(
+                only=tuple(params["apps"]), to=params["to"], shared=params["shared"], own=params["own"],
+                remove=tuple(params["remove_apps"]),
+            ),
             check=check,
             code=CODE,
             parts=self._parts,

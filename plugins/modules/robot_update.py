@@ -67,6 +67,13 @@ options:
     description: Has to be true before a claim is deleted.
     type: bool
     default: false
+  remove_apps:
+    description:
+      - Names of apps that the inventory has no more and that are taken away, or V(all) for whatever of the robot it
+        has no more. Each is a step of its own, gated like an update. Claims are left.
+    type: list
+    elements: str
+    default: []
   apps:
     description: Change only these apps; V(ros-master) is the master. Empty means all that differ from the inventory.
     type: list

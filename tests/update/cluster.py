@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import shlex
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,13 +91,8 @@ class Cluster:
 
     def history(self, robot: str, app: str) -> str:
         """The version of what an update keeps of an app's earlier versions; empty before its first update."""
-        try:
-            found = self._core.read_namespaced_config_map(f"{app}-update", f"robot-{robot}", _request_timeout=20)
-        except client.ApiException as error:
-            if error.status == 404:
-                return ""
-            raise
-        return str(found.metadata.resource_version)
+        found = there(lambda: self._core.read_namespaced_config_map(f"{app}-update", f"robot-{robot}"))
+        return str(found.metadata.resource_version) if found else ""
 
     def versions(self, robots: list[str]) -> dict[str, str]:
         """The version of each Deployment's specification and of each ConfigMap of these robots."""
@@ -160,11 +155,11 @@ class Cluster:
         return known
 
     def behind(self, robot: str, service: str) -> dict[str, list[str]]:
-        """The ports of a Service, and the names of the pods behind it."""
-        found = self._core.read_namespaced_endpoints(service, f"robot-{robot}", _request_timeout=20).subsets or []
+        """The ports of a Service, and the names of the pods behind it; empty where there is no such Service."""
+        found = there(lambda: self._core.read_namespaced_endpoints(service, f"robot-{robot}"))
         return {
             f"{port.name}:{port.port}": sorted(address.target_ref.name for address in subset.addresses or [])
-            for subset in found
+            for subset in (found and found.subsets) or []
             for port in subset.ports
         }
 
@@ -172,6 +167,16 @@ class Cluster:
         """As `kubectl delete pod` does."""
         for pod in self.pods(robot)[app]:
             self._core.delete_namespaced_pod(pod.name, f"robot-{robot}")
+
+
+def there(read: Callable[[], Any]) -> Any:
+    """What is read, or nothing where it is not there."""
+    try:
+        return read()
+    except client.ApiException as error:
+        if error.status == 404:
+            return None
+        raise
 
 
 def running(pods: Mapping[str, list[Pod]]) -> dict[str, list[tuple[str, tuple[str, ...]]]]:

@@ -51,6 +51,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.installing import Installing, all_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, robot_outcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step, update_plan, wanted_deployments
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE, with_removals
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removing import Removing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import Key, files_owner, key_of, unused
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import local_images
@@ -118,7 +120,7 @@ class Engine(Turn):
         if self.check:
             self._change(gone)
             return
-        needed = bool(self.plan.steps or self._lost()) or self._differs(gone)
+        needed = bool(self.plan.steps or self.plan.remnants or self._lost()) or self._differs(gone)
         if not (needed or self.untold()):
             self._tell_first()
             return
@@ -167,8 +169,8 @@ class Engine(Turn):
             self._record()
         for step in self.plan.steps:
             now = self.begun(step)
-            one = Installing(self, now) if step.kind == INSTALL else Gated(self, now)
-            self.results.append(one.take())
+            kinds: dict[str, type[Gated | Installing]] = {INSTALL: Installing, REMOVE: Removing}
+            self.results.append(kinds.get(step.kind, Gated)(self, now).take())
             if self.results[-1].outcome != UPDATED or self.over:
                 break
         else:
@@ -178,7 +180,8 @@ class Engine(Turn):
 
     def _tell_first(self) -> None:
         if self.plan.orphans:
-            self.say(f"not in the inventory, left as they are: {', '.join(self.plan.orphans)}")
+            orphans = ", ".join(self.plan.orphans)
+            self.say(f"not in the inventory, left as they are (update_remove_apps takes them away): {orphans}")
         for news in self.news():
             self.say(news)
 
@@ -186,7 +189,7 @@ class Engine(Turn):
         self.live = self.read()
         request = replace(self.settings.request, parts=self.settings.parts)
         plan = update_plan(self.robot, self.live, request, self._drifted())
-        self.plan = with_install(plan, self.robot, self.live)
+        self.plan = with_removals(with_install(plan, self.robot, self.live), self.robot, self.live, request)
         self.left = not self.settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:
@@ -215,8 +218,9 @@ class Engine(Turn):
     def _prepare(self, gated: Sequence[Step]) -> None:
         """What all of it stands on, and what the steps need, while the robot works."""
         self.trace("prepare")
-        if gated:  # what is installed has its images pulled by the node, all at the same time
-            self.host.bring(sorted({image for step in gated for image in local_images(step)}))
+        images = {image for step in gated for image in local_images(step)}
+        if images:  # what is installed has its images pulled by the node, all at the same time
+            self.host.bring(sorted(images))
         services = self._lost()
         for item in services:
             self.say(f"Service {item['metadata']['name']} is gone or was changed by hand")
@@ -241,16 +245,16 @@ class Engine(Turn):
     def _tidy(self, gated: Sequence[Step]) -> None:
         """What apps had before: their files, when nobody goes back to them any more, and their Services.
 
-        What is left because of an error the next update finds.
+        Of those that went all of it. What is left because of an error the next update finds.
         """
         apps = {key_of(item) for step in gated for item in step.workloads} & self._own_apps()
         before = {*map(files_owner, self.live.maps), *map(key_of, self.live.services)}
-        if not apps & before:  # most have none
-            return
-        wanted = [*file_maps(self.robot), *port_services(self.robot)]
+        gone = [*self.plan.remnants]
         try:
-            gone = self.cluster.delete(unused(self.read(), apps, wanted), self.check)
-            self.changes += [done for done in gone if done.changed]
+            if apps & before:  # most have none
+                gone += unused(self.read(), apps, [*file_maps(self.robot), *port_services(self.robot)])
+            if gone:
+                self.changes += [done for done in self.cluster.delete(gone, self.check) if done.changed]
         except FleetError as error:
             self.say(f"what earlier versions had is still there: {error}")
 

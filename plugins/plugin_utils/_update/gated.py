@@ -53,7 +53,7 @@ class Gated:
             if turn.check:
                 return turn.result(now, UPDATED)
             with turn.phase(now, "rollout"):
-                turn.cluster.wait(self.step.workloads, self.settings.ready_timeout, fail_on_restart=True)
+                self._roll_out()
             with turn.phase(now, "verify"):
                 self._verify(gate)
             return self._finish()
@@ -205,6 +205,9 @@ class Gated:
         objects = decide.step_objects(self.step, gate.contracts, bounds, self.now.started)
         self.now.maps = [item for item in objects if item["kind"] == "ConfigMap"]
         return objects
+
+    def _roll_out(self) -> None:
+        self.turn.cluster.wait(self.step.workloads, self.settings.ready_timeout, fail_on_restart=True)
 
     def _verify(self, gate: decide.Gate) -> None:
         """The graph is what was recorded, for as long as asked, and nothing was started again meanwhile."""

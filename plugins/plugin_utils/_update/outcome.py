@@ -71,7 +71,7 @@ class StepResult:
         """`temperature lab/apps:1.0 -> lab/apps:1.1 in 6.1 s`."""
         parts = []
         for app in self.apps:
-            old, new = self.before.get(app, {}).get("image", "new"), self.after.get(app, {}).get("image", "")
+            old, new = self.before.get(app, {}).get("image", "new"), self.after.get(app, {}).get("image", "removed")
             revision = self.after.get(app, {}).get("revision", "")
             parts.append(f"{app} {old} -> {new}" if old != new else f"{app} {new} ({revision})")
         text = f"{', '.join(parts)} in {sum(self.phases.values()):.1f} s"

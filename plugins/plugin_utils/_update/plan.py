@@ -57,7 +57,7 @@ class Step:
     """One change of one robot."""
 
     name: str
-    kind: str  # "app" or "master"
+    kind: str  # "app", "master", or as install.py and removal.py have it
     apps: Sequence[str]
     handoff: str
     drifted: bool  # somebody changed by hand what runs, and did not change its node's name with it
@@ -94,16 +94,22 @@ class Step:
 
 @dataclass(frozen=True)
 class Plan:
-    """The steps of a robot; `orphans` are Deployments of ours that the inventory does not know."""
+    """The steps of a robot.
+
+    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes besides when apps go.
+    """
 
     steps: Sequence[Step] = ()
     unchanged: Sequence[str] = ()
     orphans: Sequence[str] = ()
+    remnants: Sequence[Object] = ()
 
 
 @dataclass(frozen=True)
 class Request:
     """What is asked for. `to` is empty for what the inventory says, else `previous` or a revision to go back to.
+
+    `remove` names apps that the inventory has no more and that are to go, or says `all`.
 
     `only` limits it to these apps (`ros-master` is the master), `parts` to the master or the apps; `shared` says
     whether what belongs to the whole fleet is this robot's to change, `own` whether what is the robot's own is.
@@ -114,6 +120,7 @@ class Request:
     shared: bool = True
     own: bool = True
     parts: Collection[str] = PARTS
+    remove: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -121,4 +121,9 @@ def is_updating(item: Object | None) -> bool:
 
 def node_of(deployment: Object) -> str:
     """The app's ROS node in the graph; empty where it has none that can be known."""
-    return str((deployment["spec"]["template"]["metadata"].get("annotations") or {}).get(names.ANNOTATION_NODE, ""))
+    return annotations_of(deployment["spec"]["template"]).get(names.ANNOTATION_NODE, "")
+
+
+def handoff_of(deployment: Object) -> str:
+    """How its versions follow each other."""
+    return annotations_of(deployment["spec"]["template"]).get(names.ANNOTATION_HANDOFF, "replace")

@@ -28,6 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Step
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import NO_GRAPH, Gate
@@ -42,6 +43,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 )
 
 WITHDRAWN = "the new version, which had not begun, was taken back"
+LEAVING = "it is there still, or ending; the next run goes on from there"
 UNFINISHED = "what came up stays as it is; the next run goes on from there"
 
 
@@ -64,7 +66,7 @@ class Now:
     def left(self) -> str:
         """What this run leaves of the step, in words."""
         if self.applied:
-            return UNFINISHED if self.step.kind == INSTALL else UNPROVEN
+            return {INSTALL: UNFINISHED, REMOVE: LEAVING}.get(self.step.kind, UNPROVEN)
         return WITHDRAWN if self.withdrawn else "nothing was touched"
 
 

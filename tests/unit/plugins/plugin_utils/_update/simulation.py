@@ -35,6 +35,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
@@ -340,7 +341,8 @@ class Simulation(SimulatedRobot):
         if self.unheld and word != "deferred-offline" and not (away or lost):
             assert not self.mine(), f"{word}, and goals of {self.mine()} are held still"
         for result, step in zip(outcome.steps, engine.plan.steps):
-            deployments = [("Deployment", *deployment_key(item)) for item in step.workloads]
+            gone = step.previous.values() if step.kind == REMOVE else ()
+            deployments = [("Deployment", *deployment_key(item)) for item in [*step.workloads, *gone]]
             touched = self.touched & {*deployments, *(("ConfigMap", key[1], f"{key[2]}-update") for key in deployments)}
             busy = result.outcome == "deferred-busy" and "taken back" not in result.reason
             if "nothing was touched" in result.reason or busy:
@@ -349,6 +351,10 @@ class Simulation(SimulatedRobot):
                 assert touched, f"{result.reason}: but nothing was"
             for key, item in zip(deployments, step.workloads):
                 self.word(result, key, item, before.get(key))
+            if gone and result.outcome == "updated":
+                heirs = {node for other in engine.plan.steps for node in other.new_nodes.values()}
+                left = [*self.of(deployments[0][1:]), *({*step.old_nodes.values()} & {*self.registered} - heirs)]
+                assert deployments[0] not in self.objects and not left, f"removed, and there is {left}"
 
     def word(self, result: StepResult, key: KEY, wanted: Object, before: Object | None) -> None:
         there = self.objects.get(key)
@@ -423,7 +429,7 @@ def pod_object(pod: Pod) -> Object:
     state = [{"state": {"running" if pod.up or pod.waits else "waiting": {}}, "ready": pod.ready}]
     address = f"10.42.0.{pod.uid}" if pod.process else None
     return {
-        "metadata": {"namespace": pod.key[0], "labels": labels},
+        "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels},
         "status": {"podIP": address, "containerStatuses": state},
     }
 
@@ -501,6 +507,7 @@ class SimulatedCluster:
                 done.append(Applied(ref_of(item), sim.objects.get(key), None, key in sim.objects))
                 if not dry_run and sim.objects.pop(key, None) is not None:
                     sim.touched.add(key)
+                    sim.watched -= {key[2]} if sim.engine.settings.request.remove else set()
                     sim.reconcile(deployment_key(item))
         return done
 

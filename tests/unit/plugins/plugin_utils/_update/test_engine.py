@@ -88,7 +88,7 @@ def test_check_mode_writes_nothing_and_tells_what_a_run_would_do(name: str, vers
 def test_what_the_inventory_does_not_know_is_told_and_left() -> None:
     sim, _wanted = begin("two-steps", "good")
     assert outcome_of(sim, robot(app("sensor", OLD))).outcome == "unchanged"
-    assert sim.said == ["not in the inventory, left as they are: stats"]
+    assert sim.said == ["not in the inventory, left as they are (update_remove_apps takes them away): stats"]
     assert sim.deployment(("robot-robot1", "stats"))
 
 

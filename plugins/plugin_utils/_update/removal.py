@@ -1,0 +1,112 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Apps of a robot that its inventory has no more: they go where that is asked for, each by a step of its own. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, Step, wanted_before
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
+    app_of,
+    described,
+    files_owner,
+    handoff_of,
+    identity,
+    kept,
+    node_of,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+
+REMOVE = "remove"
+ALL = "all"
+
+
+def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Plan:
+    """The plan with a step for each app that goes, and what there is of it besides; SpecError.
+
+    What runs goes last, so that a robot whose new version is refused has what it had. What is in the way of a new
+    version, by its node's name, a device or a port, goes first.
+    """
+    wanted = {app.name for app in robot.apps}
+    if not (request.remove and request.own and APPS in request.parts) or request.to:
+        return plan
+    still = sorted(wanted & {*request.remove})
+    if still:
+        raise SpecError(
+            f"update_remove_apps names {', '.join(still)}, which {robot.name} is to have: take it out of ros_apps first"
+        )
+
+    def goes(item: Object) -> bool:
+        app = app_of(item) or files_owner(item)[1]
+        ours = item["metadata"]["namespace"] == robot.namespace and app not in {"", *wanted, *SERVING}
+        return ours and (ALL in request.remove or app in request.remove)
+
+    going = [item for item in live.deployments if goes(item)]
+    if going and ALL in request.remove and not robot.apps:
+        raise SpecError(
+            f"the inventory has no app for {robot.name}, and update_remove_apps is {ALL}: if it is to have none, name "
+            f"what goes: {', '.join(map(app_of, going))}"
+        )
+    first = [item for item in going if _in_the_way(item, plan.steps)]
+    last = [item for item in going if item not in first]
+    apps = {app_of(item) for item in going}
+    return replace(
+        plan,
+        steps=[*(_step(item, robot) for item in first), *plan.steps, *(_step(item, robot) for item in last)],
+        orphans=[name for name in plan.orphans if name not in apps],
+        remnants=[identity(item) for item in [*live.maps, *live.services] if goes(item)],
+    )
+
+
+def _step(item: Object, robot: Robot) -> Step:
+    app = app_of(item)
+    return Step(
+        name=app,
+        kind=REMOVE,
+        apps=[app],
+        handoff=handoff_of(item),
+        drifted=False,
+        objects=[],
+        previous={app: kept(item)},
+        created=[],
+        resume=False,
+        proven=False,
+        unproven=[],
+        new_nodes={},
+        old_nodes={app: node_of(item)},
+        actions=[],
+        idle=[],
+        on_busy=None,
+        when=wanted_before(robot),
+        windows=robot.windows,
+        intended=Intended(),
+        patience=0.0,
+        conditions={},
+        before={app: described(item)},
+        after={},
+        histories={},
+    )
+
+
+def _in_the_way(item: Object, steps: Sequence[Step]) -> bool:
+    nodes = {node for step in steps for node in step.new_nodes.values()} - {""}
+    taken = [_takes(other) for step in steps for other in step.workloads]
+    return node_of(item) in nodes or any(_takes(item) & other for other in taken)
+
+
+def _takes(deployment: Object) -> set[tuple[str, object]]:
+    """What of its host a pod takes for itself alone."""
+    pod = deployment["spec"]["template"]["spec"]
+    paths = {("path", volume["hostPath"]["path"]) for volume in pod.get("volumes") or [] if "hostPath" in volume}
+    ports = {
+        ("port", one["hostPort"]) for each in pod["containers"] for one in each.get("ports") or () if "hostPort" in one
+    }
+    return paths | ports

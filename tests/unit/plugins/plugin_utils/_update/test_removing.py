@@ -1,0 +1,183 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Apps that were taken out of the inventory go where that is asked for, through the gate, and nothing else does."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, outcome_of, settings
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 16
+ALL = Request(remove=("all",))
+SENSOR = app("sensor", OLD)
+WHOLE = {
+    "ports": [{"name": "web", "port": 80}],
+    "files": [{"path": "/etc/stats.yaml", "content": "a"}],
+}
+KINDS: dict[str, dict[str, Any]] = {
+    "overlap": app("stats", OLD, depends_on=["sensor"], **WHOLE),
+    "drain": app("planner", OLD, pattern="action", readiness={"actions": ["plan"]}),
+    "replace": app("driver", OLD, pattern=None),
+    "launch": app("base", OLD, pattern=None, readiness={"nodes": False}),
+}
+
+
+def fleet(*apps: dict[str, Any]) -> tuple[Simulation, Robot]:
+    """A robot with a sensor and these, each updated once, and the robot with the sensor alone."""
+    sim = Simulation()
+    sim.install(robot(SENSOR, *apps))
+    if apps:
+        newer = [{**one, "image": image("good")} for one in apps]
+        assert outcome_of(sim, robot(SENSOR, *newer)).outcome == "updated"
+    return sim, robot(SENSOR)
+
+
+def there(sim: Simulation, name: str) -> list[str]:
+    """What there is of an app."""
+    pods = [pod.app for pod in sim.pods if pod.app == name and not pod.gone]
+    nodes = [node for node in sim.registered if node.startswith(f"/{name}")]
+    return sorted([*pods, *nodes, *(f"{kind} {key}" for kind, _namespace, key in sim.objects if key.startswith(name))])
+
+
+def ended(sim: Simulation, wanted: Robot, **more: Any) -> tuple[str, list[str]]:
+    found = outcome_of(sim, wanted, **{"request": ALL, **more})
+    return found.outcome, [step.name for step in found.steps]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_of_it_goes_and_nothing_else_is_touched(kind: str) -> None:
+    gone = KINDS[kind]
+    sim, wanted = fleet(gone)
+    pods = [pod.uid for pod in sim.pods if pod.app != gone["name"]]
+    assert ended(sim, wanted, check=True) == ("updated", [gone["name"]])
+    assert {change.ref.name for change in sim.engine_changes if change.after is None} >= {gone["name"]}
+    assert there(sim, gone["name"])
+    assert ended(sim, wanted) == ("updated", [gone["name"]])
+    assert there(sim, gone["name"]) == []
+    assert [pod.uid for pod in sim.pods if not pod.gone] == pods
+    assert ended(sim, wanted) == ("unchanged", [])
+    assert not sim.engine_changes
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_whatever_ends_it_one_more_run_is_enough(kind: str) -> None:
+    gone = KINDS[kind]
+    sim, wanted = fleet(gone)
+    ended(sim, wanted)
+    points = [(fault, at) for at in range(1, len(sim.calls) + 1) for fault in FAULTS]
+    for number, (fault, at) in enumerate(points):
+        if number % SHARE and fault not in ("killed", "half-killed"):
+            continue
+        sim, wanted = fleet(gone)
+        sim.run(wanted, settings(request=ALL), fault, at)
+        sim.restore()
+        assert ended(sim, wanted)[0] in ("updated", "unchanged"), (fault, at)
+        sim.settle()
+        assert there(sim, gone["name"]) == [], (fault, at)
+        assert ended(sim, wanted)[0] == "unchanged", (fault, at)
+
+
+def test_a_robot_at_work_is_waited_for() -> None:
+    sim, wanted = fleet(KINDS["drain"])
+    goal = sim.goal("/plan", 40.0)
+    assert ended(sim, wanted, on_busy="defer") == ("deferred-busy", ["planner"])
+    assert ended(sim, wanted, busy_timeout=5.0) == ("deferred-busy", ["planner"])
+    assert ended(sim, wanted) == ("updated", ["planner"])
+    assert goal.ended
+    assert not sim.holds
+
+
+def told(sim: Simulation, wanted: Robot, *remove: str, **more: Any) -> RobotOutcome:
+    return outcome_of(sim, wanted, request=Request(remove=remove, **more))
+
+
+def test_only_what_is_named_goes() -> None:
+    sim, wanted = fleet(KINDS["overlap"], KINDS["replace"])
+    found = told(sim, wanted, "stats", "of-another-robot")
+    assert [step.told().split(" in ")[0] for step in found.steps] == [f"stats {image('good')} -> removed"]
+    assert there(sim, "driver")
+    assert sim.said[0] == "not in the inventory, left as they are (update_remove_apps takes them away): driver"
+    assert told(sim, wanted, "stats").outcome == "unchanged"
+
+
+@pytest.mark.parametrize("more", [{"own": False}, {"parts": ("namespace", "master")}, {"to": "previous"}])
+def test_another_request_takes_nothing_away(more: dict[str, Any]) -> None:
+    sim, wanted = fleet(KINDS["overlap"])
+    own = {"parts": more.pop("parts")} if "parts" in more else {}
+    outcome_of(sim, wanted, request=Request(remove=("all",), **more), **own)
+    assert there(sim, "stats")
+
+
+def test_what_the_inventory_has_still_is_an_error() -> None:
+    sim, _wanted = fleet(KINDS["overlap"])
+    found = told(sim, robot(SENSOR, KINDS["replace"]), "sensor", "stats")
+    assert found.outcome == "failed"
+    assert found.reason == (
+        "nothing was touched: update_remove_apps names sensor, which robot1 is to have: take it out of ros_apps first"
+    )
+
+
+def test_a_robot_that_is_to_have_none_at_all_may_be_a_mistake() -> None:
+    sim, _wanted = fleet()
+    found = told(sim, robot(), "all")
+    assert found.outcome == "failed"
+    assert "the inventory has no app for robot1" in found.reason
+    assert found.reason.endswith("name what goes: sensor")
+    assert there(sim, "sensor")
+    assert told(sim, robot(), "sensor").outcome == "updated"
+    assert sim.deployment(("robot-robot1", "ros-master"))
+
+
+def test_the_master_stays_and_what_is_the_fleets() -> None:
+    shared = app("chart", OLD, pattern="service", scope="fleet")
+    sim = Simulation()
+    sim.install(robot(SENSOR, shared, master={"mode": "shared", "image": OLD}))
+    assert ended(sim, robot(SENSOR, master={"mode": "shared", "image": OLD})) == ("unchanged", [])
+    sim, _wanted = fleet()
+    external = robot(SENSOR, master={"mode": "external", "uri": "http://10.0.0.1:11311"})
+    found = told(sim, external, "all")
+    assert {step.name for step in found.steps} <= {"sensor"}, found
+    assert sim.deployment(("robot-robot1", "ros-master"))
+
+
+def test_what_is_in_the_way_goes_first_and_all_else_last() -> None:
+    sim, _wanted = fleet(KINDS["replace"], KINDS["overlap"])
+    heir = app("chart", OLD, pattern=None, node_name="driver")
+    found = told(sim, robot(SENSOR, heir), "all")
+    assert (found.outcome, [step.name for step in found.steps]) == ("updated", ["driver", "chart", "stats"])
+
+
+@pytest.mark.parametrize(
+    "shared", [{"devices": ["/dev/ttyUSB0"]}, {"ports": [{"name": "w", "port": 80, "host_port": 80}]}]
+)
+def test_a_device_or_a_port_of_the_host_is_in_the_way(shared: dict[str, Any]) -> None:
+    sim, _wanted = fleet(app("driver", OLD, pattern=None, placement="local", **shared))
+    found = told(sim, robot(SENSOR, app("chart", OLD, pattern=None, placement="local", **shared)), "all")
+    assert (found.outcome, [step.name for step in found.steps]) == ("updated", ["driver", "chart"])
+
+
+def test_a_robot_whose_new_version_is_refused_has_what_it_had() -> None:
+    sim, _wanted = fleet(KINDS["replace"])
+    found = told(sim, robot({**SENSOR, "image": image("never-starts")}), "all")
+    assert found.outcome == "rolled-back"
+    assert "1 further step not begun" in found.reason
+    assert there(sim, "driver")
+
+
+def test_a_pod_that_does_not_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    sim, wanted = fleet(KINDS["replace"])
+    monkeypatch.setattr(sim, "stop", lambda _pod: None)
+    found = told(sim, wanted, "all")
+    assert found.outcome == "failed"
+    assert found.reason.startswith("driver: still there: driver-")
+    assert any("waits until driver has ended, for " in text for text in sim.said)
