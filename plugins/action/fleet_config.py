@@ -15,7 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.folded import Hosts, folded
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.folded import folded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import inventory_problems, near_misses
 
@@ -32,21 +32,22 @@ class ActionModule(FleetAction):
             found = check_fleet({"groups": groups, "hosts": hosts})
             wrong = inventory_problems(hostvars, names, load_extra_vars(self._loader))
             warnings = [*found.warnings, *near_misses(hostvars, names)]
-            return outcome(Report([*found.problems, *wrong], warnings, None if wrong else found.fleet), hosts)
+            fleet = None if wrong else found.fleet
+            return outcome(found._replace(problems=[*found.problems, *wrong], warnings=warnings, fleet=fleet))
         except FleetError as error:
             error.details.setdefault("valid", False)
             raise
 
 
-def outcome(report: Report, hosts: Hosts) -> dict[str, Any]:
+def outcome(report: Report) -> dict[str, Any]:
     """What the task returns."""
-    problems = folded(report.problems, hosts)
+    problems = folded(report.problems, report.hosts)
     count = len(problems)
     result: dict[str, Any] = {
         "changed": False,
         "valid": not count,
         "errors": [problem.as_dict() for problem in problems],
-        "warnings": [warning.line() for warning in folded(report.warnings, hosts)],
+        "warnings": [warning.line() for warning in folded(report.warnings, report.hosts)],
         "_ansible_verbose_override": True,  # with -v, too: a whole fleet is nothing that anybody reads on a screen
     }
     if report.fleet is not None:

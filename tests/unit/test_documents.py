@@ -19,6 +19,7 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -64,6 +65,14 @@ COMMANDS = [Block(block.where, line) for block in blocks() if block not in YAML
             for line in block.text.replace("\\\n", " ").splitlines()]  # fmt: skip
 
 
+def apps_before(block: Block) -> dict[str, Any]:
+    """What its page said last, above it, of the fleet's apps and of layers over them."""
+    page = block.where.split(":")[0]
+    above = VARIABLES[: VARIABLES.index(block)]
+    said = [item for other in above if other.where.split(":")[0] == page for item in other.value.items()]
+    return {name: value for name, value in said if name in ("ros_apps", *LAYERS)}
+
+
 def fleet_of(block: Block) -> dict[str, Any]:
     """The block as the inventory of a fleet that has everything else."""
     value = dict(block.value)
@@ -74,6 +83,8 @@ def fleet_of(block: Block) -> dict[str, Any]:
     known = variables()
     if not set(value) & set(known):
         value = {"ros_apps": [value]}  # a part of an app
+    if set(value) & set(LAYERS):  # over what the page said before
+        value = {**apps_before(block), **value}
     value = {name: item for name, item in value.items() if not (isinstance(item, str) and item.startswith("{{"))}
     if "ros_apps" in value:
         value["ros_apps"] = [{**APP, **app} for app in value["ros_apps"]]

@@ -9,11 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-import yaml
 from fleet import Fleet
-from runs import CHECKOUT
 
-ROBOTS_VARIABLES = CHECKOUT / "molecule" / "update" / "inventory" / "group_vars" / "robots.yml"
 LIMIT = ("--limit", "robot1,edge1")
 
 
@@ -38,19 +35,18 @@ def of_spare(fleet: Fleet) -> list[str]:
 
 @pytest.mark.promise("an app that was taken out is removed without a loss, where that is asked for")
 def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> None:
-    apps: list[dict[str, Any]] = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
-    (listener,) = (app for app in apps if app["name"] == "temperature-stats")
-    spare = {
-        **listener, "name": "spare", "placement": "local", "volumes": [], "env": {"LOG_DIR": "/tmp"},  # noqa: S108 - the pod's own
+    (listener,) = fleet.pods()["robot1"]["temperature-stats"]
+    spare: dict[str, Any] = {
+        "name": "spare", "image": listener.image, "command": ["/opt/rosops-apps/bin/temperature_subscriber"],
+        "env": {"LOG_DIR": "/tmp"}, "placement": "local", "pattern": "pubsub", "params": {"limit": 1},  # noqa: S108 - the pod's own
         "files": [{"path": "/etc/spare.yaml", "content": "a: 1\n"}], "ports": [{"name": "web", "port": 9001}],
-        "params": {"limit": 1},
     }  # fmt: skip
-    run = fleet.update({**fleet.variables, "scenario_apps": [*apps, spare]}, *LIMIT)
+    run = fleet.update({**fleet.variables, "ros_apps_robot": [spare]}, *LIMIT)
     assert run.status == 0, run
     # the pod, the Deployment, its files, its earlier versions, its parameters
     assert len(of_spare(fleet)) == 5, of_spare(fleet)
     assert [*fleet.cluster.behind("robot1", "spare")] == ["web:9001"]
-    without = {name: value for name, value in fleet.variables.items() if name != "scenario_apps"}
+    without = {name: value for name, value in fleet.variables.items() if name != "ros_apps_robot"}
     before, watch = fleet.running(), fleet.watch()
 
     run = fleet.update(without, *LIMIT)

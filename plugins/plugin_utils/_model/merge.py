@@ -19,6 +19,7 @@ MERGE_KEYS: dict[str, tuple[str, ...]] = {
     "volumeDevices": ("devicePath",),
     "ports": ("name", "containerPort"),
     "hostAliases": ("ip",),
+    "files": ("path",),  # of an app
 }
 PATCH = "$patch"
 

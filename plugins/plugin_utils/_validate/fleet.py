@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown, unique
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import app_problems, app_warnings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft, draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, schema_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import layered
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
     fleet_app_problems,
@@ -37,22 +38,26 @@ IMPLICIT_HOST = "localhost"
 
 
 class Report(NamedTuple):
-    """What was found, and the fleet if nothing is wrong."""
+    """What was found, and the fleet if nothing is wrong; `hosts` are the variables that it was found in."""
 
     problems: list[Problem]
     warnings: list[Problem]
     fleet: Fleet | None
+    hosts: Mapping[str, Mapping[str, Any]]
 
 
 def check_fleet(given: Any) -> Report:
     """`given` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`."""
     problems: list[Problem] = []
     if not isinstance(given, Mapping):
-        return Report([Problem("fleet", f"is {shown(given)}", "a mapping with groups and hosts")], [], None)
+        return Report([Problem("fleet", f"is {shown(given)}", "a mapping with groups and hosts")], [], None, {})
     value = plain(given, "", problems)
     problems += _shape_problems(value)
     groups = _mapping(value, "groups")
-    hosts = {name: item if isinstance(item, dict) else {} for name, item in _mapping(value, "hosts").items()}
+    hosts = {
+        name: layered(item, join_path("hosts", name), problems) if isinstance(item, dict) else {}
+        for name, item in _mapping(value, "hosts").items()
+    }
     modes = {robot: mode_of(robot, hosts) for robot in members(groups, "robots")}
     problems += topology_problems(groups, modes)
     problems += _name_problems(groups)
@@ -78,7 +83,7 @@ def check_fleet(given: Any) -> Report:
     problems += [*fleet_app_problems(drafts), *port_problems(drafts)]
     problems = unique(problems)
     fleet = None if problems else _fleet(groups, hosts, drafts)
-    return Report(problems, unique(warnings), fleet)
+    return Report(problems, unique(warnings), fleet, hosts)
 
 
 def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import needed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
 
@@ -30,7 +31,7 @@ OWN_PREFIXES = (
 MISSPELT = 0.8
 # What robots are made of is handed on as it is. A robot itself holds no secret of ours; what is in an app's own
 # environment is as open as the Deployment that shows it.
-HANDED_ON = ("ros_apps", "ros_master_overrides", "ros_master_keeper_overrides", "persistent_storage")
+HANDED_ON = ("ros_apps", *LAYERS, "ros_master_overrides", "ros_master_keeper_overrides", "persistent_storage")
 
 
 def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, dict[str, Any]]:

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 
 Schema = Mapping[str, Any]
 
@@ -95,6 +96,7 @@ OWN: dict[str, Schema] = {
 # What an argument spec cannot say, by the path of the value. With a type of its own a form stands for what the spec
 # says, else it adds to that.
 FORMS: dict[str, Schema] = {
+    **{f"{layer}[]": {"required": ["name"], "properties": {"name": text("app-name")}} for layer in LAYERS},
     "ros_apps[].name": text("app-name"),
     "ros_apps[].image": text("image"),
     "ros_apps[].command": {"minItems": 1},

@@ -78,6 +78,17 @@ def test_a_good_fleet_is_handed_on_without_secrets(check: bool, tmp_path: Path) 
     assert fleet.edge_nodes == ("node-1",) == (fleet.hosts["edge1"].node,)
 
 
+def test_a_robot_has_the_apps_of_all_its_layers(tmp_path: Path) -> None:
+    layers = {
+        "ros_apps_model": [{"name": "talker", "env": {"N": "2"}}],
+        "ros_apps_robot": [{**table.GOOD_APP, "name": "b"}],
+    }
+    result = run(tmp_path, {**GOOD, "hosts": {**GOOD["hosts"], "robot1": {**GOOD["hosts"]["robot1"], **layers}}})
+    assert result["errors"] == []
+    apps = Fleet.from_vars({"fleet": result}).robots["robot1"].apps
+    assert {app.name: app.env for app in apps} == {"talker": {"API_TOKEN": "known", "N": "2"}, "b": {}}
+
+
 def test_what_cannot_be_templated_is_named(tmp_path: Path) -> None:
     hosts = {"edge1": {}, "robot1": {"ros_apps": "{{ nobody_knows }}"}}
     result = run(tmp_path, {**GOOD, "hosts": hosts})

@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs imp
 
 
 def test_all_entry_points_of_all_roles() -> None:
-    assert set(role_options("ros_app")) == {"ros_apps", "ros_app_rollout_timeout"}
+    assert set(role_options("ros_app")) == {"ros_apps", "ros_apps_model", "ros_apps_robot", "ros_app_rollout_timeout"}
     found = all_options()
     assert found["k3s_role"]["choices"] == ["server", "agent"]
     assert found["ros_app_rollout_timeout"]["type"] == "int"
