@@ -19,47 +19,81 @@ def settled(fleet: Fleet) -> Iterator[None]:
     """What the tests after this one find is what they know."""
     before = fleet.variables
     yield
-    if of_spare(fleet):
-        fleet.update(before, update_remove_apps=["spare"])
+    left = [app for app in ("spare", "pair") if of_app(fleet, app)]
+    if left:
+        fleet.update(before, update_remove_apps=left)
     fleet.accept(before)
 
 
-def of_spare(fleet: Fleet) -> list[str]:
+def of_app(fleet: Fleet, app: str) -> list[str]:
     """What the cluster has of it, and the parameter server."""
     (asked,) = fleet.pods()["robot1"]["add-two-ints"]
     parameters = fleet.cluster.parameters("robot1", asked.name)
     pods = [name for name, there in fleet.pods()["robot1"].items() if there]
     names = [name.split("/")[-1] for name in fleet.cluster.versions(["robot1"])]
-    return sorted(name for name in [*pods, *names, *parameters] if name.startswith("spare"))
+    return sorted(name for name in [*pods, *names, *parameters] if name.startswith(app))
+
+
+LAUNCH = """<launch>
+  <arg name="second"/>
+  <node pkg="pair" type="listen" name="pair_one"/>
+  <node pkg="pair" type="listen" name="$(arg second)"/>
+</launch>
+"""
+PACKAGE = (
+    "<package><name>pair</name><version>1.0.0</version><description>two</description><license>none</license></package>"
+)
 
 
 @pytest.mark.promise("an app that was taken out is removed without a loss, where that is asked for")
 def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> None:
+    """A node with all that an app may have, and a launch file that the inventory brings."""
     (listener,) = fleet.pods()["robot1"]["temperature-stats"]
+    program = "/opt/rosops-apps/bin/temperature_subscriber"
+    both = {"image": listener.image, "env": {"LOG_DIR": "/tmp"}, "placement": "local"}  # noqa: S108 - the pod's own
     spare: dict[str, Any] = {
-        "name": "spare", "image": listener.image, "command": ["/opt/rosops-apps/bin/temperature_subscriber"],
-        "env": {"LOG_DIR": "/tmp"}, "placement": "local", "pattern": "pubsub", "params": {"limit": 1},  # noqa: S108 - the pod's own
+        **both, "name": "spare", "command": [program], "pattern": "pubsub", "params": {"limit": 1},
         "files": [{"path": "/etc/spare.yaml", "content": "a: 1\n"}], "ports": [{"name": "web", "port": 9001}],
     }  # fmt: skip
-    run = fleet.update({**fleet.variables, "ros_apps_robot": [spare]}, *LIMIT)
+    pair: dict[str, Any] = {
+        **both, "name": "pair", "command": ["/ros_entrypoint.sh"], "depends_on": ["spare"],
+        "launch": {"package": "pair", "file": "two.launch", "args": {"second": "pair_two"}},
+        "env": {**both["env"], "ROS_PACKAGE_PATH": "/srv:/usr/share"},
+        "files": [
+            {"path": "/srv/pair/package.xml", "content": PACKAGE},
+            {"path": "/srv/pair/two.launch", "content": LAUNCH},
+            {"path": "/srv/pair/listen", "content": f'#!/bin/sh\nexec {program} "$@"\n', "mode": "0755"},
+        ],
+        # those two, the one before, and the one that was there
+        "readiness": {"timeout": 15, "topics": [{"name": "temperature", "subscribers": 4, "connected": True}]},
+    }  # fmt: skip
+    run = fleet.update({**fleet.variables, "ros_apps_robot": [pair, spare]}, *LIMIT)
     assert run.status == 0, run
+    assert [step["name"] for step in run.steps("robot1")] == ["spare", "pair"], run
     # the pod, the Deployment, its files, its earlier versions, its parameters
-    assert len(of_spare(fleet)) == 5, of_spare(fleet)
+    assert len(of_app(fleet, "spare")) == 5, of_app(fleet, "spare")
+    assert len(of_app(fleet, "pair")) == 4, of_app(fleet, "pair")  # no parameters
     assert [*fleet.cluster.behind("robot1", "spare")] == ["web:9001"]
+    watch = fleet.watch()
+    second = {**pair["launch"], "args": {"second": "pair_three"}}
+    changed = {**fleet.variables, "ros_apps_robot": [{**pair, "launch": second}, spare]}
+    run = fleet.update(changed, *LIMIT)
+    assert run.outcomes["robot1"] == "rolled-back", run  # what was there under another name is not there any more
+    assert "/pair_two" in run.host("robot1")["reason"], run
     without = {name: value for name, value in fleet.variables.items() if name != "ros_apps_robot"}
-    before, watch = fleet.running(), fleet.watch()
+    before = fleet.running()
 
     run = fleet.update(without, *LIMIT)
     assert (run.status, run.outcomes["robot1"], run.changed) == (0, "unchanged", 0), run
-    assert "not in the inventory, left as they are (update_remove_apps takes them away): spare" in run.output
+    assert "not in the inventory, left as they are (update_remove_apps takes them away): pair, spare" in run.output
     run = fleet.update(without, *LIMIT, "--check", update_remove_apps=["all"])
     assert (run.status, run.outcomes["robot1"]) == (0, "updated"), run
     fleet.assert_still_running(before)
 
     run = fleet.update(without, *LIMIT, update_remove_apps=["all"])
     assert (run.status, run.outcomes["robot1"]) == (0, "updated"), run
-    assert [step["name"] for step in run.steps("robot1")] == ["spare"], run
-    assert of_spare(fleet) == []
+    assert [step["name"] for step in run.steps("robot1")] == ["pair", "spare"], run
+    assert (of_app(fleet, "spare"), of_app(fleet, "pair")) == ([], [])
     assert fleet.cluster.behind("robot1", "spare") == {}
     watch.assert_nothing_lost("robot1")
     run = fleet.update(without, *LIMIT, update_remove_apps=["all"])

@@ -336,6 +336,10 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
         return Mount(**{"mount_path": path, **_given(item)})
 
     given = _given(raw)
+    launch = given.pop("launch", None)
+    readiness = given.get("readiness", {})
+    if launch:
+        given["args"], readiness = roslaunch(launch), {"nodes": False, **readiness}
     computed = {
         "handoff": given.get("handoff") or HANDOFF_BY_PATTERN[given.get("pattern")],
         "placement": given.get("placement") or ("local" if given.get("devices") else "remote"),
@@ -349,7 +353,7 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
         "host_paths": [
             HostPath(**{"mount_path": item["path"], **_given(item)}) for item in given.get("host_paths", ())
         ],
-        "readiness": _readiness(given.get("readiness", {})),
+        "readiness": _readiness(readiness),
         "update": UpdateSettings(**_given(given.get("update", {}))),
     }
     app = App(**_tuples({**given, **computed}))
@@ -358,6 +362,13 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
     pairs = [(mount, volume) for mount in app.volumes for volume in volumes if mount.name == volume.name]
     alone = app.alone() or any(mount.alone(volume) for mount, volume in pairs)
     return replace(app, handoff="replace") if alone else app
+
+
+def roslaunch(launch: Mapping[str, Any]) -> list[str]:
+    """The arguments (wiki.ros.org/roslaunch/Commandline Tools). Without `--wait` it starts a master where none is."""
+    where = [launch["package"]] if launch.get("package") else []
+    said = [f"{name}:={env_value(value)}" for name, value in (launch.get("args") or {}).items()]
+    return ["roslaunch", "--wait", *where, launch["file"], *said]
 
 
 def _file(raw: Mapping[str, Any]) -> File:

@@ -173,6 +173,11 @@ FORMS: dict[str, Form] = {
     "param-name": Form(
         _matching(r"/?[A-Za-z]\w*(?:/\w+)*"), "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"
     ),
+    "package-name": Form(_matching(r"[A-Za-z][\w-]*"), "a ROS package's name"),
+    "launch-file": Form(
+        _matching(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*"), "a launch file's name, or with / first its whole path"
+    ),
+    "launch-arg": Form(_matching(r"[A-Za-z_]\w*"), "the name of an <arg> of the launch file"),
     "ros-type": Form(_matching(r"[A-Za-z]\w*/[A-Za-z]\w*"), "<package>/<type> such as std_msgs/Float64"),
     "master-uri": Form(master_uri, "http://<host>:<port>"),
     "device": Form(device_path, "a path below /dev, but /dev/mem, /dev/kmem and /dev/port"),

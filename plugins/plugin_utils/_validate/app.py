@@ -69,11 +69,23 @@ def _second_master(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Pro
 
 def _command(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
-    if "command" not in raw and "args" not in raw and (app.readiness.nodes or app.handoff == "overlap"):
+    if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
             f"{path}.command",
             "is missing, as is args",
             "command or args: what the image would run by itself is replaced when the ROS node name is appended",
+        )
+
+
+def _launch(_app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    launch = raw.get("launch")
+    if not launch:
+        return
+    if "args" in raw:
+        yield Problem(f"{path}.args", "is beside launch, which makes the arguments", "launch.args, or args alone")
+    if not launch.get("package") and not str(launch["file"]).startswith("/"):
+        yield Problem(
+            f"{path}.launch.package", "is missing, and file is no whole path", "a package, or /the/whole/path"
         )
 
 
@@ -348,6 +360,7 @@ CHECKS: tuple[Check, ...] = (
     _name,
     _second_master,
     _command,
+    _launch,
     _node_name,
     _handoff,
     _placement,

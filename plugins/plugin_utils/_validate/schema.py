@@ -100,6 +100,9 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].name": text("app-name"),
     "ros_apps[].image": text("image"),
     "ros_apps[].command": {"minItems": 1},
+    "ros_apps[].launch.package": text("package-name"),
+    "ros_apps[].launch.file": text("launch-file"),
+    "ros_apps[].launch.args": table("launch-arg", {"type": ["string", "number", "boolean"]}),
     "ros_apps[].env": table(
         "env-name",
         either(
