@@ -100,7 +100,9 @@ options:
     type: float
     default: 600
   ready_timeout:
-    description: Seconds until a new version has to be ready; then it is taken back.
+    description:
+      - Seconds until a new version has to be ready; then it is taken back. Those that the old one has for its end are
+        not counted.
     type: float
     default: 120
   verify_seconds:

@@ -46,7 +46,9 @@ options:
     required: true
     aliases: [definitions]
   timeout:
-    description: Seconds to wait from when the API shows the objects, which may itself take 60 s.
+    description:
+      - Seconds to wait from when the API shows the objects, which may itself take 60 s. Those that old pods of a
+        Deployment have for their end are not counted.
     type: float
     default: 300
   unschedulable_grace:

@@ -52,6 +52,11 @@ def uid_of(obj: Mapping[str, Any]) -> str:
     return str(meta(obj).get("uid", ""))
 
 
+def grace_of(pod: Mapping[str, Any]) -> float:
+    """Seconds that a pod has for its end, once it is told to end."""
+    return float(meta(pod).get("deletionGracePeriodSeconds") or 0)
+
+
 def is_terminating(obj: Mapping[str, Any]) -> bool:
     return bool(meta(obj).get("deletionTimestamp"))
 

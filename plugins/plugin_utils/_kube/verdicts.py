@@ -430,6 +430,12 @@ def present_pods(ref: Ref, view: View) -> list[Object]:
     return [pod for pod in found if not is_terminating(pod)]
 
 
+def leaving_pods(ref: Ref, view: View) -> list[Object]:
+    """The pods of a Deployment that are told to end."""
+    obj = view.get(ref.kind, ref.namespace, ref.name) if ref.kind == "Deployment" else None
+    return [pod for pod in _pods_of_deployment(obj, view) if is_terminating(pod)] if obj else []
+
+
 class Tracker:
     """Turns a suspicious wait into a failure once it has lasted `grace` seconds by our own clock.
 

@@ -32,6 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     condition,
     containers,
     error_end,
+    grace_of,
     is_ready,
     is_terminating,
     is_up,
@@ -43,7 +44,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import ProbeNews
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import (
+    Tracker,
+    judge,
+    leaving_pods,
+    present_pods,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change, Watch
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import SIDECAR
 
@@ -142,11 +148,20 @@ class _Wait:
         self.up: dict[str, float] = {}  # by pod uid, since when one was seen to run that is to begin
         self.unlisted = set(targets_for(refs))
         self.lost: dict[Target, ApiError] = {}
-        self.start = self.seen = settings.now()
+        self.leaving: dict[str, float] = {}  # by pod uid, until when it may take to end
+        self.start = self.seen = self.counted = self.gone = settings.now()
 
     def end(self) -> float:
         """When the time is over: that of the objects begins when the API has shown them."""
         return self.start + PATIENCE if self.unlisted else self.seen + self.settings.timeout
+
+    def count(self) -> None:
+        """The time that old pods have for their end, before new ones come or after, is not the new ones' time."""
+        now = self.settings.now()
+        self.seen += max(min(now, self.gone) - self.counted, 0.0)
+        pods = [pod for ref in self.refs for pod in leaving_pods(ref, self.view)]
+        self.gone = max([self.leaving.setdefault(uid_of(pod), now + grace_of(pod)) for pod in pods], default=now)
+        self.counted = now
 
     def take(self, change: Change, stream: Stream) -> None:
         target, blind = change.target, bool(self.unlisted)
@@ -264,6 +279,7 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             verdict, now = overall([row.verdict.verdict for row in rows]), settings.now()
             if verdict == PASS:
                 return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
+            wait.count()
             over = now >= wait.end()
             if over and wait.unlisted and wait.lost:
                 raise next(iter(wait.lost.values()))
@@ -272,7 +288,8 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if now >= say_at:
                 settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            ends = [wait.end(), say_at, wait.tracker.due(), wait.news.due(wait.starting(), now), wait.begun_at(now)]
+            over_at = max(wait.end(), wait.gone)
+            ends = [over_at, say_at, wait.tracker.due(), wait.news.due(wait.starting(), now), wait.begun_at(now)]
             until = min(end for end in ends if end is not None)
             if wait.unlisted:
                 until = min(until, now + 1.0)

@@ -55,8 +55,9 @@ def pod(name: str, owners: list[Object], containers: list[Object] | None = None,
     return made
 
 
-def gone_soon(made: Object) -> Object:
-    return {**made, "metadata": {**made["metadata"], "deletionTimestamp": LATER}}
+def gone_soon(made: Object, grace: int = 0) -> Object:
+    going = {"deletionTimestamp": LATER, "deletionGracePeriodSeconds": grace}
+    return {**made, "metadata": {**made["metadata"], **going}}
 
 
 def unscheduled(name: str, owners: list[Object], message: str) -> Object:

@@ -59,6 +59,7 @@ class Script:
         self.clock, self.start = clock, clock.time
         self.steps = sorted(steps, key=lambda step: step[0])
         self.followed: list[Target] = []
+        self.waits = 0
 
     def __call__(self, _kube: Any, targets: Iterable[Target]) -> Script:
         self.follow(targets)
@@ -74,6 +75,7 @@ class Script:
         self.followed += targets
 
     def changes(self, timeout: float) -> list[Change]:
+        self.waits += 1
         until = self.clock.time + timeout
         if self.steps and self.start + self.steps[0][0] <= until:
             at, found = self.steps.pop(0)
@@ -188,6 +190,39 @@ def test_unschedulable_fails_after_the_grace_without_any_further_news() -> None:
     done = Run((0.5, lists(stuck, status={"availableReplicas": 0})), grace=5.0)
     assert done.took == pytest.approx(5.5)
     assert "Insufficient memory" in done.message
+
+
+NONE_YET = {"status": {"availableReplicas": 0, "updatedReplicas": 0, "replicas": 0}}
+
+
+@pytest.mark.parametrize(("ends", "took"), [(43.0, 43.0), (46.9, 46.9), (None, 65.0)])
+def test_the_time_that_an_old_pod_has_for_its_end_is_not_the_new_ones(ends: float | None, took: float) -> None:
+    """It was told to end at 2 s, and has 45: the 20 s of the rollout are those before and after."""
+    gone = [(ends, [changed(PODS, old_pod, "gone")])] if ends else []
+    done = Run((0.0, lists(new_pod, old_pod)), (2.0, [changed(PODS, gone_soon(old_pod, 45))]), *gone, timeout=20)
+    assert (done.error is None, done.took) == (bool(ends), pytest.approx(took))
+    assert ends or "old pod talker-old-1 is terminating" in done.message
+
+
+@pytest.mark.parametrize(("ready", "took"), [(55.0, 55.0), (None, 60.0)])
+def test_what_comes_after_an_old_pod_has_its_whole_time(ready: float | None, took: float) -> None:
+    starting = pod("talker-new-1", NEW, [container(ready=False)])
+    steps = [(40.0, [changed(PODS, old_pod, "gone"), changed(PODS, starting)])]
+    steps += [(ready, [changed(PODS, new_pod), changed(DEPLOYMENTS, deployment())])] if ready else []
+    done = Run((0.0, lists(gone_soon(old_pod, 45), **NONE_YET)), *steps, timeout=20)
+    assert (done.error is None, done.took) == (bool(ready), pytest.approx(took))
+
+
+def test_a_wait_for_an_end_does_not_turn_round_and_round() -> None:
+    """The time was nearly over when it began."""
+    done = Run(
+        (0.0, lists(new_pod, old_pod)),
+        (19.999, [changed(PODS, gone_soon(old_pod, 45))]),
+        (60.0, [changed(PODS, old_pod, "gone")]),
+        timeout=20,
+    )
+    assert done.error is None
+    assert done.script.waits < 20
 
 
 def test_time_out_names_everything_that_is_open_and_its_last_reason() -> None:
