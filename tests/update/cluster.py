@@ -129,6 +129,13 @@ class Cluster:
             return f"its events cannot be read: {error.reason}"
         return "; ".join(f"{item.last_timestamp} {item.reason}: {item.message}" for item in events.items)
 
+    def events(self, robot: str, reason: str) -> list[str]:
+        """Pod and message of what happened for this reason."""
+        found = self._core.list_namespaced_event(
+            f"robot-{robot}", field_selector=f"reason={reason}", _request_timeout=20
+        )
+        return [f"{item.involved_object.name}: {item.message}" for item in found.items]
+
     def keeper_log(self, robot: str) -> str:
         """What the robot's keeper has printed."""
         pods = [pod.name for there in self.pods(robot).values() for pod in there if pod.name.startswith(KEEPER)]
@@ -212,6 +219,14 @@ class Hosts:
         words += ["-o", "ConnectTimeout=10", f"{known['ansible_user']}@{known['ansible_host']}", command]
         done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)  # noqa: S603
         return done.stdout
+
+    def signal(self, host: str, pod: Pod, number: int) -> None:
+        """To all processes of the pod, but for the one that keeps its namespaces."""
+        of_pod = f"grep -Eqs '{pod.uid.replace('-', '[-_]')}' $p/cgroup && grep -qsvx pause $p/comm"
+        told = self.ssh(
+            host, f"for p in /proc/[0-9]*; do {of_pod} && kill -{number:d} ${{p#/proc/}} && echo $p; done; true"
+        )
+        assert told, f"no process of {pod} on {host}"
 
     def logs(self, robot: str) -> dict[str, list[dict[str, Any]]]:
         """The accounts of a robot's apps, by the file's name: what lies on the robot and what lies at the edge."""

@@ -19,7 +19,7 @@ from typing import Any, Callable, Mapping
 from urllib.parse import urlencode
 
 from .._common.errors import KubeError
-from .way_back import LEASE, Object, name_of
+from .way_back import HOLDER, LEASE, Object, name_of
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 FLEET = "fleet"
@@ -31,6 +31,7 @@ REFRESH = 300.0  # between looks for robots that were added
 GROUPS = {
     "ConfigMap": "api/v1",
     "Deployment": "apis/apps/v1",
+    "Event": "api/v1",
     "Lease": "apis/coordination.k8s.io/v1",
     "Pod": "api/v1",
 }
@@ -121,6 +122,35 @@ class Cluster:
         """Server-side apply of a Deployment or ConfigMap that is there, as a run would do it."""
         path = _path(namespace, item["kind"], name_of(item))
         self._send("PATCH", path, {"fieldManager": MANAGER, "force": "true"}, item, APPLY)
+
+    def evict(self, namespace: str, pod: Object, seconds: int) -> None:
+        """This very pod, with so many seconds to end."""
+        name = name_of(pod)
+        body = {
+            "apiVersion": "policy/v1",
+            "kind": "Eviction",
+            "metadata": {"name": name, "namespace": namespace},
+            "deleteOptions": {"gracePeriodSeconds": seconds, "preconditions": {"uid": pod["metadata"]["uid"]}},
+        }
+        self._send("POST", f"{_path(namespace, 'Pod', name)}/eviction", {}, body, JSON)
+
+    def tell(self, namespace: str, pod: Object, reason: str, message: str, at: str) -> None:
+        """A warning among the pod's Events."""
+        about = {"apiVersion": "v1", "kind": "Pod", "name": name_of(pod), "namespace": namespace}
+        body = {
+            "apiVersion": "v1",
+            "kind": "Event",
+            "metadata": {"name": f"{name_of(pod)}.{''.join(filter(str.isdigit, at))}", "namespace": namespace},
+            "involvedObject": {**about, "uid": pod["metadata"]["uid"]},
+            "type": "Warning",
+            "reason": reason,
+            "message": message,
+            "firstTimestamp": at,
+            "lastTimestamp": at,
+            "count": 1,
+            "source": {"component": HOLDER},
+        }
+        self._send("POST", _path(namespace, "Event"), {}, body, JSON)
 
     # ---- requests
 

@@ -19,6 +19,7 @@ from .._ros.graph import MasterState
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
 from . import keeper_memory
+from .hung import Silence
 from .keeper_record import Record
 
 LOOK = 1.0  # seconds between looks at the master,
@@ -63,6 +64,7 @@ class Keeper:
         self.seen: MasterState | None = None  # without types, as the last look had it
         self.due = 0.0  # when to look at all that is registered again,
         self.addresses_due = 0.0  # and at the addresses
+        self.silence = Silence()
         self.probing: threading.Thread | None = None
         self.probed: tuple[dict[str, Entry], dict[str, Liveness]] | None = None
 
@@ -207,6 +209,7 @@ class Keeper:
             asked, answers = self.probed
             self.probed = None
             gone, back = self.memory.judge(asked, answers, now)
+            self.silence = self.memory.silence()
             for node in gone:
                 self._reap(node, answers[node], now)
             for node in back:

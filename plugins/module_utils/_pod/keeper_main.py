@@ -111,7 +111,7 @@ def main(words: list[str]) -> int:
     slave.start()
     watch = None
     if cluster:
-        robot = Robot(calls.hold, calls.release, keeper.take_back)
+        robot = Robot(calls.hold, calls.release, keeper.take_back, lambda: keeper.silence)
         watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, record, tell)
         threading.Thread(target=watch.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")

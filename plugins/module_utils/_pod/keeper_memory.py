@@ -16,6 +16,7 @@ from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
 from .._ros.registrations import Entry, Liveness, Plan
+from .hung import Silence
 
 AGAIN = 5.0  # seconds between two looks at a node, at least
 PERIOD = 10.0  # seconds between looks at a node that answered
@@ -36,6 +37,9 @@ class Memory:
     asked: dict[str, float] = field(default_factory=dict)  # node -> when it was last asked for what is missing
     suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
+    silent: dict[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # node -> its first and last look without answer
 
     # ---- recording
 
@@ -66,7 +70,7 @@ class Memory:
 
     def forget(self, node: str) -> None:
         self.nodes.pop(node, None)
-        for table in (self.missed, self.asked, self.suspects, self.seen):
+        for table in (self.missed, self.asked, self.suspects, self.seen, self.silent):
             table.pop(node, None)
 
     # ---- what the master has lost
@@ -150,6 +154,10 @@ class Memory:
             known = self.nodes.get(node)
             if known is None or known.uri != entry.uri:
                 continue  # a newer process took the name while we asked
+            if answers[node].verdict == registrations.UNKNOWN:
+                self.silent[node] = (self.silent.get(node, (now, now))[0], now)
+            else:
+                self.silent.pop(node, None)
             if not registrations.gone(entry, answers[node]):
                 self.suspects.pop(node, None)
             elif node not in self.suspects:
@@ -157,6 +165,14 @@ class Memory:
             elif now - self.suspects[node] >= AGAIN:
                 gone.append(node)
         return gone, back
+
+    def silence(self) -> Silence:
+        """Who does not answer, and who did when that was seen last. Only looks count: none was made meanwhile."""
+        silent = {node: (self.nodes[node].uri, last - first) for node, (first, last) in self.silent.items()}
+        since = max((last for _first, last in self.silent.values()), default=0.0) - 2 * PERIOD
+        answered = [node for node, at in self.seen.items() if node in self.nodes and at >= since]
+        unsure = {*self.silent, *self.suspects}
+        return Silence(silent, frozenset(self.nodes[node].uri for node in answered if node not in unsure))
 
     def bury(self, node: str, now: float) -> None:
         """It was removed; should the very same process answer again, it gets everything back."""

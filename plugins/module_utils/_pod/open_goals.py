@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterable, Mapping
+from typing import Callable, Iterable, Mapping
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.backend import Backend
 from .._ros.graph import BUSY_STATES, GOAL_STATES, MasterState, Questions, action_names, action_of
-from .way_back import MASTER, Object, Step, node_of
+from .way_back import MASTER, NODE, Object, Step, node_of, notes_of
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,26 @@ def open_goals(ros: Backend, step: Step) -> Goals:
     """Of the nodes that go if the step is taken back. A node whose address refuses connections works on nothing."""
     if any(member.name == MASTER for member in step.members):  # it serves none, and may not answer
         return Goals()
+    return _goals(ros, lambda state: _served(ros, state, step))
+
+
+def open_goals_at(ros: Backend, pod: Object) -> Goals:
+    """Of the nodes in a pod."""
+
+    def served(state: MasterState) -> dict[str, tuple[str, ...]]:
+        servers = {name: action_of(state, name).servers for name in action_names(state)}
+        every = {server for found in servers.values() for server in found}
+        here = _at(ros, state, [pod], every) | {notes_of(pod).get(NODE, "")}
+        found = {name: tuple(one for one in all_of_it if one in here) for name, all_of_it in servers.items()}
+        return {name: own for name, own in found.items() if own}
+
+    return _goals(ros, served)
+
+
+def _goals(ros: Backend, served_in: Callable[[MasterState], Mapping[str, tuple[str, ...]]]) -> Goals:
     try:
         state = ros.state()
-        served = _served(ros, state, step)
+        served = served_in(state)
         names = sorted({server for servers in served.values() for server in servers})
         graph = ros.ask(state, Questions({name: frozenset() for name in names}, (), tuple(served)))
     except RosError as error:

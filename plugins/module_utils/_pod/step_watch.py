@@ -17,8 +17,10 @@ from .._common.errors import FleetError, KubeError, RosError
 from .._ros.backend import Backend
 from . import update_record
 from .cluster_api import FLEET, ApiError, Cluster
+from .hung import Silence
 from .keeper_record import Record
 from .open_goals import Goals, open_goals
+from .watchdog import Watchdog
 from .way_back import (
     HOLDER,
     Object,
@@ -55,6 +57,7 @@ class Robot:
     hold: Callable[[str, str, float], list[Any]]  # action, server, seconds
     release: Callable[[str], list[Any]]
     take_back: Callable[[Iterable[str]], None]  # services, by these nodes where they live
+    silence: Callable[[], Silence]  # which nodes do not answer
 
 
 class Claim:
@@ -95,6 +98,7 @@ class StepWatch:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.cluster, self.ros, self.robot, self.record, self.log = cluster, ros, robot, record, log
+        self.watchdog = Watchdog(cluster, ros, robot.silence, now)
         self.now, self.wall, self.sleep = now, wall, sleep
         self.came_up = _texts(record.load(STEPS))
         self.observed: dict[str, Observed] = {}
@@ -143,8 +147,13 @@ class StepWatch:
     def _look(self, namespace: str, seen: Observed) -> None:
         """What is the whole fleet's has a Lease of its own, too."""
         seen.lease(self.cluster.lease(namespace), self.now())
-        if not seen.free or seen.version == seen.nothing:
+        if not seen.free:
             return
+        if seen.version != seen.nothing:
+            self._steps_left(namespace, seen)
+        self._wake(namespace, seen)
+
+    def _steps_left(self, namespace: str, seen: Observed) -> None:
         there = self.cluster.deployments(namespace)
         steps = self._steps(namespace, there)
         due = seen.due(steps)
@@ -183,6 +192,24 @@ class StepWatch:
             self._tell(f"{namespace}/{update_record.NAME}", str(error))
         return True
 
+    def _wake(self, namespace: str, seen: Observed) -> None:
+        """Begin a pod anew whose node hangs, one at a look; meanwhile nobody else may begin a step."""
+        for one in self.watchdog.hung(namespace):
+            about, waiting = f"{namespace}/{one.app}", self.watchdog.waits(namespace, one)
+            if waiting:
+                self._tell(about, f"node {one.node} does not answer, and its pod is left as it is: {waiting}")
+                continue
+            claim = self._claim(namespace, seen)
+            if claim is not None:
+                try:
+                    claim.renew()
+                    self._tell(about, self.watchdog.begin_anew(namespace, one, self._time()))
+                except LostError as error:
+                    self._tell(about, f"node {one.node} does not answer, and its pod is left as it is: {error}")
+                finally:
+                    claim.release()
+            return
+
     # ---- the way back
 
     def _due(self, namespace: str, seen: Observed, step: Step) -> None:
@@ -191,10 +218,9 @@ class StepWatch:
         if waiting:
             self._tell(about, f"is taken back when it rests: {waiting}")
             return
-        found = self.cluster.lease(namespace)
-        if version_of(found) != seen.version:
-            return  # somebody else has it now
-        claim = Claim(self.cluster, namespace, found, self._time)
+        claim = self._claim(namespace, seen)
+        if claim is None:
+            return
         try:
             claim.renew()
             # from here on nobody else changes the robot; what was due may be over by now
@@ -205,6 +231,11 @@ class StepWatch:
             self._tell(about, f"is not taken back any further: {error}")
         finally:
             claim.release()
+
+    def _claim(self, namespace: str, seen: Observed) -> Claim | None:
+        """What the Lease is taken with; None: somebody else has it now."""
+        found = self.cluster.lease(namespace)
+        return Claim(self.cluster, namespace, found, self._time) if version_of(found) == seen.version else None
 
     def _waits(self, goals: Goals, seen: Observed, step: Step) -> str:
         """What keeps a step from going back. One that came up once is not bad for what cannot be read."""

@@ -152,6 +152,7 @@ class App:
     update: UpdateSettings = UpdateSettings()
     drain_deadline: int = 30
     termination_grace_period: int = 45
+    liveness_timeout: int = 120  # as the keeper has it where a pod says nothing; 0: its pod is never begun anew
     resources: Mapping[str, Any] = field(default_factory=dict)
     devices: tuple[str, ...] = ()
     host_network: bool = False

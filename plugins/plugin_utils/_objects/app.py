@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import hung
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
@@ -89,8 +90,13 @@ def plain_deployment(app: App, robot: Robot) -> Object:
         None if app.scope == "fleet" else robot.name,
         _pod_spec(app, robot),
         strategy=OVERLAP_STRATEGY if app.handoff == "overlap" else RECREATE_STRATEGY,
-        annotations={names.ANNOTATION_HANDOFF: app.handoff},
+        annotations={names.ANNOTATION_HANDOFF: app.handoff, **_liveness(app)},
     )
+
+
+def _liveness(app: App) -> Object:
+    usual = app.liveness_timeout == hung.TIMEOUT
+    return {} if usual else {hung.LIVENESS: str(app.liveness_timeout)}
 
 
 def _pod_spec(app: App, robot: Robot) -> Object:

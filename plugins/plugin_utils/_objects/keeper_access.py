@@ -1,7 +1,8 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a keeper may do in its cluster: take back what nobody proved in the namespaces of its robots, and say so. Pure.
+"""What a keeper may do in its cluster, in the namespaces of its robots: take back what nobody proved, begin a pod anew
+that hangs, and say so. Pure.
 
 A keeper of one robot works in the robot's own namespace. That of a shared master works in those of all robots, which
 each bring it their Role, and tell it of themselves by a ConfigMap in the namespace `fleet`: neither may it look for
@@ -25,6 +26,7 @@ GO_BACK = (
     ("", "configmaps", ("get",)),
     ("coordination.k8s.io", "leases", ("get", "create", "update")),
 )
+BEGIN_ANEW = (("", "pods/eviction", ("create",)), ("", "events", ("create",)))  # what hangs
 TELL = ("", "configmaps", ("patch",), update_record.NAME)
 FIND_ROBOTS = ("", "configmaps", ("list",))
 Rule = tuple[str, str, Sequence[str]] | tuple[str, str, Sequence[str], str]  # the last is the only object that is meant
@@ -35,10 +37,13 @@ def keeper_access(robot: Robot) -> list[Object]:
     if robot.master.mode == "external":
         return []
     home = context.master_namespace(robot)
-    objects = [_account(home, context.master_owner(robot)), *_role(robot.namespace, robot.name, home, (*GO_BACK, TELL))]
+    objects = [
+        _account(home, context.master_owner(robot)),
+        *_role(robot.namespace, robot.name, home, (*GO_BACK, *BEGIN_ANEW, TELL)),
+    ]
     if home == names.FLEET_NAMESPACE:
         labels = {**owner_labels(robot.name), names.LABEL_KEPT: "true"}
-        objects += _role(home, None, home, (*GO_BACK, FIND_ROBOTS))
+        objects += _role(home, None, home, (*GO_BACK, *BEGIN_ANEW, FIND_ROBOTS))
         objects.append(config_map(robot.namespace, home, labels, {}))
     return objects
 

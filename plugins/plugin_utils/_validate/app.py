@@ -347,6 +347,12 @@ def _readiness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]
                 yield Problem(where, f"names {name} for the second time", "each name once, with all its conditions")
 
 
+def _liveness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    if raw.get("liveness_timeout") and draft.robot.master.mode == "external":
+        found = f"is {app.liveness_timeout}, but an external master has no keeper that would begin a pod anew"
+        yield Problem(f"{path}.liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
+
+
 def _when(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     yield from when_problems(app.update.when, f"{path}.update.when")
 
@@ -377,6 +383,7 @@ CHECKS: tuple[Check, ...] = (
     _resources,
     _environment,
     _readiness,
+    _liveness,
     _when,
     _overrides,
 )

@@ -153,6 +153,11 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].update.ignore[]": text("graph-pattern"),
     "ros_apps[].update.renamed": table("graph-name", text("graph-name")),
     "ros_apps[].update.rates": table("graph-pattern", number(0)),
+    "ros_apps[].liveness_timeout": {
+        **whole(0),
+        "not": {"exclusiveMinimum": 0, "exclusiveMaximum": 30},
+        "x-allowed": "0 for never, or 30 seconds and more",
+    },
     "ros_apps[].drain_deadline": whole(0),
     "ros_apps[].termination_grace_period": whole(1),
     "ros_apps[].resources.requests": QUANTITIES,

@@ -92,6 +92,22 @@ def test_of_two_that_write_the_lease_one_has_it(cluster: Cluster) -> None:
     assert cluster.lease(SPACE) == second
 
 
+def test_it_evicts_this_very_pod_and_says_so(cluster: Cluster, server: Server) -> None:
+    camera = {"metadata": {"name": "camera-1", "uid": "4711"}}
+    cluster.evict(SPACE, camera, 10)
+    asked = server.find(f"/api/v1/namespaces/{SPACE}/pods/camera-1/eviction/camera-1")
+    assert (asked["apiVersion"], asked["kind"]) == ("policy/v1", "Eviction")
+    assert asked["deleteOptions"] == {"gracePeriodSeconds": 10, "preconditions": {"uid": "4711"}}
+    for second in (1, 2):
+        cluster.tell(SPACE, camera, "NodeHung", f"it hung {second} s", f"2026-01-01T00:00:0{second}.000000Z")
+    base = f"/api/v1/namespaces/{SPACE}/events/camera-1.2026010100000"
+    events = [server.find(f"{base}{second}000000") for second in (1, 2)]
+    assert [one["message"] for one in events] == ["it hung 1 s", "it hung 2 s"]
+    about = {"apiVersion": "v1", "kind": "Pod", "name": "camera-1", "namespace": SPACE, "uid": "4711"}
+    assert events[0]["involvedObject"] == about
+    assert (events[0]["type"], events[0]["reason"]) == ("Warning", "NodeHung")
+
+
 def test_a_refusal_is_an_error_with_what_was_said(cluster: Cluster, server: Server) -> None:
     server.refusals.append((403, "deployments is forbidden"))
     with pytest.raises(ApiError, match=rf"answered 403 for GET {DEPLOYMENTS}: .*deployments is forbidden") as caught:

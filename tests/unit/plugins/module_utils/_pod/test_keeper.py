@@ -389,6 +389,9 @@ def test_one_that_only_hangs_stays(bench: Bench) -> None:
     bench.ros.verdicts["/talker"] = Liveness(UNKNOWN, "no answer within 5 s")
     bench.steps(120)
     assert "/talker" in bench.registered()
+    ((node, (_uri, seconds)),) = bench.keeper.silence.silent.items()
+    assert (node, bench.keeper.silence.answering) == ("/talker", {bench.ros.entries["/listener"].uri})
+    assert 90 <= seconds <= 120
 
 
 def test_a_name_that_a_newer_process_has_is_its_own(bench: Bench) -> None:

@@ -95,6 +95,38 @@ def looks(it: Memory, *answers: tuple[float, Liveness]) -> tuple[list[str], list
 
 
 @pytest.mark.parametrize(
+    ("answers", "seconds"),
+    [
+        ([(0.0, LATE)], 0.0),
+        ([(0.0, YES), (10.0, LATE), (20.0, LATE), (40.0, LATE)], 30.0),
+        ([(0.0, LATE), (10.0, LATE), (20.0, YES)], None),
+        ([(0.0, LATE), (10.0, GONE)], None),
+        ([(0.0, LATE), (10.0, YES), (20.0, LATE)], 0.0),
+    ],
+)
+def test_how_long_a_node_has_not_answered(answers: list[tuple[float, Liveness]], seconds: float | None) -> None:
+    """From look to look: time without a look, as while the master is away, says nothing."""
+    it = memory(n=ENTRY)
+    looks(it, *answers)
+    assert it.silence().silent == ({} if seconds is None else {"/n": (URI, seconds)})
+    it.forget("/n")
+    assert it.silence().silent == {}
+
+
+def test_who_answered_when_another_one_did_not() -> None:
+    there = {"/n": ENTRY, "/m": Entry(OTHER, None, {"/x": "x/X"})}
+    it = memory(n=ENTRY, m=there["/m"])
+    it.judge(there, {"/n": LATE, "/m": YES}, 0.0)
+    assert it.silence().answering == {OTHER}
+    it.judge({"/n": ENTRY}, {"/n": LATE}, 20.0)
+    assert it.silence().answering == {OTHER}
+    it.judge({"/n": ENTRY}, {"/n": LATE}, 21.0)  # that was too long ago to say anything
+    assert it.silence().answering == frozenset()
+    it.judge(there, {"/n": LATE, "/m": GONE}, 30.0)
+    assert it.silence().answering == frozenset()
+
+
+@pytest.mark.parametrize(
     ("answers", "gone"),
     [
         ([(0.0, GONE)], False),

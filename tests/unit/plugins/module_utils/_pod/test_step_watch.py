@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import ApiError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.step_watch import LOOK, Robot, Staying, StepWatch
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
@@ -73,12 +74,14 @@ class World:
         self.refuses_holds = False
         self.pods_now: list[dict[str, Any]] = []
         self.uris: dict[str, str] = {}
+        self.silence = Silence()
+        self.budget: ApiError | None = None  # what an eviction is answered with
         self.record: dict[str, Any] = {}
         self.home = self.spaces[0]
         self.watch = self.start()
 
     def start(self) -> StepWatch:
-        robot = Robot(self.hold, self.release, self.take_back)
+        robot = Robot(self.hold, self.release, self.take_back, lambda: self.silence)
         return StepWatch(self, self, robot, self, self.said.append, lambda: self.at, lambda: 0.0, self.sleep)  # type: ignore[arg-type]
 
     def sleep(self, seconds: float) -> None:
@@ -158,6 +161,16 @@ class World:
         generation = self.there[namespace, name]["metadata"]["generation"] + 1
         self.there[namespace, name] = live(body, marked=False, generation=generation)
         self.done.append(f"apply {name} {self.revision(name, namespace)}")
+
+    def evict(self, namespace: str, item: dict[str, Any], seconds: int) -> None:
+        self._ask("evict")
+        if self.budget:
+            raise self.budget
+        self.done.append(f"evict {namespace}/{item['metadata']['name']} in {seconds} s")
+
+    def tell(self, namespace: str, item: dict[str, Any], reason: str, message: str, _at: str) -> None:
+        self._ask("tell")
+        self.done.append(f"{reason} {namespace}/{item['metadata']['name']}: {message}")
 
     # ---- the graph
 

@@ -1,0 +1,68 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper begins a pod anew whose node hangs: not during a goal, not while somebody takes a step, not for ever.
+
+The keeper asks all nodes anyway, whether they live. So this costs nothing while they answer.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Callable
+
+from .._ros.backend import Backend
+from .cluster_api import ApiError, Cluster
+from .hung import AT_MOST, UNREADABLE, WITHIN, Hung, Silence, hung_pods
+from .open_goals import open_goals_at
+from .way_back import name_of
+
+GRACE = 10  # s for the pod: its stop hook may hold goals meanwhile, its node will not end by itself
+REASON = "NodeHung"
+TOO_MANY = 429  # the API's answer where a PodDisruptionBudget forbids it
+
+
+class Watchdog:
+    """Looks at what does not answer in one namespace after the other."""
+
+    def __init__(
+        self, cluster: Cluster, ros: Backend, silence: Callable[[], Silence], now: Callable[[], float] = time.monotonic
+    ) -> None:
+        """`silence` is what the keeper knows of all nodes of its graph."""
+        self.cluster, self.ros, self.silence, self.now = cluster, ros, silence, now
+        self.restarts: dict[str, list[float]] = {}  # namespace/app -> when
+
+    def hung(self, namespace: str) -> list[Hung]:
+        """The pods here that a node hangs in; a request only where some node is silent."""
+        silence = self.silence()
+        return hung_pods(self.cluster.pods(namespace), silence) if silence.silent else []
+
+    def waits(self, namespace: str, one: Hung) -> str:
+        """Why the pod is left as it is; nothing where it is to be begun anew."""
+        done = self._done(f"{namespace}/{one.app}")
+        if len(done) >= AT_MOST:
+            return f"it was begun anew {AT_MOST} times within {WITHIN / 60:.0f} min"
+        goals = open_goals_at(self.ros, one.pod)
+        patient = one.seconds < UNREADABLE * one.timeout
+        return ", ".join([*goals.busy, *(goals.unknown if patient else ())])
+
+    def begin_anew(self, namespace: str, one: Hung, at: str) -> str:
+        """Evict it; what was done, or why it could not be. An Event of the pod says so, too."""
+        words = f"node {one.node} has not answered for {one.seconds:.0f} s while its process lives"
+        try:
+            self.cluster.evict(namespace, one.pod, GRACE)
+        except ApiError as error:
+            if error.status in (404, 409):  # another pod has its name by now
+                return f"{words}; its pod is gone already"
+            if error.status == TOO_MANY:
+                return f"{words}, and a PodDisruptionBudget keeps its pod: {error}"
+            raise
+        self._done(f"{namespace}/{one.app}").append(self.now())
+        self.cluster.tell(namespace, one.pod, REASON, words, at)
+        return f"{words}: its pod {name_of(one.pod)} is begun anew"
+
+    def _done(self, about: str) -> list[float]:
+        """When the app was begun anew lately."""
+        lately = [at for at in self.restarts.get(about, ()) if self.now() - at < WITHIN]
+        self.restarts[about] = lately
+        return lately

@@ -1,0 +1,56 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A node that hangs is begun anew by the robot's keeper, without a control node, and not during a goal."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from cluster import running
+from fleet import Fleet
+from runs import wait_until
+
+SENSOR, SERVER = "temperature", "prime-factors"
+
+
+@pytest.mark.promise("a node that hangs is begun anew, and no goal is lost")
+def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
+    usual = fleet.variables
+    changes = usual
+    for app in (SENSOR, SERVER):
+        changes = fleet.changed("robot1", app, on=changes, liveness_timeout=30)
+    run = fleet.update(changes, "--limit", "robot1,edge1")
+    assert run.status == 0, run
+    fleet.wait_settled()
+    before = fleet.pods()["robot1"]
+    (sensor,), (server,) = before[SENSOR], before[SERVER]
+    watch = fleet.watch()
+    fleet.hosts.signal("robot1", sensor, signal.SIGSTOP)
+    fleet.hosts.signal(
+        "robot1", server, signal.SIGSTOP
+    )  # in the middle of a goal: its client sends them one after the other
+    try:
+
+        def others() -> list[str]:
+            return [pod.name for pod in fleet.cluster.pods("robot1")[SENSOR] if pod.name != sensor.name and pod.ready]
+
+        wait_until(others, bool, 150, "another pod of the node that hangs", pause=1)
+        assert [pod.uid for pod in fleet.cluster.pods("robot1")[SERVER]] == [server.uid]
+    finally:
+        fleet.hosts.signal("robot1", server, signal.SIGCONT)
+    fleet.wait_settled()
+    (said,) = fleet.cluster.events("robot1", "NodeHung")
+    assert said.startswith(f"{sensor.name}: node /temperature_{sensor.revision} has not answered for "), said
+    losses = watch.losses("robot1")["robot1"]
+    assert (losses.failed, losses.unsuccessful, losses.twice) == ([], [], []), losses
+    assert losses.goals > 0, losses
+    now = running(fleet.pods()["robot1"])
+    assert now == {**running(before), SENSOR: now[SENSOR]}
+
+    watch = fleet.watch()  # the sensor is heard again
+    again = fleet.update(changes, "--limit", "robot1,edge1")
+    assert (again.status, again.changed) == (0, 0), again
+    watch.assert_nothing_lost("robot1")
+    fleet.accept(usual)
