@@ -61,6 +61,11 @@ class Fleet:
         self.variables = copy.deepcopy(dict(variables))
         self._proven = self.revisions()
 
+    def return_to(self, variables: Mapping[str, Any]) -> None:
+        """Have the fleet run what this inventory says, whatever it runs now."""
+        self.variables, self._proven = copy.deepcopy(dict(variables)), {}
+        self.settle()
+
     # --- what is there ----------------------------------------------------------------------------------------------
 
     def pods(self) -> dict[str, dict[str, list[Pod]]]:

@@ -26,8 +26,7 @@ def settled(fleet: Fleet) -> Iterator[None]:
     """What the tests after this one find is what they know."""
     before = fleet.variables
     yield
-    fleet.accept(before)
-    fleet.settle()
+    fleet.return_to(before)
 
 
 @pytest.mark.promise("an image without Python is updated without a loss")

@@ -53,4 +53,4 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
     again = fleet.update(changes, "--limit", "robot1,edge1")
     assert (again.status, again.changed) == (0, 0), again
     watch.assert_nothing_lost("robot1")
-    fleet.accept(usual)
+    fleet.return_to(usual)
