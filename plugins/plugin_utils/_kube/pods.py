@@ -25,6 +25,8 @@ CRASH_LOOP = "CrashLoopBackOff"
 UNSCHEDULABLE, REFUSED = "Unschedulable", "ReplicaFailure"
 # These say that the kubelet itself was too slow, not that the configuration is wrong.
 KUBELET_TOO_SLOW = ("failed to sync", "timed out", "context deadline exceeded")
+NO_PYTHON = '"python3": executable file not found in $PATH'
+HINT = "the image has no Python 3.8 for our code in the pod; an app may say hooks: sidecar"
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,8 @@ def _state(container: Mapping[str, Any], which: str) -> Object:
 
 
 def _words(*parts: str) -> str:
-    return ": ".join(part.strip() for part in parts if part and part.strip())
+    said = ": ".join(part.strip() for part in parts if part and part.strip())
+    return said.replace(NO_PYTHON, f"{NO_PYTHON} ({HINT})") if HINT not in said else said
 
 
 def _exit(ended: Mapping[str, Any]) -> str:

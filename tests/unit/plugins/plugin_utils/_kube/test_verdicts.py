@@ -302,6 +302,7 @@ crashed = waiting(
     restartCount=3,
     lastState={"terminated": {"exitCode": 1, "reason": "Error", "message": "ImportError: rospy"}},
 )
+NO_PYTHON = 'error during container init: exec: "python3": executable file not found in $PATH: unknown'
 unbound = "0/3 nodes are available: pod has unbound immediate PersistentVolumeClaims."
 no_room = "0/3 nodes are available: 3 Insufficient memory."
 OPEN = {"updatedReplicas": 1, "availableReplicas": 0, "unavailableReplicas": 1}
@@ -328,6 +329,14 @@ PODS = [
         new_container(crashed),
         "fail",
         "container ros-app: CrashLoopBackOff: 3 restarts, last exit code 1 (Error): ImportError",
+    ),
+    Case(
+        "an image without Python",
+        DEPLOYMENT,
+        new_container({**crashed, "lastState": {"terminated": {"exitCode": 128, "message": NO_PYTHON}}}),
+        "fail",
+        'exec: "python3": executable file not found in $PATH (the image has no Python 3.8 for our code in the pod; '
+        "an app may say hooks: sidecar): unknown",
     ),
     Case(
         "a first crash is not a loop",
