@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from .way_back import APP, HOLDER, MASTER, NODE, notes_of
 
 LIVENESS = "rosops.fleet/liveness-timeout"  # on a pod that has another one than the usual
-TIMEOUT = 120  # s, the usual
+TIMEOUT, LEAST = 120, 30  # s, the usual, and the shortest that an inventory may say
 AT_MOST, WITHIN = 3, 3600.0  # restarts of an app, in so many seconds: more of them help nobody
 # Times the timeout: after that, goals of a node that cannot be read keep nobody waiting.
 UNREADABLE = 5
@@ -60,6 +60,12 @@ def hung_pods(pods: Iterable[Object], silence: Silence) -> list[Hung]:
         if node and 0 < timeout <= seconds and _is_up(pod) and _status(pod).get("hostIP") in hosts:
             found.append(Hung(pod, node, seconds, timeout))
     return sorted(found, key=lambda one: -one.seconds)
+
+
+def in_no_pod(pods: Iterable[Object], silence: Silence) -> set[str]:
+    """Addresses of silent nodes that are no pod's, as a laptop's are."""
+    there = list(pods)
+    return {uri for node, (uri, _seconds) in silence.silent.items() if not any(_is_of(pod, node, uri) for pod in there)}
 
 
 def liveness_timeout(pod: Object) -> float:

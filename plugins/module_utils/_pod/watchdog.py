@@ -13,7 +13,7 @@ from typing import Callable
 
 from .._ros.backend import Backend
 from .cluster_api import ApiError, Cluster
-from .hung import AT_MOST, UNREADABLE, WITHIN, Hung, Silence, hung_pods
+from .hung import AT_MOST, LEAST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, in_no_pod
 from .open_goals import open_goals_at
 from .way_back import name_of
 
@@ -30,12 +30,17 @@ class Watchdog:
     ) -> None:
         """`silence` is what the keeper knows of all nodes of its graph."""
         self.cluster, self.ros, self.silence, self.now = cluster, ros, silence, now
+        self.elsewhere: dict[str, set[str]] = {}  # namespace -> addresses of silent nodes that are in none of its pods
         self.restarts: dict[str, list[float]] = {}  # namespace/app -> when
 
     def hung(self, namespace: str) -> list[Hung]:
-        """The pods here that a node hangs in; a request only where some node is silent."""
-        silence = self.silence()
-        return hung_pods(self.cluster.pods(namespace), silence) if silence.silent else []
+        """The pods here that a node hangs in. No request where all answer but those that are in no pod here."""
+        silence, others = self.silence(), self.elsewhere.setdefault(namespace, set())
+        if all(seconds < LEAST or uri in others for uri, seconds in silence.silent.values()):
+            return []
+        pods = self.cluster.pods(namespace)
+        self.elsewhere[namespace] = in_no_pod(pods, silence)
+        return hung_pods(pods, silence)
 
     def waits(self, namespace: str, one: Hung) -> str:
         """Why the pod is left as it is; nothing where it is to be begun anew."""

@@ -54,6 +54,20 @@ def test_while_all_answer_nothing_is_asked_for() -> None:
     assert world.requests.count("pods") == 0
 
 
+def test_a_laptop_that_sleeps_costs_one_request() -> None:
+    world = hanging()
+    laptop = Silence({"/rviz": (f"http://{ADDRESSES['laptop']}:1/", 9000.0)})
+    world.silence = laptop
+    world.run(10 * LOOK)
+    assert (world.requests.count("pods"), world.done) == (1, [])
+    world.silence = Silence({**laptop.silent, "/camera": (URI, 29.0)})  # nobody may say so short a time
+    world.run(LOOK)
+    assert world.requests.count("pods") == 1
+    world.silence = Silence({**laptop.silent, "/camera": (URI, 500.0)})
+    world.run(LOOK)
+    assert world.done == EVICTED
+
+
 def test_nobody_takes_a_step_meanwhile() -> None:
     """Neither is one disturbed that is under way, nor does one begin that would find the pod gone."""
     world = hanging()
