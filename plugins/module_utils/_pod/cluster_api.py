@@ -123,14 +123,15 @@ class Cluster:
         path = _path(namespace, item["kind"], name_of(item))
         self._send("PATCH", path, {"fieldManager": MANAGER, "force": "true"}, item, APPLY)
 
-    def evict(self, namespace: str, pod: Object, seconds: int) -> None:
-        """This very pod, with so many seconds to end."""
+    def evict(self, namespace: str, pod: Object, seconds: int | None) -> None:
+        """This very pod, with so many seconds to end; None: as many as it says itself."""
         name = name_of(pod)
+        grace = {} if seconds is None else {"gracePeriodSeconds": seconds}
         body = {
             "apiVersion": "policy/v1",
             "kind": "Eviction",
             "metadata": {"name": name, "namespace": namespace},
-            "deleteOptions": {"gracePeriodSeconds": seconds, "preconditions": {"uid": pod["metadata"]["uid"]}},
+            "deleteOptions": {**grace, "preconditions": {"uid": pod["metadata"]["uid"]}},
         }
         self._send("POST", f"{_path(namespace, 'Pod', name)}/eviction", {}, body, JSON)
 

@@ -17,7 +17,7 @@ from .hung import AT_MOST, LEAST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, 
 from .open_goals import open_goals_at
 from .way_back import name_of
 
-GRACE = 10  # s for the pod: its stop hook may hold goals meanwhile, its node will not end by itself
+GRACE = 10  # s for a pod that works on nothing: its node will not end by itself
 REASON = "NodeHung"
 TOO_MANY = 429  # the API's answer where a PodDisruptionBudget forbids it
 
@@ -53,9 +53,11 @@ class Watchdog:
 
     def begin_anew(self, namespace: str, one: Hung, at: str) -> str:
         """Evict it; what was done, or why it could not be. An Event of the pod says so, too."""
+        goals = open_goals_at(self.ros, one.pod)
+        at_work = goals.servers and not goals.unknown  # a goal may begin now: its stop hook lets it end
         words = f"node {one.node} has not answered for {one.seconds:.0f} s while its process lives"
         try:
-            self.cluster.evict(namespace, one.pod, GRACE)
+            self.cluster.evict(namespace, one.pod, None if at_work else GRACE)
         except ApiError as error:
             if error.status in (404, 409):  # another pod has its name by now
                 return f"{words}; its pod is gone already"

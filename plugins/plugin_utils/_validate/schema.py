@@ -13,6 +13,7 @@ import functools
 from collections.abc import Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LEAST
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 
@@ -155,8 +156,8 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].update.rates": table("graph-pattern", number(0)),
     "ros_apps[].liveness_timeout": {
         **whole(0),
-        "not": {"exclusiveMinimum": 0, "exclusiveMaximum": 30},
-        "x-allowed": "0 for never, or 30 seconds and more",
+        "not": {"exclusiveMinimum": 0, "exclusiveMaximum": LEAST},
+        "x-allowed": f"0 for never, or {LEAST} seconds and more",
     },
     "ros_apps[].drain_deadline": whole(0),
     "ros_apps[].termination_grace_period": whole(1),

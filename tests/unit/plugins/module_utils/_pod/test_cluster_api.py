@@ -98,6 +98,9 @@ def test_it_evicts_this_very_pod_and_says_so(cluster: Cluster, server: Server) -
     asked = server.find(f"/api/v1/namespaces/{SPACE}/pods/camera-1/eviction/camera-1")
     assert (asked["apiVersion"], asked["kind"]) == ("policy/v1", "Eviction")
     assert asked["deleteOptions"] == {"gracePeriodSeconds": 10, "preconditions": {"uid": "4711"}}
+    cluster.evict(SPACE, {"metadata": {"name": "arm-1", "uid": "4712"}}, None)
+    asked = server.find(f"/api/v1/namespaces/{SPACE}/pods/arm-1/eviction/arm-1")
+    assert asked["deleteOptions"] == {"preconditions": {"uid": "4712"}}
     for second in (1, 2):
         cluster.tell(SPACE, camera, "NodeHung", f"it hung {second} s", f"2026-01-01T00:00:0{second}.000000Z")
     base = f"/api/v1/namespaces/{SPACE}/events/camera-1.2026010100000"

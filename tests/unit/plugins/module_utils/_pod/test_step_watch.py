@@ -162,11 +162,12 @@ class World:
         self.there[namespace, name] = live(body, marked=False, generation=generation)
         self.done.append(f"apply {name} {self.revision(name, namespace)}")
 
-    def evict(self, namespace: str, item: dict[str, Any], seconds: int) -> None:
+    def evict(self, namespace: str, item: dict[str, Any], seconds: int | None) -> None:
         self._ask("evict")
         if self.budget:
             raise self.budget
-        self.done.append(f"evict {namespace}/{item['metadata']['name']} in {seconds} s")
+        grace = "its own time" if seconds is None else f"{seconds} s"
+        self.done.append(f"evict {namespace}/{item['metadata']['name']} in {grace}")
 
     def tell(self, namespace: str, item: dict[str, Any], reason: str, message: str, _at: str) -> None:
         self._ask("tell")
