@@ -75,7 +75,7 @@ class World:
         self.pods_now: list[dict[str, Any]] = []
         self.uris: dict[str, str] = {}
         self.silence = Silence()
-        self.budget: ApiError | None = None  # what an eviction is answered with
+        self.unevictable: list[ApiError] = []  # what an eviction is answered with
         self.record: dict[str, Any] = {}
         self.home = self.spaces[0]
         self.watch = self.start()
@@ -164,8 +164,8 @@ class World:
 
     def evict(self, namespace: str, item: dict[str, Any], seconds: int | None) -> None:
         self._ask("evict")
-        if self.budget:
-            raise self.budget
+        for error in self.unevictable:
+            raise error
         grace = "its own time" if seconds is None else f"{seconds} s"
         self.done.append(f"evict {namespace}/{item['metadata']['name']} in {grace}")
 

@@ -184,7 +184,7 @@ def test_one_at_a_look() -> None:
 )
 def test_what_the_api_does_not_evict(error: ApiError, words: str) -> None:
     world = hanging()
-    world.budget = error
+    world.unevictable = [error]
     world.run(LOOK)
     assert world.done == ["lease ros-keeper", "lease free"]
     assert world.said == [f"{NAMESPACE}/camera: {words}"]
