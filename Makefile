@@ -90,10 +90,12 @@ ruff: ## Python: style and mistakes
 	ruff format --check .
 
 .PHONY: mypy
-mypy: ## Python: types, those of hosts and pods for Python 3.8, too
+mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the tests that need a lab
 	mypy plugins
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	MYPYPATH=tests/lab mypy tests/lab/lablib
+	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
+	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tools mypy tests/observability
 
 .PHONY: yamllint
 yamllint: ## YAML: style

@@ -42,7 +42,7 @@ class Watched:
     """The fleet, and those who watch it."""
 
     def __init__(self, lab: str, inventory: Path, output: Path) -> None:
-        self.hosts = LabHosts(lab, ROBOTS)
+        self.hosts = LabHosts(lab)
         self.playbooks = Playbooks(inventory, output)
         self._directory = Path(self.hosts.variables["lab_dir"]) / "kube"
         hub = self.hosts.address(EDGE)

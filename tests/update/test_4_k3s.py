@@ -135,7 +135,7 @@ def test_what_a_killed_run_left_is_proven_by_the_next(fleet: Fleet) -> None:
 @pytest.mark.usefixtures("put_back")
 def test_another_version_comes_and_the_one_before_is_refused(fleet: Fleet) -> None:
     subprocess.run([str(LAB), "artifacts", "--next-k3s"], capture_output=True, check=True, timeout=1200)  # noqa: S603
-    following = Hosts(os.environ.get("ROSOPS_LAB", "mol-update"), ROBOTS).variables.get("lab_next_airgap_dir")
+    following = Hosts(os.environ.get("ROSOPS_LAB", "mol-update")).variables.get("lab_next_airgap_dir")
     if not following:
         pytest.skip("the lab runs a release of k3s, and has no second one")
     before, pods = on(fleet, f"{BINARY} --version | head -1"), fleet.running()

@@ -15,6 +15,7 @@ import random
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 from fleet import ALL_AT_ONCE, Fleet, Variables
@@ -42,7 +43,7 @@ class Kill:
     robot: str
     playbook: str
     app: str
-    wrong: tuple[tuple[str, object], ...]
+    wrong: tuple[tuple[str, Any], ...]
     moment: float
 
     def __str__(self) -> str:

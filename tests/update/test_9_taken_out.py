@@ -50,7 +50,8 @@ def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> 
     """A node with all that an app may have, and a launch file that the inventory brings."""
     (listener,) = fleet.pods()["robot1"]["temperature-stats"]
     program = "/opt/rosops-apps/bin/temperature_subscriber"
-    both = {"image": listener.image, "env": {"LOG_DIR": "/tmp"}, "placement": "local"}  # noqa: S108 - the pod's own
+    settings = {"LOG_DIR": "/tmp"}  # noqa: S108 - the pod's own
+    both: dict[str, Any] = {"image": listener.image, "env": settings, "placement": "local"}
     spare: dict[str, Any] = {
         **both, "name": "spare", "command": [program], "pattern": "pubsub", "params": {"limit": 1},
         "files": [{"path": "/etc/spare.yaml", "content": "a: 1\n"}], "ports": [{"name": "web", "port": 9001}],
@@ -58,7 +59,7 @@ def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> 
     pair: dict[str, Any] = {
         **both, "name": "pair", "command": ["/ros_entrypoint.sh"], "depends_on": ["spare"],
         "launch": {"package": "pair", "file": "two.launch", "args": {"second": "pair_two"}},
-        "env": {**both["env"], "ROS_PACKAGE_PATH": "/srv:/usr/share"},
+        "env": {**settings, "ROS_PACKAGE_PATH": "/srv:/usr/share"},
         "files": [
             {"path": "/srv/pair/package.xml", "content": PACKAGE},
             {"path": "/srv/pair/two.launch", "content": LAUNCH},

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_options
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import VARIABLES, spec_of
 
 
