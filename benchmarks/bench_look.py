@@ -143,7 +143,7 @@ def started(uri: str) -> Look:
 
     def seen() -> None:
         state = ros.state(types=True)
-        ros.ask(state, first_questions(state, node_name(0, 3)))
+        ros.ask(state, first_questions(state, [node_name(0, 3)]))
 
     return seen
 

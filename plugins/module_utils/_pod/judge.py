@@ -1,7 +1,9 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Judge the own node's part of the graph: is it wholly connected, and does it give what its predecessor gave?
+"""Judge the own nodes' part of the graph: is it wholly connected, and does it give what its predecessor gave?
+
+An app has one node, or all that its launch file starts: together they owe what the version before gave.
 
 Pure. `wait` is the verdict for everything that time may mend; `fail` is kept for what this revision itself
 contradicts.
@@ -24,24 +26,27 @@ UNCOUNTED = frozenset({"/rosout"})
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the own node has to show. `contract`: None where no update is under way."""
+    """What the own nodes have to show. `contract`: None where no update is under way."""
 
-    node: str
+    nodes: tuple[str, ...]
     contract: Mapping[str, Any] | None = None
     min_rates: Mapping[str, float] = field(default_factory=dict)
 
 
-def first_questions(state: MasterState, node: str) -> Questions:
-    """The own node in full, its services, and what the publishers of its subscriptions are connected to.
+def first_questions(state: MasterState, own: Iterable[str]) -> Questions:
+    """The own nodes in full, their services, and what the publishers of their subscriptions are connected to.
 
     Not tools, which do not count: one that hangs would make every look as long as its time-out.
     """
-    nodes = {node: frozenset({"bus", "types"})}
-    for topic in state.of(node, state.subscribers):
-        for publisher in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
-            if not is_tool(publisher):
-                nodes.setdefault(publisher, frozenset({"bus"}))
-    return Questions(nodes, state.of(node, state.services))
+    nodes = {node: frozenset({"bus", "types"}) for node in own}
+    services: list[str] = []
+    for node in tuple(nodes):
+        services += state.of(node, state.services)
+        for topic in state.of(node, state.subscribers):
+            for publisher in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
+                if not is_tool(publisher):
+                    nodes.setdefault(publisher, frozenset({"bus"}))
+    return Questions(nodes, tuple(services))
 
 
 @dataclass(frozen=True)
@@ -49,24 +54,32 @@ class Gap:
     """A connection that both ends are registered for and that is not there."""
 
     topic: str
+    node: str  # the own one
     peer: str
     role: str  # what the peer is to the topic: "subscriber" or "publisher"
 
+    @property
+    def edge(self) -> list[str]:
+        """As a contract has it."""
+        publisher, subscriber = (self.peer, self.node) if self.role == "publisher" else (self.node, self.peer)
+        return [publisher, self.topic, subscriber]
 
-def gaps(state: MasterState, graph: Graph, node: str) -> list[Gap]:
-    """What the own node is not connected to yet. Tools that somebody has open do not count.
+
+def gaps(state: MasterState, graph: Graph, own: Iterable[str]) -> list[Gap]:
+    """What the own nodes are not connected to yet. Tools that somebody has open do not count.
 
     A subscription counts when its publisher says so: the subscriber itself says it before any handshake.
     """
     found = []
-    for topic in state.of(node, state.publishers):
-        counted = [name for name in state.subscribers.get(topic, ()) if not is_tool(name)]
-        missing = graph.unreached(topic, node, counted)
-        found += [Gap(topic, name, "subscriber") for name in (counted if missing is None else missing)]
-    for topic in state.of(node, state.subscribers):
-        for name in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
-            if not is_tool(name) and graph.unreached(topic, name, [node]) != []:
-                found.append(Gap(topic, name, "publisher"))
+    for node in own:
+        for topic in state.of(node, state.publishers):
+            counted = [name for name in state.subscribers.get(topic, ()) if not is_tool(name)]
+            missing = graph.unreached(topic, node, counted)
+            found += [Gap(topic, node, name, "subscriber") for name in (counted if missing is None else missing)]
+        for topic in state.of(node, state.subscribers):
+            for name in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
+                if not is_tool(name) and graph.unreached(topic, name, [node]) != []:
+                    found.append(Gap(topic, node, name, "publisher"))
     return [gap for gap in found if gap.topic not in UNCOUNTED]
 
 
@@ -79,39 +92,41 @@ def forgiven(gap: Gap, graph: Graph, wanted: Wanted, seconds: float) -> str:
     away = left(graph, gap.topic, gap.peer, gap.role)
     if away:
         return away
-    ends = (gap.peer, wanted.node) if gap.role == "publisher" else (wanted.node, gap.peer)
-    edge = [ends[0], gap.topic, ends[1]]
-    if wanted.contract and edge not in wanted.contract["edges"] and seconds >= PATIENCE:
+    if wanted.contract and gap.edge not in wanted.contract["edges"] and seconds >= PATIENCE:
         return f"{gap.peer} was not connected to the version before, and is not to this one"
     return ""
 
 
 def judge(graph: Graph, state: MasterState, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Check]:
     """All but rates and md5sums, which are read once all of this passes. `forgiving`: gaps that count for nothing."""
-    own = graph.nodes[wanted.node]
-    if not own.reachable:
-        return [check_node(graph, wanted.node)]
-    checks = [_type(own, topic, entry) for topic, entry in _typed(wanted.contract)]
-    checks += (
-        [_offered(own, wanted.contract, state), *_together(graph, own, wanted.contract)] if wanted.contract else []
-    )
-    if own.connections is None:
-        checks.append(Check("node", own.name, WAIT, "it does not tell its connections"))
-    open_gaps = gaps(state, graph, own.name)
-    for topic in own.publications:
-        lacking = [gap for gap in open_gaps if gap.topic == topic and gap.role == "subscriber"]
-        if lacking:
-            checks.append(_reached(graph, lacking, forgiving, len(state.subscribers[topic])))
-    for topic in own.subscriptions:
-        if topic not in UNCOUNTED:
-            lacking = [gap for gap in open_gaps if gap.topic == topic and gap.role == "publisher"]
-            checks.append(_heard(graph, lacking, forgiving, topic))
-    checks += [_served(graph, own, name) for name in own.services]
-    return [check_node(graph, own.name), *checks]
+    nodes = [graph.nodes[name] for name in wanted.nodes]
+    checks = [check_node(graph, node.name) for node in nodes]
+    alive = [node for node in nodes if node.reachable]
+    if not alive:
+        return checks
+    if wanted.contract:
+        checks += _promised(graph, state, alive, wanted.contract)
+    open_gaps = gaps(state, graph, [node.name for node in alive])
+    for own in alive:
+        if own.connections is None:
+            checks.append(Check("node", own.name, WAIT, "it does not tell its connections"))
+        lacking = [gap for gap in open_gaps if gap.node == own.name]
+        for topic in own.publications:
+            unreached = [gap for gap in lacking if gap.topic == topic and gap.role == "subscriber"]
+            if unreached:
+                checks.append(_reached(graph, unreached, forgiving, len(state.subscribers[topic])))
+        for topic in own.subscriptions:
+            if topic not in UNCOUNTED:
+                unheard = [gap for gap in lacking if gap.topic == topic and gap.role == "publisher"]
+                checks.append(_heard(graph, unheard, forgiving, topic))
+        checks += [_served(graph, own, name) for name in own.services]
+    return checks
 
 
-def _typed(contract: Mapping[str, Any] | None) -> Iterable[tuple[str, Mapping[str, Any]]]:
-    return {**contract["topics"], **contract["subscriptions"]}.items() if contract else ()
+def _promised(graph: Graph, state: MasterState, own: list[Node], contract: Mapping[str, Any]) -> list[Check]:
+    typed = {**contract["topics"], **contract["subscriptions"]}
+    checks = [_type(node, topic, entry) for node in own for topic, entry in typed.items()]
+    return [*checks, _offered(own, contract, state), *_together(graph, own, contract)]
 
 
 def _type(own: Node, topic: str, entry: Mapping[str, Any]) -> Check:
@@ -121,30 +136,41 @@ def _type(own: Node, topic: str, entry: Mapping[str, Any]) -> Check:
     return Check("topic", topic, FAIL, f"this version has the type {found}, the one before had {wanted}")
 
 
-def _offered(own: Node, contract: Mapping[str, Any], state: MasterState) -> Check:
-    """Everything that the version before had registered."""
-    lacking = [f"does not publish {name}" for name in contract["topics"] if name not in own.publications]
+def _offered(own: list[Node], contract: Mapping[str, Any], state: MasterState) -> Check:
+    """Everything that the version before had registered; what a node of it published, by that very node."""
+    names = {node.name for node in own}
+    published = {(name, node.name) for node in own for name in node.publications}
+    subscribed = {name for node in own for name in node.subscriptions}
+    served = {name for node in own for name in node.services}
+    lacking = [
+        f"does not start {name}" for name in contract["nodes"] if name not in names and len(contract["nodes"]) > 1
+    ]
+    lacking += [
+        f"does not publish {name}"
+        for name, entry in contract["topics"].items()
+        if not all((name, node) in published for node in entry.get("publishers") or names)
+    ]
     # without a publisher nobody has a reason to subscribe who takes whatever there is
     wanted = [name for name in contract["subscriptions"] if name in state.publishers]
-    lacking += [f"does not subscribe to {name}" for name in wanted if name not in own.subscriptions]
-    lacking += [f"does not offer the service {name}" for name in contract["services"] if name not in own.services]
+    lacking += [f"does not subscribe to {name}" for name in wanted if name not in subscribed]
+    lacking += [f"does not offer the service {name}" for name in contract["services"] if name not in served]
     lacking += [
         f"does not serve the action {name}"
         for name in contract["actions"]
-        if own.name not in action_of(state, name).servers
+        if not names & {*action_of(state, name).servers}
     ]
     reason = "as the version before: " + "; ".join(lacking) if lacking else "offers what the version before did"
-    return Check("node", own.name, WAIT if lacking else PASS, reason)
+    return Check("node", own[0].name, WAIT if lacking else PASS, reason)
 
 
-def _together(graph: Graph, own: Node, contract: Mapping[str, Any]) -> Iterable[Check]:
+def _together(graph: Graph, own: list[Node], contract: Mapping[str, Any]) -> Iterable[Check]:
     """What comes in the same step has to be there before the old version goes that it had: it may start later."""
-    members = set(contract.get("members", ()))
+    members, names = set(contract.get("members", ())), {node.name for node in own}
     for publisher, topic, subscriber in contract["edges"]:
-        ours = own.name in (publisher, subscriber) and {publisher, subscriber} <= members
-        if ours and graph.unreached(topic, publisher, [subscriber]) != []:
-            other = subscriber if publisher == own.name else publisher
-            yield Check("topic", topic, WAIT, f"not connected to {other}, which is updated together with it")
+        ends = {publisher, subscriber}
+        if ends & names and ends <= members and graph.unreached(topic, publisher, [subscriber]) != []:
+            here, other = (publisher, subscriber) if publisher in names else (subscriber, publisher)
+            yield Check("topic", topic, WAIT, f"{here} not connected to {other}, which is updated together with it")
 
 
 def _reached(graph: Graph, lacking: list[Gap], forgiving: Mapping[Gap, str], registered: int) -> Check:
@@ -201,18 +227,22 @@ def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[
     return checks
 
 
-def least_rates(own: Node, wanted: Wanted) -> dict[str, float]:
-    """Own topic -> messages per second that it has to carry; the higher of what is promised and what was recorded."""
-    found = {topic: hz for topic, hz in wanted.min_rates.items() if topic in own.publications}
-    if wanted.contract:
-        for topic, entry in wanted.contract["topics"].items():
-            least = least_rate_of(entry, wanted.contract["tolerance"])
-            if least and topic in own.publications:
-                found[topic] = max(found.get(topic, 0.0), least)
+def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], float]:
+    """Own topic and node -> messages per second that it has to carry; the higher of what is promised and recorded."""
+    found: dict[tuple[str, str], float] = {}
+    for node in own:
+        for topic in node.publications:
+            entry = ((wanted.contract or {}).get("topics") or {}).get(topic)
+            seen = (entry.get("publishers") or {node.name: entry}).get(node.name) if entry else None
+            recorded = least_rate_of(seen, (wanted.contract or {})["tolerance"]) if seen else 0.0
+            least = max(wanted.min_rates.get(topic, 0.0), recorded)
+            if least:
+                found[topic, node.name] = least
     return found
 
 
-def check_rates(least: Mapping[str, float], node: str, rates: Mapping[str, Rate]) -> list[Check]:
+def check_rates(least: Mapping[tuple[str, str], float], rates: Mapping[str, Rate]) -> list[Check]:
     return [
-        check_rate(TopicCondition(topic, min_rate=hz, publisher=node), rates.get(topic)) for topic, hz in least.items()
+        check_rate(TopicCondition(topic, min_rate=hz, publisher=node), rates.get(topic))
+        for (topic, node), hz in least.items()
     ]

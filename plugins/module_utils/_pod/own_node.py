@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
-from .._ros.graph import Node, Questions, StatusReading
+from .._ros.graph import MasterState, Node, Questions, StatusReading
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, reason, tell_publishers
 from .calls import calls_under_way
@@ -84,16 +84,26 @@ def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[Ow
     return OwnNode(name, found.uri, uris), ""
 
 
+def names_here(ros: Ros1Client, settings: Mapping[str, Any], state: MasterState) -> dict[str, str]:
+    """Name -> address of all nodes that are registered from this pod. None of them is asked."""
+    space = settings.get("space", "").rstrip("/")
+    known = ros.addresses([name for name in state.nodes() if name.startswith(f"{space}/")])[0]
+    places = {urlsplit(uri).hostname: uri for uri in known.values()}
+    here = {host for host, uri in places.items() if is_here(uri)}
+    found = {name: uri for name, uri in known.items() if urlsplit(uri).hostname in here}
+    if settings.get("host_network"):  # then the address is that of others, too
+        return {name: uri for name, uri in found.items() if listens_here(urlsplit(uri).port or 0)}
+    return found
+
+
 def nodes_here(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
     """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
-    ros, space = ros_of(os.environ, seconds), settings.get("space", "").rstrip("/")
+    ros = ros_of(os.environ, seconds)
     try:
         state = ros.state()
-        names = [name for name in state.nodes() if name.startswith(f"{space}/")]
-        found = ros.ask(state, Questions({name: frozenset() for name in names})).nodes
-        here = [name for name in names if not found[name].refused and is_here(found[name].uri)]
-        if settings.get("host_network"):  # then the address is that of others, too
-            here = [name for name in here if listens_here(urlsplit(found[name].uri).port or 0)]
+        named = names_here(ros, settings, state)
+        found = ros.ask(state, Questions({name: frozenset() for name in named})).nodes
+        here = [name for name in named if not found[name].refused]
         services = {name: state.of(name, state.services) for name in here}
         asked = ros.ask(state, Questions({}, tuple(name for names in services.values() for name in names))).services
     except RosError as error:

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The startup probe: look until the pod's own node is wholly in the graph, and say why not where it is not.
+"""The startup probe: look until the pod's own nodes are wholly in the graph, and say why not where they are not.
 
 Kubernetes stops the old pod once this has passed, so it is what an update's losses depend on.
 """
@@ -11,8 +11,9 @@ from __future__ import annotations
 import os
 import sys
 import time
-from dataclasses import replace
-from typing import Any, Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
@@ -23,35 +24,41 @@ from .._ros.graph import Graph, MasterState, Node, Questions
 from .._ros.silence import Silence
 from .command import run_command
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
-from .own_node import is_here, ros_of, service_uris, state_of
+from .launch import MANAGER
+from .own_node import is_here, names_here, ros_of, service_uris, state_of
 from .state import load_contract, load_settings, load_state, save_state
 
 SECONDS = 10.0  # of looking in one call, before a reason is given
 INTERVAL, SLOW_INTERVAL = 0.1, 0.5  # slow once a call has ended in vain: then nobody waits for a tenth of a second
 SETTLE = 0.5  # without a contract or a command nothing says what the node is still going to register
+SETTLE_LAUNCH = 3.0  # nodes of a launch file start one after the other
 COMMAND_TIMEOUT = 5.0
 
 
 def main(_words: list[str]) -> int:
     settings = load_settings(os.environ)
     before = load_state(settings["node"])
-    reason = started(settings, before, ros_of(os.environ), run_command)
+    ros = ros_of(os.environ)
+    reason = started(settings, before, ros, Outside(run_command, partial(names_here, ros, settings)))
     if reason:
         save_state(settings["node"], {"failed": reason})
         sys.stdout.write(f"{reason}\n")
     return 1 if reason else 0
 
 
-def started(  # noqa: PLR0913 - the clocks are the price of tests that never wait
-    settings: Mapping[str, Any],
-    before: Mapping[str, Any],
-    ros: Backend,
-    run: Callable[[list[str], float], str],
-    now: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-) -> str:
+@dataclass(frozen=True)
+class Outside:
+    """What a look needs beside the graph: the app's command, which nodes are this pod's, and the clocks."""
+
+    run: Callable[[list[str], float], str]  # why it failed
+    here: Callable[[MasterState], Mapping[str, str]]  # name -> address
+    now: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+
+
+def started(settings: Mapping[str, Any], before: Mapping[str, Any], ros: Backend, outside: Outside) -> str:
     """Why the app is not ready, beginning with how bad that is; or nothing. `before`: what the last call left."""
-    look = Starting(settings, ros, run, now)
+    look = Starting(settings, ros, outside)
     patient = bool(before.get("failed"))
 
     def probe() -> Seen:
@@ -60,7 +67,8 @@ def started(  # noqa: PLR0913 - the clocks are the price of tests that never wai
         # what cannot be mended is told at once, but not once a second for ever
         return Seen(WAIT if verdict == FAIL and patient else verdict, checks)
 
-    ended: Polled = poll(probe, SECONDS, SLOW_INTERVAL if patient else INTERVAL, now=now, sleep=sleep)
+    pause = SLOW_INTERVAL if patient else INTERVAL
+    ended: Polled = poll(probe, SECONDS, pause, now=outside.now, sleep=outside.sleep)
     return "" if ended.verdict == PASS else message(ended.last)
 
 
@@ -74,55 +82,73 @@ def message(checks: list[Check]) -> str:
 class Starting:
     """One look after the other, and what has to be remembered between them."""
 
-    def __init__(
-        self,
-        settings: Mapping[str, Any],
-        ros: Backend,
-        run: Callable[[list[str], float], str],
-        now: Callable[[], float],
-    ) -> None:
-        self.settings, self.ros, self.run, self.now = settings, ros, run, now
+    def __init__(self, settings: Mapping[str, Any], ros: Backend, outside: Outside) -> None:
+        self.settings, self.ros, self.outside, self.now = settings, ros, outside, outside.now
         self.registered: Any = None
         self.since = 0.0
         self.missing: dict[Gap, float] = {}  # since when
-        self.silence = Silence(now)
+        self.silence = Silence(self.now)
 
     def __call__(self) -> list[Check]:
         # first the command: what the app registered before it agreed is in the graph that is looked at then
         command = self.settings["command"]
-        reason = self.run(command, COMMAND_TIMEOUT) if command else ""
+        reason = self.outside.run(command, COMMAND_TIMEOUT) if command else ""
         checks = [Check("command", "readiness", WAIT, reason)] if reason else []
-        if not self.settings["expect_node"]:
+        # read at every look: an update's contract may come to the pod after it has started
+        contract = load_contract(os.environ)
+        if not (self.settings["expect_node"] or self.settings.get("launch") or contract):
             return checks
         try:
-            return [*self._graph(not checks), *checks]
+            return [*self._graph(contract, not checks), *checks]
         except RosError as error:
             return [Check("master", self.ros.uri, WAIT, str(error)), *checks]
 
-    def _graph(self, whole: bool) -> list[Check]:
-        node = self.settings["node"]
+    def _graph(self, contract: Mapping[str, Any] | None, whole: bool) -> list[Check]:
         state = self.ros.state(types=True)
-        if node not in state.nodes():
-            return [Check("node", node, WAIT, "not registered with the master")]
-        # read at every look: an update's contract may come to the pod after it has started
-        wanted = Wanted(node, load_contract(os.environ), self.settings["min_rates"])
+        found, lacking = self._own(state)
+        if lacking:
+            return lacking
+        wanted = Wanted(found, contract, self.settings["min_rates"])
         began = self.now()
-        graph = self.ros.ask(state, first_questions(state, node))
-        own = graph.nodes[node]
-        if own.reachable and not is_here(own.uri):
-            return [Check("node", node, WAIT, f"registered from {own.uri}, which is not this pod")]
-        graph = self.silence.noted(self._peers(state, graph, node), began)
+        graph = self.ros.ask(state, first_questions(state, found))
+        own = [graph.nodes[name] for name in found]
+        elsewhere = [node for node in own if node.reachable and not is_here(node.uri)]
+        if elsewhere:
+            node = elsewhere[0]
+            return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
+        graph = self.silence.noted(self._peers(state, graph, found), began)
         checks = judge(graph, state, wanted, self._forgiving(state, graph, wanted))
         checks += self._settled(own) if not (wanted.contract or self.settings["command"]) else []
         if whole and all(check.verdict == PASS for check in checks):
             checks += self._streams(graph, own, wanted)
-            if all(check.verdict == PASS for check in checks):
-                save_state(node, state_of(own, service_uris(graph.services, own.services)))
+            if self.settings["expect_node"] and all(check.verdict == PASS for check in checks):
+                save_state(own[0].name, state_of(own[0], service_uris(graph.services, own[0].services)))
         return checks
 
-    def _peers(self, state: MasterState, graph: Graph, node: str) -> Graph:
-        """The graph with the answers of those that the own node is not connected to."""
-        unasked = {gap.peer for gap in gaps(state, graph, node) if not graph.nodes[gap.peer].asked}
+    def _own(self, state: MasterState) -> tuple[tuple[str, ...], list[Check]]:
+        """The own nodes, or what is waited for: the one of the app's name, or all that its launch file started."""
+        if self.settings["expect_node"]:
+            node = self.settings["node"]
+            there = node in state.nodes()
+            return (node,), [] if there else [Check("node", node, WAIT, "not registered with the master")]
+        found = tuple(sorted(self.outside.here(state)))
+        if not found:
+            return (), [Check("node", self.settings["app"], WAIT, "none is registered from this pod's address")]
+        return found, self._misplaced(state, found)
+
+    def _misplaced(self, state: MasterState, own: Iterable[str]) -> list[Check]:
+        """Private names of this version alone: the launcher is about to give them the place that others know."""
+        suffix = f"_{os.environ.get('ROSOPS_REVISION', '')}"
+        renamed = [node for node in own if node.endswith(suffix) and self.settings.get("launch") == "overlap"]
+        named = (name for part in (state.publishers, state.subscribers, state.services) for name in part)
+        kept = {f"{node}/{word}" for node in renamed for word in MANAGER}
+        loose = [name for name in sorted({*named} - kept) if any(name.startswith(f"{node}/") for node in renamed)]
+        return [Check("topic", name, WAIT, "is private to this version, and moves to the name that others know")
+                for name in loose]  # fmt: skip
+
+    def _peers(self, state: MasterState, graph: Graph, own: Iterable[str]) -> Graph:
+        """The graph with the answers of those that the own nodes are not connected to."""
+        unasked = {gap.peer for gap in gaps(state, graph, own) if not graph.nodes[gap.peer].asked}
         if not unasked:
             return graph
         answers = self.ros.ask(state, Questions({name: frozenset() for name in unasked})).nodes
@@ -130,25 +156,32 @@ class Starting:
 
     def _forgiving(self, state: MasterState, graph: Graph, wanted: Wanted) -> Mapping[Gap, str]:
         """The connections that are not there and are not waited for, each with the reason."""
-        self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(state, graph, wanted.node)}
+        self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(state, graph, wanted.nodes)}
         return {gap: forgiven(gap, graph, wanted, self.now() - since) for gap, since in self.missing.items()}
 
-    def _settled(self, own: Node) -> list[Check]:
-        registered = (own.publications, own.subscriptions, own.services)
+    def _settled(self, own: Iterable[Node]) -> list[Check]:
+        registered = [(node.name, node.publications, node.subscriptions, node.services) for node in own]
         if registered != self.registered:
             self.registered, self.since = registered, self.now()
-        if self.now() - self.since < SETTLE:
-            return [Check("node", own.name, WAIT, "it has only just registered what it has")]
+        if self.now() - self.since < self._settling():
+            return [Check("node", registered[0][0], WAIT, "it has only just registered what it has")]
         return []
 
-    def _streams(self, graph: Graph, own: Node, wanted: Wanted) -> list[Check]:
-        """md5sums and rates, of the own topics as this node alone publishes them."""
-        topics = {name: replace(topic, publishers=(own.name,)) for name, topic in graph.topics.items()}
+    def _settling(self) -> float:
+        return SETTLE_LAUNCH if self.settings.get("launch") else SETTLE
+
+    def _streams(self, graph: Graph, own: Sequence[Node], wanted: Wanted) -> list[Check]:
+        """md5sums and rates, of the own topics as these nodes alone publish them."""
+        mine = {topic: tuple(node.name for node in own if topic in node.publications) for topic in graph.topics}
+        topics = {name: replace(topic, publishers=mine[name]) for name, topic in graph.topics.items()}
         alone = replace(graph, topics=topics)
-        promised = [name for name in (wanted.contract or {}).get("topics", ()) if name in own.publications]
+        promised = [name for name in (wanted.contract or {}).get("topics", ()) if mine.get(name)]
         checks = check_sums(graph, wanted.contract, self.ros.md5sums(alone, promised) if promised else {})
         least = least_rates(own, wanted)
         if least and not checks:
-            seconds = {name: rate_window(hz) for name, hz in least.items()}
-            checks += check_rates(least, own.name, self.ros.rates(alone, seconds))
+            hertz: dict[str, float] = {}
+            for (topic, _node), hz in least.items():  # as long as the slowest of them asks for
+                hertz[topic] = min(hz, hertz.get(topic, hz))
+            seconds = {name: rate_window(hz) for name, hz in hertz.items()}
+            checks += check_rates(least, self.ros.rates(alone, seconds))
         return checks

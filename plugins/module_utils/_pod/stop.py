@@ -132,7 +132,12 @@ def stop(
         remarks = [f"not drained: {_why(error)}"]
     remarks += let_calls_end(nodes, ends, clock)
     if not expect_node:
-        return remarks  # roslaunch takes the end of a node for its failure, and starts it again or ends the others
+        # roslaunch takes the end of a node for its failure, and starts it again or ends the others: so they only leave
+        # the graph, and what still calls them comes to its end, before it gets its signal
+        seconds = clock.left(ends.away)
+        left = clock.together([partial(node.unregister, seconds) for node in nodes], seconds)
+        remarks += [f"not unregistered: {error}" for error in left if isinstance(error, BaseException)]
+        return list(dict.fromkeys([*remarks, *let_calls_end(nodes, ends, clock)]))
     for node in nodes:
         try:
             node.unregister(clock.left(ends.away))

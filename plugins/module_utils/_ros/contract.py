@@ -98,7 +98,7 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
         "tolerance": tolerance,
         "node": own[0] if own else "",
         "nodes": [taken.new(name) for name in taken.alive],
-        "members": sorted(taken.renames.values()),
+        "members": sorted(new for old, new in taken.renames.items() if old not in taken.words),
         "topics": taken.topics(own[0] if own else ""),
         "subscriptions": taken.subscriptions(),
         "services": taken.services(),
@@ -124,6 +124,7 @@ class _Recorder:
     ) -> None:
         self.graph, self.renames, self.intended = graph, renames, intended
         self.names = {**intended.renamed, **renames}
+        self.words = {*graph["topics"], *graph["services"]}
         self.alive = [name for name in nodes if self.answers(name)]
         self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in _ACTION_TOPICS}
 

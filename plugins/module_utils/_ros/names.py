@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-# How anonymous names end, as a pattern: rospy's in process id and milliseconds, roscpp's in nanoseconds.
-ANONYMOUS = r"(?:_\d+_\d{13}|_\d{18,})"
+# How anonymous names end, as a pattern: rospy's in process id and milliseconds, roscpp's in nanoseconds, those of
+# $(anon) in a launch file in process id and a random number of at most 19 digits.
+ANONYMOUS = r"(?:_\d+_\d{13,19}|_\d{18,})"
 
 
 def resolve(name: str, namespace: str = "/", node: str = "") -> str:

@@ -96,6 +96,22 @@ class Port:
 
 
 @dataclass(frozen=True)
+class Launch:
+    """A launch file. `replace` and `overlap` are nodes of it, with or without their namespaces."""
+
+    files: tuple[str, ...]
+    package: str = ""
+    args: Mapping[str, Any] = field(default_factory=dict)
+    replace: tuple[str, ...] = ()  # two of them must not be there: under `overlap` they are held back
+    overlap: tuple[str, ...] = ()  # two of them may be, whatever they look like on the graph
+
+    @property
+    def words(self) -> list[str]:
+        """What `_pod/launch.py` and roslaunch understand (wiki.ros.org/roslaunch/Commandline Tools)."""
+        return [*self.files, *(f"{name}:={env_value(value)}" for name, value in self.args.items())]
+
+
+@dataclass(frozen=True)
 class Readiness:
     """When an app is ready. Topics, services and actions are options of the module ros_ready; times are in seconds."""
 
@@ -137,6 +153,7 @@ class App:
     node_name: str
     command: tuple[str, ...] = ()
     args: tuple[str, ...] = ()
+    launch: Launch | None = None  # instead of args
     env: Mapping[str, str | Mapping[str, str]] = field(default_factory=dict)  # text, or Secret and key
     params: Mapping[str, Any] = field(default_factory=dict)  # private to the node, but for names with a slash first
     files: tuple[File, ...] = ()
@@ -168,7 +185,9 @@ class App:
     def alone(self) -> list[str]:
         """Why two pods of it cannot be up at once, volumes aside."""
         ports = [{"hostPort": port.host_port} for port in self.ports]
-        return unshared(self.devices, self.host_network, self.resources, [self.overrides, ports])
+        # a launch file may say which of its nodes has the device: that one is never there twice
+        devices = () if self.launch and self.launch.replace else self.devices
+        return unshared(devices, self.host_network, self.resources, [self.overrides, ports])
 
 
 @dataclass(frozen=True)
@@ -337,11 +356,11 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
         return Mount(**{"mount_path": path, **_given(item)})
 
     given = _given(raw)
-    launch = given.pop("launch", None)
-    readiness = given.get("readiness", {})
+    readiness, launch = given.get("readiness", {}), given.get("launch")
     if launch:
-        given["args"], readiness = roslaunch(launch), {"nodes": False, **readiness}
+        readiness = {"nodes": False, **readiness}
     computed = {
+        "launch": _launch(launch) if launch else None,
         "handoff": given.get("handoff") or HANDOFF_BY_PATTERN[given.get("pattern")],
         "placement": given.get("placement") or ("local" if given.get("devices") else "remote"),
         "node_name": given.get("node_name") or names.ros_name(str(raw["name"])),
@@ -365,11 +384,11 @@ def _app(raw: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
     return replace(app, handoff="replace") if alone else app
 
 
-def roslaunch(launch: Mapping[str, Any]) -> list[str]:
-    """The arguments (wiki.ros.org/roslaunch/Commandline Tools). Without `--wait` it starts a master where none is."""
-    where = [launch["package"]] if launch.get("package") else []
-    said = [f"{name}:={env_value(value)}" for name, value in (launch.get("args") or {}).items()]
-    return ["roslaunch", "--wait", *where, launch["file"], *said]
+def _launch(raw: Mapping[str, Any]) -> Launch:
+    """One file may be said without a list."""
+    given = _given({key: value for key, value in raw.items() if key != "file"})
+    files = raw["file"]
+    return Launch(tuple(files) if isinstance(files, list) else (files,), **given)
 
 
 def _file(raw: Mapping[str, Any]) -> File:
@@ -398,6 +417,7 @@ def _master(raw: Mapping[str, Any]) -> Master:
 def _app_from_dict(value: Mapping[str, Any]) -> App:
     given = {
         "volumes": [Mount(**item) for item in value["volumes"]],
+        "launch": Launch(**_tuples(value["launch"])) if value["launch"] else None,
         "files": [File(**item) for item in value["files"]],
         "ports": [Port(**item) for item in value["ports"]],
         "host_paths": [HostPath(**item) for item in value["host_paths"]],

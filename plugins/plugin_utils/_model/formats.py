@@ -177,6 +177,9 @@ FORMS: dict[str, Form] = {
     "launch-file": Form(
         _matching(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*"), "a launch file's name, or with / first its whole path"
     ),
+    "node-path": Form(
+        _matching(r"/?[A-Za-z]\w*(?:/\w+)*"), "the name of a <node> of the launch file, such as lidar or front/lidar"
+    ),
     "launch-arg": Form(_matching(r"[A-Za-z_]\w*"), "the name of an <arg> of the launch file"),
     "ros-type": Form(_matching(r"[A-Za-z]\w*/[A-Za-z]\w*"), "<package>/<type> such as std_msgs/Float64"),
     "master-uri": Form(master_uri, "http://<host>:<port>"),

@@ -34,6 +34,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code imp
     code_volume,
     command_probes,
     exec_command,
+    launch_args,
+    literal,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import container_ports
@@ -69,15 +71,16 @@ def app_deployment(app: App, robot: Robot) -> Object:
     args = [*(container.get("args") or []), *naming_args(app, robot, revision)]
     if args:
         container["args"] = args
-    own_name = variable(names.NODE_NAME_ENV, app.node_name + name_suffix(app, revision))
+    own_name = [] if app.launch else [variable(names.NODE_NAME_ENV, app.node_name + name_suffix(app, revision))]
     for one in [container, *beside]:
-        one["env"] = [*(one.get("env") or []), own_name]
+        one["env"] = [*(one.get("env") or []), *own_name]
     metadata = template["metadata"]
     metadata["labels"] = {**(metadata.get("labels") or {}), names.LABEL_REVISION: revision}
     metadata["annotations"] = {
         **(metadata.get("annotations") or {}),
         names.ANNOTATION_HASH: template_hash,
-        names.ANNOTATION_NODE: context.graph_node(app, robot, name_suffix(app, revision)),
+        # the nodes of a launch file have names of their own
+        **({} if app.launch else {names.ANNOTATION_NODE: context.graph_node(app, robot, name_suffix(app, revision))}),
     }
     return annotate(deployment)
 
@@ -124,13 +127,14 @@ def _container(app: App, robot: Robot) -> Object:
     }
     if app.command:
         container["command"] = list(app.command)
-    if app.args:
-        container["args"] = list(app.args)
+    if app.args or app.launch:
+        container["args"] = launch_args(app.launch, app.handoff) if app.launch else list(app.args)
     if app.ports:
         container["ports"] = container_ports(app)
     if app.resources:
         container["resources"] = dict(app.resources)
-    mounts = [*(target for _source, target in _volumes(app)), *([code_mount()] if app.hooks == "app" else [])]
+    code = [code_mount()] if app.hooks == "app" or app.launch else []
+    mounts = [*(target for _source, target in _volumes(app)), *code]
     if mounts:
         container["volumeMounts"] = mounts
     if app.devices:
@@ -149,7 +153,9 @@ def _container(app: App, robot: Robot) -> Object:
 
 def _environment(app: App, robot: Robot) -> list[Object]:
     """The collection's variables first; what the app sets itself wins over them, except for the node's name."""
-    found = _ros_environment(app, robot) if app.hooks == "sidecar" else _for_hooks(app, robot)
+    found = _for_hooks(app, robot)
+    if app.hooks == "sidecar":
+        found = [*_ros_environment(app, robot), *([_revision()] if app.launch else [])]
     found += [_said(key, value) for key, value in app.env.items()]
     return list({item["name"]: item for item in found}.values())
 
@@ -171,9 +177,12 @@ def _for_hooks(app: App, robot: Robot) -> list[Object]:
     found = _ros_environment(app, robot)
     if app.hooks != "none":
         settings = json.dumps(app_settings(app, robot), sort_keys=True)
-        found.append(variable(names.SETTINGS_ENV, settings.replace("$", "$$")))  # $(NAME) is Kubernetes' own
-        found.append(field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']"))
+        found += [variable(names.SETTINGS_ENV, literal(settings)), _revision()]
     return found
+
+
+def _revision() -> Object:
+    return field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']")
 
 
 def _said(key: str, value: str | Mapping[str, str]) -> Object:
@@ -204,6 +213,8 @@ def naming_args(app: App, robot: Robot, revision: str) -> list[str]:
 
     None for an app that names its nodes itself: without any, its image runs what it runs by itself.
     """
+    if app.launch:
+        return []
     args = []
     if app.handoff == "overlap":
         stable = context.graph_node(app, robot)

@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod import run
 MODULE_UTILS = Path(run.__file__).resolve().parents[1]
 ENTRY = "run.py"
 EXPORTER = "exporter"
+LAUNCHER = "_pod.launch"  # runs by itself, on the image's own interpreter
 # Parsing all files costs every run a quarter of a second; our own code imports in no other form.
 _IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _NAME = re.compile(r"(?:^|[(,])\s*(\w+)")
@@ -22,7 +23,8 @@ _NAME = re.compile(r"(?:^|[(,])\s*(\w+)")
 
 def app_files() -> dict[str, str]:
     """File name -> content of what app pods and the keeper run: `run.py`, and `<package>.<module>.py`."""
-    return dict(_read(tuple(module for command, module in run.COMMANDS.items() if command != EXPORTER)))
+    commands = [module for command, module in run.COMMANDS.items() if command != EXPORTER]
+    return dict(_read((*commands, LAUNCHER)))
 
 
 def exporter_files() -> dict[str, str]:

@@ -34,7 +34,8 @@ def graph_conditions(robot: Robot) -> dict[str, Any]:
 
 def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:
     metadata = app_deployment(app, robot)["spec"]["template"]["metadata"]
-    node, stable = metadata["annotations"][names.ANNOTATION_NODE], context.graph_node(app, robot)
+    stable = context.graph_node(app, robot)
+    node = metadata["annotations"].get(names.ANNOTATION_NODE, stable)  # those of a launch file are not promised
     readiness = app.readiness
 
     def full(name: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.exec import AFTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Launch
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, Object, exec_probe, mount
 
 STARTED_TIMEOUT = 45  # s; `started` ends long before
@@ -41,6 +41,25 @@ def begin_after(app: App, node: str) -> list[str]:
     """
     alone = app.handoff != "overlap" and app.readiness.nodes and not app.host_network
     return [AFTER, node] if alone else []
+
+
+# roslaunch's own interpreter, which may be one that nothing else of ours runs on
+LAUNCHER = (
+    'found=$(command -v roslaunch) || { echo "rosops.fleet: this image has no roslaunch" >&2; exit 127; }; '
+    f'exec $(sed -n "1s/^#!//p" "$found") {names.CODE_DIR}/_pod.launch.py "$@"'
+)
+
+
+def launch_args(launch: Launch, handoff: str) -> list[str]:
+    """The arguments of an app that is a launch file, for `_pod/launch.py`."""
+    overlap = ["--overlap", *(f"--replace={node}" for node in launch.replace)] if handoff == "overlap" else []
+    package = [f"--package={launch.package}"] if launch.package else []
+    return ["/bin/sh", "-c", literal(LAUNCHER), "roslaunch", *overlap, *package, *map(literal, launch.words)]
+
+
+def literal(text: str) -> str:
+    """As Kubernetes hands it on: $(NAME) is its own."""
+    return text.replace("$", "$$")
 
 
 def waits_for_the_old(deployment: Mapping[str, Any]) -> bool:

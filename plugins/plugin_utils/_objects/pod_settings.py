@@ -44,6 +44,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
         **({"params": params} if params else {}),
+        **({"launch": app.handoff} if app.launch else {}),
     }
 
 

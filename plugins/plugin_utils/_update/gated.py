@@ -96,7 +96,7 @@ class Gated:
     def _known(self) -> decide.Gate:
         """What the graph, as it is known now, says of the step."""
         turn, now = self.turn, self.now
-        now.graph = decide.renamed_graph(turn.graph, turn.plan.steps[: len(turn.results)])
+        now.graph = decide.renamed_graph(turn.graph, turn.renames)
         now.gate = decide.step_gate(self.step, now.graph, turn.live, self.settings.edge_images)
         return now.gate
 
@@ -218,7 +218,7 @@ class Gated:
             if turn.recorded:
                 turn.host.register(turn.master, self.now.graph)
         seconds = self.settings.verify_seconds
-        proof = decide.proof(step, gate.contracts, self.settings.rate_tolerance)
+        proof = decide.proof(step, gate, self.settings.rate_tolerance)
         if decide.proves_nothing(proof):
             self.say(f"{step.name}: nothing is recorded and nothing promised to hold it to: only its pod is proven")
         patience = seconds + max(VERIFY_EXTRA, step.patience)
@@ -231,6 +231,7 @@ class Gated:
         turn.trace(f"{step.name}: finish")
         try:
             result = turn.result(now, UPDATED)
+            turn.renames |= now.gate.succession.renames if now.gate else step.renames
             turn.apply_all([*decide.fulfilled(now.maps), *step.workloads, turn.events(None, [result])])
             # the new server may have been there before, and then the keeper waits for a next one
             if step.resume or step.drifted:

@@ -67,6 +67,7 @@ def _united(steps: Sequence[Step], robot: Robot) -> Step:
         unproven=[app for step in steps for app in step.unproven],
         new_nodes={app: node for step in steps for app, node in step.new_nodes.items()},
         old_nodes={},
+        launched={},
         actions=[],
         idle=[],
         on_busy=None,

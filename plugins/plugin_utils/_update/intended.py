@@ -20,7 +20,8 @@ _ON_DEMAND = re.compile(r"\b(rosbridge_(server|websocket|tcp|udp)|foxglove_bridg
 
 def on_demand(app: App) -> bool:
     """Whether the app subscribes and publishes as its clients ask, known by its command."""
-    return any(_ON_DEMAND.search(word) for word in (*app.command, *app.args))
+    launched = (app.launch.package, *app.launch.files) if app.launch else ()
+    return any(_ON_DEMAND.search(word) for word in (*app.command, *app.args, *launched))
 
 
 def intended(apps: Iterable[App], robot: Robot, old_nodes: Mapping[str, str], back: bool = False) -> Intended:

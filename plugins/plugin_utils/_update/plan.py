@@ -27,6 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import MASTER as MASTER_PART
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import intended
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import Launched, launched
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     Key,
     app_of,
@@ -69,6 +70,7 @@ class Step:
     unproven: Sequence[str]  # apps of which something runs that nobody has proven: its graph shows nothing to hold to
     new_nodes: Mapping[str, str]  # app -> its ROS node after the step
     old_nodes: Mapping[str, str]
+    launched: Mapping[str, Launched]  # apps whose nodes a launch file names; they have none in the two above
     actions: Sequence[str]  # that the apps serve
     idle: Sequence[str]  # that have to rest besides
     on_busy: str | None
@@ -162,6 +164,10 @@ class _Robot:
             unproven=unproven,
             new_nodes={app: node_of(first[app]) for app in apps},
             old_nodes=old_nodes,
+            launched={
+                app: found for app, spec in apps.items() if app in previous
+                if (found := launched(previous[app], first[app], spec.launch.overlap if spec.launch else ()))
+            },
             actions=self._actions(apps.values(), "own"),
             idle=self._actions(apps.values(), "idle"),
             on_busy=next((app.update.on_busy for app in apps.values() if app.update.on_busy), None),

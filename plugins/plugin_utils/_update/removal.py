@@ -82,6 +82,7 @@ def _step(item: Object, robot: Robot) -> Step:
         unproven=[],
         new_nodes={},
         old_nodes={app: node_of(item)},
+        launched={},
         actions=[],
         idle=[],
         on_busy=None,

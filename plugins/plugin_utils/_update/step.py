@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
@@ -15,7 +15,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import own_nodes
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import (
+    Launched,
+    Succession,
+    own_nodes,
+    succession,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.obstacles import obstacle
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     CONTRACT_KEY,
@@ -45,6 +51,7 @@ class Gate:
     calm: Calm  # what it waits for; an action's `server` stands where the step replaces it
     allowed: Sequence[str] = ()  # what the step would let change, in words
     nodes: Collection[str] = ()  # of which the rates have to be known
+    succession: Succession = field(default_factory=Succession)  # what is called otherwise afterwards
 
 
 def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collection[str]] | None = None) -> Gate:
@@ -52,49 +59,105 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     own = own_nodes(step.old_nodes, graph, live.pods)
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
+    there = read_contracts(live.maps)
+    kept = {app: there.get(app) or NO_CONTRACT for app in step.unproven}
+    # a pod that is only just starting shows nothing to hold the next version to; its last step does
+    kept |= {app: there[app] for app in step.launched if not own.get(app) and there.get(app)}
+    follows = _succession(step, graph, own, kept)
     return Gate(
-        step_contracts(step, graph, live),
-        [*_problems(step, graph), *_images_missing(step, images or {})],
+        _contracts(step, graph, own, kept, follows),
+        [*_problems(step, graph, own), *_images_missing(step, images or {})],
         _warnings(graph, nodes),
         Calm(actions_to_rest(graph, nodes, [*step.actions, *step.idle]), step.when, step.windows),
-        allowed(graph, sorted(nodes), step.intended),
+        [*allowed(graph, sorted(nodes), step.intended), *_outage(step, own)],
         ros_contract.rated(graph, recorded, step.intended),
+        follows,
     )
 
 
-def step_contracts(step: Step, graph: Graph, live: Live) -> dict[str, Contract]:
+def _succession(step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept: Mapping[str, Contract]) -> Succession:
+    """Of all its apps. Of what nobody has proven the contract names the nodes, and not the graph."""
+    found = Succession(step.renames)
+    for app, launch in step.launched.items():
+        if app in kept:
+            new = _since(kept[app], launch).nodes.values()
+            found |= Succession({node.removesuffix(launch.new) + launch.old: node for node in new})
+        else:
+            found |= succession(launch, own.get(app, ()), [*graph["topics"], *graph["services"]])
+    return found
+
+
+def _contracts(
+    step: Step,
+    graph: Graph,
+    own: Mapping[str, Sequence[str]],
+    kept: Mapping[str, Contract],
+    follows: Succession,
+) -> dict[str, Contract]:
     """App -> its part of the graph, under the names that the new revision will have.
 
     Where a step was cut off, or its way back was, the old nodes are gone or going, so what was recorded when it began
-    counts. The master's part is everything that is registered with it. What nodes besides the app's own are, as a
-    launch file starts them, stands in `others`: the pod's probe knows of one node.
+    counts. The master's part is everything that is registered with it. What the pod's own probe has no word on stands
+    in `others`: nodes beside that of the app's name, and those that begin when the old ones have ended.
     """
     if step.kind == "master" and not step.unproven:
         return {app: ros_contract.record(graph, sorted(graph["nodes"])) for app in step.apps}
-    own = own_nodes(step.old_nodes, graph, live.pods)
-    there = read_contracts(live.maps)
-    kept = {app: there.get(app) or NO_CONTRACT for app in step.unproven}
-    renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept}
+    renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept and new}
+    for app, launch in step.launched.items():
+        if app in kept:
+            renames |= _since(kept[app], launch).renames
     return {
-        app: _renamed(kept[app], renames) if app in kept else _recorded(step, graph, app, own.get(app, []))
+        app: _renamed(kept[app], renames) if app in kept else _recorded(step, graph, app, own.get(app, []), follows)
         for app in step.apps
     }
 
 
-def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str]) -> Contract:
-    named = [node for node in nodes if node == step.old_nodes.get(app)]
-    others = [node for node in nodes if node not in named]
+def _since(contract: Contract, launch: Launched) -> Succession:
+    """From the names in a contract, which are those of the revision that it was made for."""
+    parts = [contract, contract.get("others") or {}]
+    nodes = [node for part in parts for node in part.get("nodes") or ()]
+    there = [name for part in parts for key in ("topics", "services", "subscriptions") for name in part.get(key) or ()]
+    revision = f"_{contract.get('revision')}"
+    old = revision if any(node.endswith(revision) for node in nodes) else ""
+    return succession(replace(launch, old=old), nodes, there)
+
+
+def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str], follows: Succession) -> Contract:
+    first, launch = step.old_nodes.get(app), step.launched.get(app)
+    if launch:
+        judged = [node for node in nodes if not (launch.new and launch.is_held(node))]
+    else:
+        judged = [node for node in nodes if node == first and node in graph["nodes"]] or list(nodes)
+    others = [node for node in nodes if node not in judged]
     meant = step.intended
-    if step.old_nodes.get(app) in meant.on_demand:  # then all that its launch file starts is
-        meant = replace(meant, on_demand=(*meant.on_demand, *others))
-    contract = ros_contract.record(graph, named, step.renames, intended=meant)
-    beside = ros_contract.record(graph, others, step.renames, intended=meant)
+    if first in meant.on_demand:  # then all that its launch file starts is
+        meant = replace(meant, on_demand=(*meant.on_demand, *nodes))
+    contract = ros_contract.record(graph, judged, follows.renames, intended=meant)
+    beside = ros_contract.record(graph, others, follows.renames, intended=meant)
     return {**contract, "others": beside} if others else contract
 
 
-def _problems(step: Step, graph: Graph) -> list[str]:
+def _outage(step: Step, own: Mapping[str, Sequence[str]]) -> list[str]:
+    """Which nodes of launch files are away for a moment, in words."""
+    return [
+        f"{node} is away from its end until its next version has begun: it is in launch.replace of {app}"
+        for app, launch in step.launched.items()
+        for node in own.get(app, ())
+        if launch.new and launch.is_held(node)
+    ]
+
+
+def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> list[str]:
     """What forbids the step, seen on the graph before anything is touched."""
     problems = []
+    for app, launch in step.launched.items():
+        for node in own.get(app, ()) if launch.new and app not in step.unproven else ():
+            why = "" if launch.is_held(node) or launch.may_overlap(node) else obstacle(graph, node)
+            if why:
+                problems.append(
+                    f"{node} {why}: list {launch.plain(node)} in launch.replace of {app}, or in launch.overlap if two "
+                    "of it do no harm"
+                )
     for app, node in step.new_nodes.items():
         there = graph["nodes"].get(node) or {}
         if there.get("reachable") and node != step.old_nodes.get(app) and app not in step.unproven:
@@ -204,10 +267,11 @@ def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[
 # --- what has to hold afterwards ------------------------------------------------------------------------------------
 
 
-def proof(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> dict[str, Any]:
+def proof(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
     """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds."""
-    gone = sorted(set(step.old_nodes.values()) - set(step.new_nodes.values()) - {""})
-    parts = [step.conditions, *_conditions(contracts.values(), tolerance)]
+    old, new = {*step.old_nodes.values(), *gate.succession.nodes}, {*step.new_nodes.values()}
+    gone = sorted(old - new - {*gate.succession.nodes.values()} - {""})
+    parts = [step.conditions, *_conditions(gate.contracts.values(), tolerance)]
     return _united(parts, absent=gone if step.handoff == "overlap" else ())
 
 
@@ -216,13 +280,13 @@ def proves_nothing(conditions: Mapping[str, Any]) -> bool:
     return not any(conditions.get(key) for key in LISTS if key != "absent")
 
 
-def proof_of_old(step: Step, contracts: Mapping[str, Contract], tolerance: float) -> dict[str, Any]:
+def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
     """The same after a way back: the contracts hold under the old names, whatever the new revision promised.
 
     Rates are left out: there is no third version to go to from an old one that is slower than it was.
     """
-    old = {new: before for before, new in {**step.intended.renamed, **step.renames}.items()}
-    found = _united(_conditions([_renamed(one, old) for one in contracts.values()], tolerance))
+    old = {new: before for before, new in {**step.intended.renamed, **gate.succession.nodes}.items()}
+    found = _united(_conditions([_renamed(one, old) for one in gate.contracts.values()], tolerance))
     found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
     return found
 
@@ -232,9 +296,8 @@ def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[dict[st
     return [ros_contract.conditions(part, tolerance) for part in each]
 
 
-def renamed_graph(graph: Graph, steps: Iterable[Step]) -> Graph:
+def renamed_graph(graph: Graph, renames: Mapping[str, str]) -> Graph:
     """What was recorded before the first step, under the names that the finished steps have given."""
-    renames = {old: new for step in steps for old, new in step.renames.items()}
     found: Graph = _renamed(dict(graph), renames) if renames else graph
     return found
 

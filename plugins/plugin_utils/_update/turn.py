@@ -77,6 +77,7 @@ class Turn(Hands):
         super().__init__(robot, world, settings.check)
         self.settings = settings
         self.plan, self.graph, self.recorded = Plan(), NO_GRAPH, False
+        self.renames: dict[str, str] = {}  # in that graph, by the steps that are over
         self.rated: set[str] = set()  # nodes of which the rates at rest are known
         self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
         self.graph_told: dict[str, object] = {}  # of what the whole robot promises: verdict, and elapsed seconds

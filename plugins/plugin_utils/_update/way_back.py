@@ -49,7 +49,8 @@ def _graph(turn: Turn, now: Now) -> Graph:
 def go(turn: Turn, now: Now) -> None:
     """The old version again, and its part of the graph."""
     step, settings = now.step, turn.settings
-    old = sorted({*step.old_nodes.values()} - {""})
+    follows = now.gate.succession.nodes if now.gate else step.renames
+    old = sorted({*step.old_nodes.values(), *follows} - {""})
     turn.say(f"{step.name}: taken back")
     if turn.recorded and old:
         # first, so that a service never points to nothing: the old server lives, and the new one's end cannot take
@@ -62,10 +63,10 @@ def go(turn: Turn, now: Now) -> None:
     turn.apply_all(decide.marked(step.previous.values(), str(int(now.started))))
     turn.cluster.delete(step.created)
     turn.cluster.wait(list(step.previous.values()), settings.ready_timeout)
-    dead = sorted({*step.new_nodes.values()} - {"", *old})
+    dead = sorted({*step.new_nodes.values(), *follows.values()} - {"", *old})
     if dead:
         turn.host.reap(turn.master, dead)
     if now.gate:
-        proof = decide.proof_of_old(step, now.gate.contracts, settings.rate_tolerance)
+        proof = decide.proof_of_old(step, now.gate, settings.rate_tolerance)
         turn.ready(proof, settings.ready_timeout, f"{step.name} is as it was")
     turn.apply_all(list(step.previous.values()))

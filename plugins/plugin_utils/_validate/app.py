@@ -29,6 +29,7 @@ Check = Callable[[App, Raw, Draft, str], Iterator[Problem]]
 
 FILES_BYTES = 900_000  # the API takes no object above a megabyte (kubernetes.io, ConfigMap)
 _MASTER = re.compile(r"(?:^|[\s/;&|(])(?:roscore|rosmaster)(?:$|[\s;&|)])")
+LAUNCHES = "roslaunch names its nodes itself"
 _SHELLS = ("sh", "bash", "dash")
 # What a `sh -c` script reads the appended ROS node name from.
 _NAME_READERS = re.compile(r"\$\{?(?:@|\*|0|1|" + names.NODE_NAME_ENV + r")")
@@ -77,22 +78,42 @@ def _command(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
         )
 
 
-def _launch(_app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
-    launch = raw.get("launch")
+def _launch(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    launch = app.launch
     if not launch:
         return
     if "args" in raw:
         yield Problem(f"{path}.args", "is beside launch, which makes the arguments", "launch.args, or args alone")
-    if not launch.get("package") and not str(launch["file"]).startswith("/"):
-        yield Problem(
-            f"{path}.launch.package", "is missing, and file is no whole path", "a package, or /the/whole/path"
-        )
+    if app.readiness.nodes:
+        yield Problem(f"{path}.readiness.nodes", f"is true, but {LAUNCHES}", "leave it out")
+    for file in launch.files:
+        if not launch.package and not file.startswith("/"):
+            found = f"is missing, and {file} is no whole path"
+            yield Problem(f"{path}.launch.package", found, "a package, or /the/whole/path")
+    if app.hooks == "none":
+        yield Problem(f"{path}.hooks", "is none, but what starts the launch file is part of them", "app, or sidecar")
+    for key, said in (("replace", launch.replace), ("overlap", launch.overlap)):
+        if said and app.handoff != "overlap":
+            found = f"has no effect: handoff is {app.handoff}, so all its nodes are replaced together"
+            yield Problem(f"{path}.launch.{key}", found, "pattern: pubsub, or leave it out")
+        for index, node in enumerate(said):
+            where = join_path(path, "launch", key, index)
+            if node in said[:index]:
+                yield Problem(where, f"names {node} for the second time", "each node once")
+            if key == "overlap" and node in launch.replace:
+                yield Problem(where, f"is {node}, which launch.replace names, too", "one of the two")
+    for name in app.private_names:
+        found = f"names {name}, but a launch file's private names are found on the graph"
+        yield Problem(f"{path}.private_names", found, "leave it out")
 
 
 def _node_name(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Some commands drop the name that is appended; their nodes are then not where the gate looks for them."""
     reason = name_is_lost([*app.command, *app.args])
-    if reason and app.handoff == "overlap":
+    if reason == LAUNCHES and app.handoff == "overlap":
+        allowed = "launch: {package, file, args} instead of the command, or handoff: replace"
+        yield Problem(f"{path}.handoff", f"is overlap, but {reason}", allowed)
+    elif reason and app.handoff == "overlap":
         allowed = "handoff: replace, or a command that takes __name:= from its last argument"
         yield Problem(f"{path}.handoff", f"is overlap, but {reason}", allowed)
     if reason and app.readiness.nodes:
@@ -104,12 +125,12 @@ def name_is_lost(words: list[str]) -> str:
     """Why a command does not hand `__name:=` on to its ROS node; empty if it does."""
     programs = [word.rsplit("/", 1)[-1] for word in words]
     if "roslaunch" in programs:
-        return "roslaunch names its nodes itself"
+        return LAUNCHES
     for index, program in enumerate(programs[:-2]):
         if program in _SHELLS and re.fullmatch(r"-[a-z]*c", words[index + 1]):
             script = words[index + 2]
             if re.search(r"\broslaunch\b", script):
-                return "roslaunch names its nodes itself"
+                return LAUNCHES
             if not _NAME_READERS.search(script):
                 return f'the script of sh -c does not hand its arguments on ("$@", or __name:=${names.NODE_NAME_ENV})'
     return ""

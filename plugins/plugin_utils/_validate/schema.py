@@ -102,7 +102,13 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].image": text("image"),
     "ros_apps[].command": {"minItems": 1},
     "ros_apps[].launch.package": text("package-name"),
-    "ros_apps[].launch.file": text("launch-file"),
+    "ros_apps[].launch.file": either(
+        "a launch file's name, or a list of them",
+        text("launch-file"),
+        {"type": "array", "items": text("launch-file"), "minItems": 1},
+    ),
+    "ros_apps[].launch.replace[]": text("node-path"),
+    "ros_apps[].launch.overlap[]": text("node-path"),
     "ros_apps[].launch.args": table("launch-arg", {"type": ["string", "number", "boolean"]}),
     "ros_apps[].env": table(
         "env-name",

@@ -26,9 +26,9 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
 
 def judged(world: World, owed: dict[str, Any] | None = None, seconds: float = 0.0) -> tuple[str, str]:
     """Verdict, and the reasons of what is not as it should be; `seconds` for which all of it has been so."""
-    state, wanted = world.state(types=True), probe.Wanted(OWN, owed)
-    graph = world.ask(state, probe.first_questions(state, OWN))
-    missing = probe.gaps(state, graph, OWN)
+    state, wanted = world.state(types=True), probe.Wanted((OWN,), owed)
+    graph = world.ask(state, probe.first_questions(state, [OWN]))
+    missing = probe.gaps(state, graph, [OWN])
     unasked = {gap.peer for gap in missing if not graph.nodes[gap.peer].asked}
     peers = world.ask(state, probe.Questions({name: frozenset() for name in unasked})).nodes
     silence = Silence(lambda: seconds)
@@ -163,7 +163,7 @@ def test_what_is_updated_together_is_connected_before_the_old_versions_go(topic:
     new = "/other_0a1b2c3d"
     edge = [OWN, "/out", new] if topic == "/out" else [new, "/in", OWN]
     world, owed = World(), contract(edges=[edge], members=[OWN, new])
-    words = f"topic {topic}: not connected to {new}, which is updated together with it"
+    words = f"topic {topic}: {OWN} not connected to {new}, which is updated together with it"
     assert judged(world, owed, LONG) == (WAIT, words)
     if topic == "/out":
         world.subscribers["/out"].append(new)
@@ -188,16 +188,16 @@ def test_a_tool_that_hangs_holds_up_no_look() -> None:
     world = World()
     _tools(world)
     state = world.state()
-    asked = probe.first_questions(state, OWN)
+    asked = probe.first_questions(state, [OWN])
     assert not [name for name in asked.nodes if name.startswith("/rostopic")]
     assert PUBLISHER in asked.nodes
-    assert probe.gaps(state, world.ask(state, asked), OWN) == []
+    assert probe.gaps(state, world.ask(state, asked), [OWN]) == []
 
 
 def test_rosout_is_not_waited_for() -> None:
     world = World()
     state = world.state()
-    assert "/rosout" not in probe.first_questions(state, OWN).nodes
+    assert "/rosout" not in probe.first_questions(state, [OWN]).nodes
     world.subscribers["/rosout"] = [OWN]  # rosout itself as an app
     assert judged(world) == (PASS, "")
 
@@ -255,27 +255,27 @@ def test_definitions_must_be_the_same(sums: dict[str, str], service: str, words:
     world = World()
     world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", OWN, md5sum=service)
     state = world.state()
-    checks = probe.check_sums(world.ask(state, probe.first_questions(state, OWN)), contract(), sums)
+    checks = probe.check_sums(world.ask(state, probe.first_questions(state, [OWN])), contract(), sums)
     assert [check.verdict for check in checks] == ([FAIL if sums else WAIT] if words else [])
     assert words in "".join(str(check) for check in checks)
-    assert probe.check_sums(world.ask(state, probe.first_questions(state, OWN)), None, {"/out": "zz"}) == []
+    assert probe.check_sums(world.ask(state, probe.first_questions(state, [OWN])), None, {"/out": "zz"}) == []
 
 
 def test_rates_are_the_higher_of_what_is_promised_and_what_was() -> None:
     world = World()
     state = world.state()
-    own = world.ask(state, probe.first_questions(state, OWN)).nodes[OWN]
+    own = world.ask(state, probe.first_questions(state, [OWN])).nodes[OWN]
 
-    def least(owed: dict[str, Any] | None, **promised: float) -> dict[str, float]:
-        return probe.least_rates(own, probe.Wanted(OWN, owed, {f"/{name}": hz for name, hz in promised.items()}))
+    def least(owed: dict[str, Any] | None, **promised: float) -> dict[tuple[str, str], float]:
+        return probe.least_rates([own], probe.Wanted((OWN,), owed, {f"/{name}": hz for name, hz in promised.items()}))
 
     assert least(None) == {}
-    assert least(None, out=50, others=10) == {"/out": 50}  # what others publish is not this pod's
-    assert least(contract(), out=50) == {"/out": 90.0}
-    assert least(contract(), out=95) == {"/out": 95}
+    assert least(None, out=50, others=10) == {("/out", OWN): 50}  # what others publish is not this pod's
+    assert least(contract(), out=50) == {("/out", OWN): 90.0}
+    assert least(contract(), out=95) == {("/out", OWN): 95}
     assert least(contract(topics={"/out": {"rate": None}, "/gone": {"rate": 5.0}})) == {}
     assert least(contract(topics={"/out": {"rate": 100.0, "least": 20.0}})) == {
-        "/out": 20.0
+        ("/out", OWN): 20.0
     }  # it is meant to be slower
     assert least(contract(topics={"/out": {"rate": 100.0, "least": 0}})) == {}
     assert least(contract(tolerance=1)) == {}  # any rate will do
@@ -284,9 +284,9 @@ def test_rates_are_the_higher_of_what_is_promised_and_what_was() -> None:
 @pytest.mark.parametrize(("hz", "verdict"), [(90.0, PASS), (89.5, PASS), (45.0, WAIT), (0.0, WAIT)])
 def test_half_the_rate_is_not_ready(hz: float, verdict: str) -> None:
     rate = Rate(hz, 9, 1.0)
-    checks = probe.check_rates({"/out": 90.0}, OWN, {"/out": Rate(hz, 9, 1.0, by={OWN: rate})})
+    checks = probe.check_rates({("/out", OWN): 90.0}, {"/out": Rate(hz, 9, 1.0, by={OWN: rate})})
     assert [check.verdict for check in checks] == [verdict]
 
 
 def test_a_node_without_registrations_is_asked_for_nothing_more() -> None:
-    assert probe.first_questions(MasterState(), OWN) == probe.Questions({OWN: frozenset({"bus", "types"})})
+    assert probe.first_questions(MasterState(), [OWN]) == probe.Questions({OWN: frozenset({"bus", "types"})})

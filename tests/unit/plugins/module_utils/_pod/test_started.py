@@ -47,10 +47,13 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def started(world: World, clock: Clock | None = None, before: Any = None, run: Any = None, **settings: Any) -> str:
-    clock = clock or Clock()
+    clock, here = clock or Clock(), settings.pop("here", {})
     return started_command.started(
-        {**SETTINGS, **settings}, before or {}, world, run or (lambda *_: ""), clock.now, clock.sleep
-    )  # fmt: skip
+        {**SETTINGS, **settings},
+        before or {},
+        world,
+        started_command.Outside(run or (lambda *_: ""), lambda _state: here, clock.now, clock.sleep),
+    )
 
 
 def owe(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:

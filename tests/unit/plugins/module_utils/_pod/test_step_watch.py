@@ -27,7 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import k
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_contracts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_gate
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
     NAMESPACE,
@@ -458,8 +458,8 @@ def test_where_nothing_can_be_held_it_is_looked_twice_all_the_same() -> None:
 
 def launch_contract() -> dict[str, Any]:
     """What the engine leaves of an app that is a launch file, whose nodes it found by their pod's address."""
-    contracts = step_contracts(launch_step(), launch_graph(), Live(pods=[engine_pod("nav", "10.42.0.8")]))
-    assert contracts["nav"]["actions"] == []
+    contracts = step_gate(launch_step(), launch_graph(), Live(pods=[engine_pod("nav", "10.42.0.8")])).contracts
+    assert contracts["nav"]["actions"] == ["/move_base"]
     return dict(contracts["nav"])
 
 

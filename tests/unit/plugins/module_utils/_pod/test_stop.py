@@ -141,7 +141,7 @@ def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> 
     node = Node({"/move_base": [ACTIVE, ACTIVE, IDLE]})
     node.under_way = [1, 1]
     assert stop(node, held(node), expect_node=False) == []
-    assert node.order == ["actions", "hold /move_base", "isolate /move_base", "calls"]
+    assert node.order == ["actions", "hold /move_base", "isolate /move_base", "calls", "unregister"]
     assert node.statuses["/move_base"] == [IDLE]
 
 

@@ -42,6 +42,7 @@ def test_every_field_survives() -> None:
     made = robot(
         {
             **APP, "handoff": "replace", "node_name": "n", "command": ["c"], "args": ["a"],
+            "launch": {"package": "p", "file": ["f", "g"], "args": {"x": True}, "replace": ["m"], "overlap": ["o"]},
             "env": {"A": True, "B": 1, "C": {"secret": "s", "key": "k"}},
             "ports": [{"name": "web", "port": 80, "protocol": "UDP", "host_port": 81, "node_port": 30080}],
             "files": [{"path": "/etc/a", "secret": "s", "mode": "0600"}, {"path": "/etc/b", "content": "b"}],
@@ -75,7 +76,9 @@ def test_every_field_survives() -> None:
     )  # fmt: skip
     fact = json.loads(json.dumps(made.as_dict()))
     assert Robot.from_dict(fact) == made
-    for item in (made, made.apps[0], made.apps[0].readiness, made.apps[0].update, made.master, made.volumes[0]):
+    app = made.apps[0]
+    assert app.launch is not None
+    for item in (made, app, app.launch, app.readiness, app.update, made.master, made.volumes[0]):
         for field in dataclasses.fields(item):
             assert getattr(item, field.name) != field.default, field.name
     assert made.apps[0].depends_on == ("o",)

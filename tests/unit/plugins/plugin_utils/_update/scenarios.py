@@ -70,6 +70,7 @@ SCENARIOS = {
     "replace": Scenario(one("driver", pattern=None)),
     "master": Scenario(master, versions=MASTER_VERSIONS),
     "keeper-and-master": Scenario(keeper_and_master, versions=MASTER_VERSIONS),
+    "launch": Scenario(one("base", launch={"package": "base", "file": "base.launch"})),
     "group": Scenario(group),
     "two-steps": Scenario(two),
     "fleet": Scenario(fleet),

@@ -26,6 +26,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import suffix_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
@@ -107,6 +108,7 @@ OFFERS = {
     "planner": Offer({"load": 100.0}, actions=["plan"], moving={"velocity": 20.0}),
     "driver": Offer({"scan": 40.0}, services=["reset_driver"]),
     "chart": Offer({"map": 10.0}, services=["get_map"]),
+    "base": Offer({"odom": 50.0}, ["temperature"], ["reset_base"]),  # a launch file
 }
 SERVER_TOPICS = (("status", True), ("feedback", True), ("result", True), ("goal", False), ("cancel", False))
 
@@ -252,7 +254,7 @@ class SimulatedRobot:
         said = spec["metadata"].get("annotations") or {}
         pod = Pod(
             len(self.pods), key, app, template, version_of(spec["spec"]["containers"][0]["image"]),
-            said.get(names.ANNOTATION_NODE, ""), OFFERS.get(app, Offer()),
+            "" if app in INFRASTRUCTURE else said.get(names.ANNOTATION_NODE, f"/{app}_node{suffix_of(wanted)}"), OFFERS.get(app, Offer()),
             said.get(names.ANNOTATION_HANDOFF, "replace"), revision_of(wanted),
         )  # fmt: skip
         self.pods.append(pod)
