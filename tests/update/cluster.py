@@ -28,6 +28,11 @@ ASK = (
     "import json, os, xmlrpc.client as x; "
     "print(json.dumps(x.ServerProxy(os.environ['ROS_MASTER_URI']).getParam('/test', '/')[2]))"
 )
+ASK_NODES = (
+    "import json, os, xmlrpc.client as x; "
+    "state = x.ServerProxy(os.environ['ROS_MASTER_URI']).getSystemState('/test')[2]; "
+    "print(json.dumps(sorted({node for kind in state for _name, nodes in kind for node in nodes})))"
+)
 TAIL = 6_000_000  # bytes of a log that are read: some twenty minutes of the fastest one
 
 
@@ -160,6 +165,10 @@ class Cluster:
         known = json.loads(said)
         assert isinstance(known, dict), said
         return known
+
+    def ros_nodes(self, robot: str, pod: str) -> list[str]:
+        """The nodes that are registered with the master, asked from a pod with Python."""
+        return list(json.loads(self.execute(robot, pod, "python3", "-c", ASK_NODES)))
 
     def behind(self, robot: str, service: str) -> dict[str, list[str]]:
         """The ports of a Service, and the names of the pods behind it; empty where there is no such Service."""

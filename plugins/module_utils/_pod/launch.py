@@ -235,11 +235,12 @@ class Master(object):
         # type: () -> Any
         return self.api.getParam("/")
 
-    def forget(self, names):
-        # type: (Iterable[str]) -> None
-        """Take parameters away, in little time: this process is to end."""
+    def forget(self, names, server):
+        # type: (Iterable[str], str) -> None
+        """Take parameters away, and where roslaunch is, in little time: this process is to end."""
         socket.setdefaulttimeout(ATTEMPT)
-        for name in names:
+        host, port = self.parse(server)
+        for name in list(names) + ["/roslaunch/uris/host_%s__%s" % (re.sub("[.:-]", "_", host), port)]:
             try:
                 self.api.deleteParam(name)
             except self.away:  # there was none, or there is no master any more
@@ -267,6 +268,18 @@ def launch_of(roslaunch, master, options):
             if options.revision:
                 self._take_names()
             self.config.nodes = [node for name, node in self.by_name.items() if name not in self.held]
+
+        def _start_pm(self):
+            # type: () -> None
+            """roslaunch forgets how a process ended; whoever asks this one is told (`_ros/roslaunch.py`)."""
+            roslaunch.parent.ROSLaunchParent._start_pm(self)
+            monitor, alive = self.pm, self.pm.get_process
+
+            def get_process(name):
+                # type: (str) -> Any
+                return alive(name) or next((one for one in monitor.dead_list if one.name == name), None)
+
+            monitor.get_process = get_process
 
         def _held(self):
             # type: () -> List[str]
@@ -410,8 +423,8 @@ def main(words):
             attend(launch, master, Waiting(master.address_of))
         launch.pm.registrations_complete()
         launch.spin()
-        if options.revision:
-            master.forget([launch.names.moved(full) for full in launch.names.nodes])
+        own = [launch.names.moved(full) for full in launch.names.nodes] if options.revision else []
+        master.forget(own, launch.server.uri)
     except roslaunch.RLException as error:
         sys.stderr.write("rosops.fleet: %s\n" % error)
         return 1

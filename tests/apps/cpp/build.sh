@@ -4,8 +4,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Usage: build.sh DESTINATION   (a directory; the programs are put into it)
-# Tests what the programs share with the Python ones, and compiles them. Needs g++, libroscpp-dev, libstd-msgs-dev,
-# python3-gencpp and ros-std-msgs; the programs run with libroscpp4d alone.
+# Tests what the programs share with the Python ones, and compiles them and a nodelet. Needs g++, libnodeletlib-dev,
+# libroscpp-dev, libstd-msgs-dev, python3-gencpp and ros-std-msgs; the programs run with libroscpp4d alone, the nodelet with
+# libnodeletlib-tools.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
@@ -23,3 +24,8 @@ for app in temperature_publisher temperature_subscriber; do
         "$here/$app.cpp" -o "$destination/${app}_cpp" \
         -Wl,--as-needed -lroscpp -lroscpp_serialization -lrosconsole -lrostime -lcpp_common -lxmlrpcpp -lboost_thread
 done
+# Debian has the headers of the libraries below one more directory than they include each other by
+g++ -std=c++17 -O2 -s -shared -fPIC -Wall -Wextra "-I$include" -I/usr/include/pluginlib -I/usr/include/class_loader \
+    -I/usr/include/rcutils -I/usr/include/rcpputils -I/usr/include/ament_index_cpp -DBOOST_BIND_GLOBAL_PLACEHOLDERS \
+    "$here/relay_nodelet.cpp" -o "$destination/librelay_nodelet.so" \
+    -Wl,--as-needed -lnodeletlib -lclass_loader -lroscpp -lroscpp_serialization -lrosconsole -lrostime

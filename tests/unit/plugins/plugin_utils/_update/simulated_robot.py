@@ -252,9 +252,10 @@ class SimulatedRobot:
         spec = wanted["spec"]["template"]
         app = app_of(wanted)
         said = spec["metadata"].get("annotations") or {}
+        node = said.get(names.ANNOTATION_NODE, f"/{app}_node{suffix_of(wanted)}")  # else as a launch file calls it
         pod = Pod(
             len(self.pods), key, app, template, version_of(spec["spec"]["containers"][0]["image"]),
-            "" if app in INFRASTRUCTURE else said.get(names.ANNOTATION_NODE, f"/{app}_node{suffix_of(wanted)}"), OFFERS.get(app, Offer()),
+            "" if app in INFRASTRUCTURE else node, OFFERS.get(app, Offer()),
             said.get(names.ANNOTATION_HANDOFF, "replace"), revision_of(wanted),
         )  # fmt: skip
         self.pods.append(pod)

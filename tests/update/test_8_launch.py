@@ -1,0 +1,143 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot that is one launch file of nine nodes: updated, and taken back, without a loss to those outside of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from fleet import Fleet, Variables
+from runs import CHECKOUT
+
+ROBOTS_VARIABLES = CHECKOUT / "molecule" / "update" / "inventory" / "group_vars" / "robots.yml"
+NINE = Path(__file__).with_name("nine")
+BIN = "/opt/rosops-apps/bin"
+PROGRAMS = ("temperature_publisher", "temperature_subscriber_cpp", "prime_factors_server", "add_two_ints_server")
+LIMIT = ("--limit", "robot1,edge1")
+INSIDE = ["temperature", "add-two-ints", "prime-factors"]  # apps that the launch file stands for
+NODES = ("adder", "factors", "front/settings", "inside", "manager", "map_server", "relay", "sensor", "static_tf")
+
+
+@pytest.fixture
+def nine(fleet: Fleet) -> Iterator[Variables]:
+    """The robot with the launch file; what the tests after this one find is what they know."""
+    before = fleet.variables
+    yield with_launch(fleet)
+    fleet.update(before, *LIMIT, update_remove_apps=["bringup"])
+    fleet.return_to(before)
+
+
+def with_launch(fleet: Fleet, **launch: Any) -> Variables:
+    apps = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
+    scripts = {name: f'#!/bin/sh\nexec {BIN}/{name} "$@"\n' for name in PROGRAMS}
+    texts = {**{path.name: path.read_text("utf-8") for path in NINE.iterdir()}, **scripts}
+    plain = (".xml", ".launch")
+    bringup = {
+        "name": "bringup",
+        "image": "lab/apps:robot",
+        "command": ["/ros_entrypoint.sh"],
+        "launch": {"package": "nine", "file": "nine.launch", "replace": ["factors"], **launch},
+        "placement": "local",
+        "pattern": "pubsub",
+        "env": {"LOG_DIR": "/mnt/data/sensor-volume", "ROS_PACKAGE_PATH": "/srv:/usr/share"},
+        "volumes": [{"name": "sensor-volume", "shared": True}],
+        "files": [
+            {"path": f"/srv/nine/{name}", "content": text, "mode": "0644" if name.endswith(plain) else "0755"}
+            for name, text in sorted(texts.items())
+        ],
+        "drain_deadline": 70,
+        "termination_grace_period": 80,
+        "readiness": {
+            "topics": [{"name": "temperature", "publishers": 1}, {"name": "/front/settings/told", "publishers": 1}],
+            "services": ["add_two_ints", "/front/settings/tell"],
+            "actions": ["prime_factors"],
+        },
+    }
+    left = [without(app, "depends_on") for app in apps if app["name"] not in INSIDE]
+    return {**fleet.variables, "scenario_apps": [bringup, *left], "lab_apps_version": "robot"}
+
+
+def without(app: dict[str, Any], key: str) -> dict[str, Any]:
+    return {name: value for name, value in app.items() if name != key}
+
+
+def installed(fleet: Fleet, variables: Variables) -> None:
+    """First without the action's own app: two servers of one action is what no version is proven beside."""
+    apps = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
+    left = [without(app, "depends_on") for app in apps if app["name"] != "prime-factors"]
+    for wanted, gone in (({**variables, "scenario_apps": left}, INSIDE[2:]), (variables, INSIDE[:2])):
+        run = fleet.update(wanted, *LIMIT, update_remove_apps=gone)
+        assert run.status == 0, run
+    fleet.wait_settled()
+
+
+def nodes_of(fleet: Fleet) -> list[str]:
+    """The launch file's nodes on the graph, without their revision, which is that of the pod."""
+    (pod,) = fleet.pods()["robot1"]["bringup"]
+    suffix = f"_{pod.revision}"
+    found = [name for name in fleet.cluster.ros_nodes("robot1", pod.name) if name.endswith(suffix)]
+    return sorted(name.removesuffix(suffix).lstrip("/") for name in found)
+
+
+@pytest.mark.promise("a launch file of nine nodes is updated without a loss, and a bad version of it taken back")
+def test_a_launch_file_is_updated_without_a_loss(fleet: Fleet, nine: Variables) -> None:
+    installed(fleet, nine)
+    assert nodes_of(fleet) == [*NODES]
+    watch = fleet.watch()
+    changes = nine
+    for version in ("next", "one more"):
+        changes = with_env(changes, ROSOPS_APPS_VERSION=version)
+        run = fleet.update(changes, *LIMIT)
+        assert run.status == 0, run
+        assert [step["name"] for step in run.steps("robot1")] == ["bringup"], run
+        assert nodes_of(fleet) == [*NODES]
+    watch.assert_nothing_lost("robot1")
+    before = fleet.running()
+    again = fleet.update(changes, *LIMIT)
+    assert (again.status, again.changed) == (0, 0), again
+    fleet.assert_still_running(before)
+
+    watch = fleet.watch()
+    slow = with_launch(fleet, args={"rate": 250})
+    run = fleet.update(slow, *LIMIT, update_ready_timeout=30)
+    assert run.outcomes["robot1"] == "rolled-back", run
+    assert re.search(r"rate /temperature: 2[45]\d(\.\d+)? Hz", run.host("robot1")["reason"]), run
+    other = with_launch(fleet, args={"area": "yard"})  # which nodes of the version at work read, too
+    run = fleet.update(other, *LIMIT, update_ready_timeout=30)
+    assert run.outcomes["robot1"] == "rolled-back", run
+    assert "/area would change under the version at work" in run.host("robot1")["reason"], run
+    assert nodes_of(fleet) == [*NODES]
+    watch.assert_nothing_lost("robot1")
+
+
+def test_a_node_that_must_not_be_there_twice_is_refused(fleet: Fleet, nine: Variables) -> None:
+    installed(fleet, nine)
+    before = fleet.running()
+    run = fleet.update(with_launch(fleet, replace=[]), *LIMIT)
+    assert run.outcomes["robot1"] == "failed", run
+    wanted = "serves the action /prime_factors, of which two servers lose goals: list /factors in launch.replace"
+    assert wanted in run.host("robot1")["reason"], run
+    fleet.assert_still_running(before)
+
+
+def test_ten_updates_of_a_launch_file(fleet: Fleet, nine: Variables) -> None:
+    """With its figures at the end: copies, and how long an action waits for its server."""
+    installed(fleet, nine)
+    watch = fleet.watch()
+    changes = nine
+    for number in range(10):
+        changes = with_env(changes, ROSOPS_APPS_VERSION=f"number {number}")
+        run = fleet.update(changes, *LIMIT)
+        assert run.status == 0, run
+    watch.assert_nothing_lost("robot1")
+
+
+def with_env(variables: Variables, **env: str) -> Variables:
+    bringup, *others = variables["scenario_apps"]
+    return {**variables, "scenario_apps": [{**bringup, "env": {**bringup["env"], **env}}, *others]}
