@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import re
 import signal
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Any, Callable, Container, Iterable, Mapping
+from typing import Any, Callable, Container, Iterable, Mapping, Sequence
 from urllib.parse import urlsplit
 
 from .graph import Node
@@ -76,6 +76,11 @@ def crash(child: Child, nodes: Mapping[str, Node] | None = None) -> str:
     return " and ".join(part for part in (again, ended) if part)
 
 
+def row(child: Child, nodes: Mapping[str, Node]) -> dict[str, Any]:
+    """A process as JSON-able data, with its node's name and what is wrong with it."""
+    return {**asdict(child), "node": child.node, "crash": crash(child, nodes)}
+
+
 def sentence(child: Child, said: str) -> str:
     """
     >>> sentence(Child("lidar-3", "10.42.0.7", False, 1, False, False, 1), "ended with exit code 1")
@@ -112,19 +117,28 @@ def children(ros: Master, hosts: Container[str] | None = None) -> list[Child]:
     One question to the master where nobody ever launched anything. A roslaunch that is gone, or does not answer within
     the master's time-out, has no processes here. RosError where the master does not answer.
     """
-    told = ros.calls([("getParam", ros.caller, URIS)])[0]
+    return asked(ros, list(found(ros, hosts).items()))
+
+
+def found(ros: Master, hosts: Container[str] | None = None) -> dict[str, str]:
+    """URI -> host of the servers at these addresses by the master's word, dead or alive."""
+    return servers(ros.calls([("getParam", ros.caller, URIS)])[0], hosts)
+
+
+def asked(ros: Master, known: Sequence[tuple[str, str]]) -> list[Child]:
+    """The processes of these servers (URI, host), all asked at the same time."""
     tasks: dict[Any, Callable[[], list[Child]]] = {
-        uri: partial(_ask, uri, host, ros.caller, ros.timeout) for uri, host in servers(told, hosts).items()
+        uri: partial(_ask, uri, host, ros.caller, ros.timeout) for uri, host in known
     }
-    found = in_parallel(tasks, ros.timeout, lambda _uri, _error: [])
-    return sorted((child for part in found.values() for child in part), key=lambda child: (child.host, child.name))
+    answers = in_parallel(tasks, ros.timeout, lambda _uri, _error: [])
+    return sorted((child for part in answers.values() for child in part), key=lambda child: (child.host, child.name))
 
 
 def servers(told: Any, hosts: Container[str] | None = None) -> dict[str, str]:
     """URI -> its host, of the master's word on `URIS`: a dictionary, or the RosError that there is none."""
     uris = {uri for uri in told.values() if isinstance(uri, str)} if isinstance(told, Mapping) else set()
-    found = {uri: host_of(uri) for uri in sorted(uris)}
-    return {uri: host for uri, host in found.items() if host and (hosts is None or host in hosts)}
+    hosts_of = {uri: host_of(uri) for uri in sorted(uris)}
+    return {uri: host for uri, host in hosts_of.items() if host and (hosts is None or host in hosts)}
 
 
 def host_of(uri: str) -> str:
