@@ -70,7 +70,8 @@ placement:
   type: list
   elements: dict
 masters:
-  description: "ROS masters: name, namespace, robot, placement, ready, wanted, nodes, images, restarts, note."
+  description: "ROS masters: name, namespace, robot, placement, ready, wanted, nodes, addresses, images,
+    restarts, note."
   returned: success
   type: list
   elements: dict

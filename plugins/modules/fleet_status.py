@@ -82,8 +82,12 @@ RETURN = r"""
 status:
   description:
     - Lists of rows under C(problems), C(hosts), C(nodes), C(placement), C(masters), C(apps), C(went_back),
-      C(ros_nodes), C(topics), C(claims), C(outcomes), C(steps). Those that are not here are as
+      C(ended), C(ros_nodes), C(topics), C(claims), C(outcomes), C(steps). Those that are not here are as
       M(rosops.fleet.fleet_info) returns them.
+    - "C(problems): where, what. Among them are the processes of launch files that crashed or were started again, each
+      by the app that it belongs to."
+    - "C(ended), processes of launch files that have ended, nobody but the pod's log knows with what exit code: robot,
+      app, node, host."
     - "C(ros_nodes): robot, name, reachable, error, publications, subscriptions, services."
     - "C(topics): robot, name, type, publishers, subscribers, connections, rate, note; without rosout and clock."
     - "C(outcomes), of the newest report that has the host, but for those of check mode and of playbooks that only look:

@@ -9,7 +9,8 @@ module: ros_graph_info
 short_description: Read the live ROS 1 graph
 version_added: 0.1.0
 description:
-  - Returns nodes, topics, services and actions of a ROS 1 graph as the master and the nodes themselves tell them.
+  - Returns nodes, topics, services and actions of a ROS 1 graph as the master and the nodes themselves tell them, and
+    what launch files have started.
   - A node that is registered but does not answer stands in it with the reason. Only a master that does not answer fails
     the module.
 options:
@@ -165,6 +166,26 @@ graph:
           up: true
           busy: true
           goals: {ACTIVE: 1, SUCCEEDED: 2}
+    launched:
+      description:
+        - The processes that launch files have started, by the word of the roslaunch that runs where one of the nodes is
+          registered (with O(nodes), one of those).
+        - C(crash) says in words what is wrong, and is empty where nothing is, or nobody can tell. roslaunch forgets the
+          exit code of a process that has ended and that it does not start again, so C(exit_code) is null then. Such a
+          process has crashed if it has left its registration behind, else it may have done its work.
+        - C(spawned) is how many times it was started, C(host) the address of its pod.
+      type: list
+      elements: dict
+      sample:
+        - name: arm/lidar-3
+          node: /arm/lidar
+          host: 10.42.1.7
+          alive: true
+          exit_code: null
+          respawn: true
+          required: false
+          spawned: 5
+          crash: was started again 4 times
 elapsed:
   description: Seconds that it took.
   returned: success
@@ -182,6 +203,7 @@ from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.counters import sent
 from ..module_utils._ros.graph import Extras, Graph, Rate, around, everything
+from ..module_utils._ros.roslaunch import children, host_of, row
 
 INFO_ARGS = {
     "nodes": {"type": "list", "elements": "str", "default": []},
@@ -206,7 +228,17 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
         ros.md5sums(graph, publishers) if params["md5sums"] else {},
         sockets.count(graph) if sockets else {},
     )
-    return graph.as_dict(extras)
+    return {**graph.as_dict(extras), "launched": launched(ros, graph, params["nodes"])}
+
+
+def launched(ros: Ros1Client, graph: Graph, nodes: Sequence[str]) -> list[dict[str, Any]]:
+    """What launch files have started in the pods of these nodes, or of all.
+
+    Only there: an address of a pod that is gone would be waited for, and nobody takes it from the parameter server.
+    """
+    wanted = [graph.nodes[name] for name in nodes or graph.nodes if name in graph.nodes]
+    hosts = {host_of(node.uri) for node in wanted}
+    return [row(child, graph.nodes) for child in children(ros, hosts)]
 
 
 def rates(

@@ -18,7 +18,8 @@ from .families import COUNTER, GAUGE, Family, Sample
 MOST = 20_000  # samples of a scrape
 LEFT_OUT = "ros_exporter_series_left_out"
 NAMES = frozenset({"node", "topic", "service", "action", "publisher", "subscriber"})  # labels with names of the graph
-SMALLEST = ("ros_node_up", "ros_service_up")  # of several nodes that share a name; other numbers are added up
+# of several nodes that share a name; other numbers are added up
+SMALLEST = ("ros_node_up", "ros_service_up", "ros_launch_process_up")
 
 _ANONYMOUS = re.compile(ANONYMOUS + r"(?=/|\Z)")
 

@@ -75,6 +75,18 @@ def _ros(ros: GraphMetrics) -> list[Family]:
                 for state, number in states.items()
             ],
         ),
+        Family(
+            "ros_launch_process_up",
+            GAUGE,
+            "Whether a process that a launch file started is there; one that has done its work is not",
+            [({"node": name}, float(child.alive)) for name, child in sorted(ros.launched.items())],
+        ),
+        Family(
+            "ros_launch_process_starts_total",
+            COUNTER,
+            "How many times a launch file's process was started by its roslaunch",
+            [({"node": name}, float(child.spawned)) for name, child in sorted(ros.launched.items())],
+        ),
     ]
 
 

@@ -15,16 +15,17 @@ from functools import partial
 from typing import Any, Callable, Iterable
 
 from .._common.errors import RefusalError, RosError
-from .._ros import bus_stats, graph, replies
+from .._ros import bus_stats, graph, replies, roslaunch
 from .._ros.graph import MasterState
 from .._ros.master import Master
+from .._ros.roslaunch import Child
 from .._ros.rpc import Api, Deadline, in_parallel
 from .._ros.transport import greet, read_states, subscribe_status
 from . import snapshot
 from .snapshot import NodeReply
 
 CALLER = "/ros_exporter"
-AT_ONCE = 8  # nodes asked at the same time
+AT_ONCE = 8  # nodes, or launch files, asked at the same time
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,13 @@ class Observer(Master):
             services = tuple((one, service_uris[one]) for one in state.of(name, state.services) if one in watched)
             made.append(Errand(name, uris[name], services, tuple(one for one in actions if name in servers[one])))
         return made
+
+    def launched(self, errands: Iterable[Errand]) -> list[Child]:
+        """What launch files started where these nodes are; raises what went wrong with the master, as it came."""
+        hosts = {roslaunch.host_of(errand.uri) for errand in errands if isinstance(errand.uri, str)}
+        known = list(roslaunch.found(self, hosts).items())
+        turns = [known[begin : begin + AT_ONCE] for begin in range(0, len(known), AT_ONCE)]
+        return [child for turn in turns for child in roslaunch.asked(self, turn)]
 
     def answers(self, errands: Iterable[Errand]) -> dict[str, NodeReply]:
         """What the nodes say. A node that hangs costs one time-out, and holds up one of AT_ONCE."""

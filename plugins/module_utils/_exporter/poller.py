@@ -83,8 +83,9 @@ class Poller(threading.Thread):
         try:
             state = self.observer.graph()
             errands = self.observer.errands(state)
+            launched = self.observer.launched(errands)
         except Exception as error:  # whatever the master does, it is away
             return snapshot.master_away(self.memory, snapshot.reason(error))
         answers = self.observer.answers(errands)
         # the next poll's graph is asked anew, so a node that has moved is found
-        return snapshot.next_poll(state, answers, self.memory)
+        return snapshot.next_poll(state, answers, self.memory, launched)

@@ -11,12 +11,13 @@ from __future__ import annotations
 import socket
 import xmlrpc.client
 from dataclasses import dataclass, field
-from typing import Any, Mapping
+from typing import Any, Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
 from .._ros import bus_stats, graph, replies
 from .._ros.bus_stats import Counted, Flow, Stats
 from .._ros.graph import MasterState
+from .._ros.roslaunch import Child
 
 REASONS = ("timeout", "refused", "unreachable", "fault", "malformed", "overflow")
 FORGET_POLLS = 30  # a node that is gone for so long starts from nothing when it comes back
@@ -62,6 +63,7 @@ class GraphMetrics:
     connections: Mapping[tuple[str, str, str], int] = field(default_factory=dict)  # topic, node, direction
     services: Mapping[tuple[str, str], bool] = field(default_factory=dict)  # service, node
     goals: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    launched: Mapping[str, Child] = field(default_factory=dict)  # by the name of its node
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,9 @@ def master_away(memory: History, why: str) -> tuple[GraphMetrics, History]:
     return GraphMetrics(master=False), kept
 
 
-def next_poll(state: MasterState, answers: Mapping[str, NodeReply], memory: History) -> tuple[GraphMetrics, History]:
+def next_poll(
+    state: MasterState, answers: Mapping[str, NodeReply], memory: History, launched: Iterable[Child] = ()
+) -> tuple[GraphMetrics, History]:
     """The graph of this poll, and what the next one has to know."""
     doubtful = replies.shared_uris({name: answer.uri for name, answer in answers.items() if answer.pid is not None})
     up, errors = {}, dict(memory.errors)
@@ -140,6 +144,8 @@ def next_poll(state: MasterState, answers: Mapping[str, NodeReply], memory: Hist
             if node in answers
         },
         _goals(answering),
+        # while a pod takes another's place both have it: the one that lives counts
+        {child.node: child for child in sorted(launched, key=lambda child: child.alive)},
     )
     return ros, History(counted, absent, frozenset(answers), True, errors, memory.polls + 1)
 

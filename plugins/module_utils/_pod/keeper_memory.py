@@ -23,7 +23,7 @@ PERIOD = 10.0  # seconds between looks at a node that answered
 MEMORY = 86400.0  # seconds that a removed node is remembered
 REMEMBERED = 200
 # The master's own: roscore sets them anew, and they name the run.
-OWN = frozenset({"run_id", "rosversion", "rosdistro", "roslaunch"})
+OWN = frozenset({"run_id", "rosversion", "rosdistro"})
 
 
 @dataclass

@@ -62,6 +62,7 @@ _JUDGES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "masters": _workload,
     "apps": _workload,
     "went_back": lambda _row: WARN,
+    "ended": lambda _row: WARN,
     "ros_nodes": lambda row: OK if row.get("reachable") else BAD,
     "claims": _claim,
     "outcomes": _outcome,
@@ -204,6 +205,10 @@ _TOLD: Mapping[str, Callable[[Mapping[str, Any]], tuple[str, str]]] = {
     "went_back": lambda row: (
         f"app {row.get('name')} of {row.get('robot')}",
         _with(f"taken back by the keeper at {row['at']}, from {row['from']} to {row['to']}", row["reason"]),
+    ),
+    "ended": lambda row: (
+        f"app {row['app']} of {row['robot']}" if row["app"] else f"launch file at {row['host']} of {row['robot']}",
+        f"{row['node']} has ended; its exit code is in the pod's log alone",
     ),
     "ros_nodes": lambda row: (f"ROS node {row.get('name')} of {row.get('robot')}", _with("down", row.get("error"))),
     "claims": lambda row: (f"claim {row.get('name')} of {row.get('robot')}", _claim_words(row)),

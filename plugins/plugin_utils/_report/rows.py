@@ -24,6 +24,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     why_not_ready,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import launched_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import note_of
 
 Row = dict[str, Any]
@@ -111,6 +112,7 @@ def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any
         "ready": int(status.get("readyReplicas") or 0),
         "wanted": int(1 if wanted is None else wanted),
         "nodes": sorted({str((pod.get("spec") or {}).get("nodeName") or "?") for pod in live}),
+        "addresses": sorted({str(address) for pod in live if (address := (pod.get("status") or {}).get("podIP"))}),
         "images": [str(one.get("image", "")) for one in pod_spec.get("containers") or []],
         "restarts": _restarts(pods),
         "note": why.partition(": ")[2] or why,  # the row itself says whose pod it is
@@ -314,10 +316,12 @@ def status_rows(
     Outcomes are those that the clusters keep (`runs`, `updates`) and those of reports: the newer one of each host.
     """
     ros_nodes, topics = graph_rows(graphs)
+    crashes, ended = launched_rows(fleet.get("apps", ()), graphs, SHARED)
     found, unreadable = read_reports(reports)
     return {
-        "problems": [*fleet.get("problems", ()), *unreadable],
+        "problems": [*fleet.get("problems", ()), *crashes, *unreadable],
         **{key: list(fleet.get(key, ())) for key in _OF_CLUSTERS},
+        "ended": ended,
         "ros_nodes": ros_nodes,
         "topics": topics,
         "outcomes": outcome_rows(_by_time([*found, *fleet.get("runs", ())])),

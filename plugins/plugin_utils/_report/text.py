@@ -76,6 +76,7 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
     ("ROS MASTERS", "masters", columns("robot", ("ready", _count), *WORKLOAD)),
     ("APPS", "apps", columns("robot", ("app", "name"), "placement", ("ready", _count), *WORKLOAD)),
     ("TAKEN BACK BY THE KEEPER", "went_back", columns("robot", ("app", "name"), "from", "to", "at", "reason")),
+    ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
     ("ROS NODES", "ros_nodes", columns(
         "robot", ("node", "name"), ("state", _state), ("publishes", "publications"), ("subscribes", "subscriptions"),
         ("services", lambda row: len(row.get("services") or [])),
@@ -94,7 +95,7 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
 )  # fmt: skip
 OPTIONAL = frozenset({"note", "other labels", "id"})  # columns that go when nobody has anything in them
 # Sections that are worth a line only when there is something in them.
-ONLY_WITH_ROWS = frozenset({"problems", "went_back", "outcomes", "steps"})
+ONLY_WITH_ROWS = frozenset({"problems", "went_back", "ended", "outcomes", "steps"})
 
 
 def words(value: Any) -> str:

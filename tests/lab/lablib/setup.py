@@ -37,6 +37,7 @@ PACKAGES = {
 TEST_PACKAGES = {
     "chromium": "",  # tests/browser
     "python3-actionlib": "",  # tests/ros: nodes on this machine, beside the lab's
+    "python3-roslaunch": "",
     "python3-rosmaster": "",
     "python3-rospy": "",
     "python3-std-msgs": "",

@@ -88,8 +88,11 @@ class Peers:
         for end in reversed(self._ends):
             end()
 
-    def api(self, label: str, replies: dict[str, Any], multicall: bool = False, keep: bool = True) -> str:
-        """An XML-RPC server; a reply is a value or a function of the call's arguments. Its URI."""
+    def api(
+        self, label: str, replies: dict[str, Any], multicall: bool = False, keep: bool = True, caller: bool = True
+    ) -> str:
+        """An XML-RPC server; a reply is a value or a function of the call's arguments, after the caller's name where
+        there is one. Its URI."""
         handler = _Handler if keep else type("_Closing", (_Handler,), {"protocol_version": "HTTP/1.0"})
         server = _Server(("127.0.0.1", 0), handler, logRequests=False, allow_none=True)
 
@@ -98,7 +101,7 @@ class Peers:
             if method not in replies:
                 raise LookupError(f"{method}: unknown method name")
             reply = replies[method]
-            return reply(*params[1:]) if callable(reply) else reply
+            return reply(*params[caller:]) if callable(reply) else reply
 
         if multicall:
             server.register_multicall_functions()

@@ -12,12 +12,14 @@ from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded_answers, recorded_state
 
 
 class FakeMaster:
     error = ""
+    launched = Child("arm/lidar-3", "127.0.0.1", True, None, True, False, 5)
 
     def __init__(self, uri: str, timeout: float) -> None:
         del uri, timeout
@@ -54,6 +56,8 @@ def run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: str = "", **params: Any
 ) -> dict[str, Any]:
     monkeypatch.setattr(ros_graph_info, "Ros1Client", FakeMaster)
+    child = FakeMaster.launched
+    monkeypatch.setattr(ros_graph_info, "children", lambda _ros, hosts: [child] if child.host in hosts else [])
     monkeypatch.setattr(FakeMaster, "error", error)
     with patch_module_args(params), pytest.raises(SystemExit):
         ros_graph_info.main()
@@ -65,7 +69,7 @@ def test_the_graph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
     result = run(monkeypatch, capsys, _ansible_check_mode=True)
     assert (result["changed"], result["elapsed"] >= 0) == (False, True)
     graph = result["graph"]
-    assert set(graph) == {"nodes", "topics", "services", "actions"}
+    assert set(graph) == {"nodes", "topics", "services", "actions", "launched"}
     assert graph["nodes"][DEAD]["reachable"] is False
     assert graph["topics"]["/chatter"]["rate"] is None
     assert graph["actions"]["/work"]["servers"] == ["/worker"]
@@ -84,6 +88,17 @@ def test_a_part_of_the_graph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     asked = {name for name, node in nodes.items() if node["uri"]}
     assert asked == {"/relay", "/talker_a", "/talker_b", "/listener_relay", "/rosout"}
     assert nodes["/worker"] == {**nodes["/worker"], "reachable": False, "error": ""}
+
+
+def test_what_launch_files_started(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where the nodes are that it is about, and with what the graph says of those that left their registration."""
+    [found] = run(monkeypatch, capsys)["graph"]["launched"]
+    assert (found["node"], found["crash"]) == ("/arm/lidar", "was started again 4 times")
+    assert run(monkeypatch, capsys, nodes=["/not_there_yet"])["graph"]["launched"] == []
+    assert len(run(monkeypatch, capsys, nodes=["/relay"])["graph"]["launched"]) == 1
+    dead = Child(f"{DEAD[1:]}-1", "127.0.0.1", False, None, False, False, 1)
+    monkeypatch.setattr(FakeMaster, "launched", dead)
+    assert run(monkeypatch, capsys)["graph"]["launched"][0]["crash"] == "died, as its registration is still there"
 
 
 def test_rates_of_some_topics(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -161,5 +176,7 @@ def test_what_is_returned_is_documented(monkeypatch: pytest.MonkeyPatch, capsys:
     contains = yaml.safe_load(ros_graph_info.RETURN)["graph"]["contains"]
     assert set(graph) == set(contains)
     for part, entry in contains.items():
-        sample = next(iter(entry["sample"].values()))
-        assert set(sample) == set(next(iter(graph[part].values()))), part
+        sample, found = entry["sample"], graph[part]
+        if entry["type"] == "dict":
+            sample, found = list(sample.values()), list(found.values())
+        assert set(sample[0]) == set(found[0]), part

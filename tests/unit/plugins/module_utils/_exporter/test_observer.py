@@ -137,8 +137,36 @@ def test_only_calls_that_change_nothing(peers: Peers) -> None:
     made = poller(peers, {"/good": peers.api("good", node())})
     made.poll()
     assert {method for _label, method in peers.calls} <= {
-        "getSystemState", "lookupNode", "system.multicall", "getPid", "getBusInfo", "getBusStats",
+        "getSystemState", "lookupNode", "getParam", "system.multicall", "getPid", "getBusInfo", "getBusStats",
     }  # fmt: skip
+
+
+def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few at a time, and none of a pod that is gone."""
+    monkeypatch.setattr(observer, "AT_ONCE", 2)
+    answers = {"process_info": lambda _name: [-1, "no process by that name", {}]}
+    servers = {
+        name: peers.api(name, {**answers, "list_processes": [1, "", [[[f"{name}-1", 2]], []]]}, caller=False)
+        for name in ("a", "b", "c")
+    }
+    told = {**servers, "hung": f"http://127.0.0.1:{peers.hung()}/", "elsewhere": "http://192.0.2.1:4711/"}
+    nodes = {"/good": peers.api("good", node()), "/unknown": ""}
+    look_up = {name: [1, "", uri] if uri else [-1, "unknown node", ""] for name, uri in nodes.items()}
+    replies = {"getParam": [1, "", told], "lookupNode": look_up.get}
+    state = [1, "", [[], [["/chatter", list(nodes)]], []]]
+    made = Poller(
+        Observer(peers.api("master", {"getSystemState": state, **replies}), 0.5),
+        10,
+        Updates("/nonexistent"),
+        lambda _line: None,
+    )
+    began = time.monotonic()
+    made.poll()
+    launched = made.snapshot.ros.launched
+    assert {name: (child.alive, child.spawned) for name, child in launched.items()} == dict.fromkeys(
+        ("/a", "/b", "/c"), (True, 2)
+    )
+    assert (made.snapshot.ros.nodes["/good"], time.monotonic() - began < 2) == (True, True)
 
 
 def test_our_own_connections() -> None:

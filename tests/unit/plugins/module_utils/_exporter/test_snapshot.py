@@ -29,6 +29,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot im
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import bus_stats
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import connections
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, recorded, recorded_state
 
 STATE = recorded_state()
@@ -104,6 +105,18 @@ def test_services_and_goals() -> None:
     gone, _memory = next_poll(STATE, answers(**{"/helper": NodeReply("x", errors=("timeout",))}), memory)
     assert samples(gone, "ros_service_up", service="/trigger") == [0]
     assert samples(gone, "ros_action_goals") == []
+
+
+def test_what_launch_files_started() -> None:
+    lidar = Child("arm/lidar-3", "10.42.0.7", True, None, True, False, 5)
+    gone = Child("map-1", "10.42.0.7", False, None, False, False, 1)
+    before = replace(lidar, host="10.42.0.6", alive=False, spawned=9)  # of the pod that it takes the place of
+    for launched in ([lidar, gone, before], [before, gone, lidar]):
+        ros, _memory = next_poll(STATE, answers(), History(), launched)
+        assert samples(ros, "ros_launch_process_up") == [1, 0]
+        assert samples(ros, "ros_launch_process_up", node="/map") == [0]
+        assert samples(ros, "ros_launch_process_starts_total", node="/arm/lidar") == [5]
+    assert samples(next_poll(STATE, answers(), History())[0], "ros_launch_process_up") == []
 
 
 def test_a_master_that_is_away_has_no_nodes() -> None:

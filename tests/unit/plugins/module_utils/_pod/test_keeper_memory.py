@@ -189,5 +189,9 @@ def test_parameters_that_are_absent() -> None:
     }
     assert list(keeper_memory.absent_parameters(wanted, tree)) == []
     assert keeper_memory.parameters_of("") == {}
+    # roslaunch says once where it is: without its address what it started is seen no more
+    uris = {"host_10_42_0_7__40001": "http://10.42.0.7:40001/"}
+    wanted = keeper_memory.parameters_of(keeper_memory.parameters_text({"roslaunch": {"uris": uris}}))
+    assert list(keeper_memory.absent_parameters(wanted, {})) == [("/roslaunch", {"uris": uris})]
     # a value in the place of a tree is left as it is
     assert list(keeper_memory.absent_parameters({"a": {"b": 1}}, {"a": 2})) == []

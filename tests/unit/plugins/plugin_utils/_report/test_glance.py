@@ -38,6 +38,7 @@ def app(robot: str, ready: int = 1, **more: Any) -> dict[str, Any]:
         ("apps", app("robot1", 0), "bad"),
         ("apps", app("robot1", 0, wanted=0), "ok"),
         ("went_back", {"name": "sensor"}, "warn"),
+        ("ended", {"node": "/map"}, "warn"),
         ("ros_nodes", {"reachable": False}, "bad"),
         ("claims", {"bound": False}, "bad"),
         ("claims", {"bound": True, "size": "1Ki", "used_bytes": 900}, "ok"),
@@ -66,6 +67,16 @@ def test_what_goes_with_a_robot_that_is_off_is_no_fault_of_its_own() -> None:
         ("warn", "host robot2", "offline: timed out"),
     ]
     assert [level("apps", row, hosts_off(status)) for row in status["apps"]] == ["bad", "warn", "bad"]
+
+
+def test_who_has_ended_in_a_launch_file_is_for_a_person_to_judge() -> None:
+    known = {"robot": "robot1", "app": "base", "node": "/map", "host": "10.42.0.7"}
+    status = {"hosts": [UP], "ended": [known, {**known, "app": ""}]}
+    what = "/map has ended; its exit code is in the pod's log alone"
+    assert [(row["level"], row["where"], row["what"]) for row in attention(status)] == [
+        ("warn", "app base of robot1", what),
+        ("warn", "launch file at 10.42.0.7 of robot1", what),
+    ]
 
 
 def test_what_an_edge_host_takes_with_it_is_told() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows, nodes_off, status_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import size_words, status_text
 
@@ -56,6 +57,7 @@ def pod(app: str, node_name: str, robot: str = "robot1", ready: bool = True, res
         "metadata": {"name": f"{app}-1", "namespace": f"robot-{robot}", "labels": {"rosops.fleet/app": app}},
         "spec": {"nodeName": node_name},
         "status": {
+            **({"podIP": "10.42.0.7"} if ready else {}),
             "conditions": [{"type": "Ready", "status": "True" if ready else "False"}],
             "containerStatuses": [{**container, "state": {"running": {}} if ready else waiting}],
         },
@@ -174,6 +176,7 @@ def test_masters_and_apps() -> None:
         "ready": 1,
         "wanted": 1,
         "nodes": ["robot1"],
+        "addresses": ["10.42.0.7"],
         "images": ["lab/apps:1.0"],
         "restarts": 2,
         "note": "",
@@ -218,6 +221,27 @@ def test_the_graph() -> None:
         ("/idle", None, 0, 0),
         ("/temperature", 499.83, 1, 1),
     ]
+
+
+def test_a_process_of_a_launch_file_that_crashed_stands_beside_its_app() -> None:
+    died = {"node": "/lidar", "host": "10.42.0.7", "alive": False, "exit_code": 3, "crash": "ended with exit code 3"}
+    sources = {
+        "deployments": [workload("base")],
+        "pods": [pod("base", "robot1")],
+        "graphs": {"robot1": {"launched": [died, {**died, "node": "/map", "exit_code": None, "crash": ""}]}},
+    }
+    status = fleet_status(sources)
+    problem = {"where": "app base of robot1", "what": "/lidar ended with exit code 3"}
+    assert status["problems"] == [problem]
+    text = status_text(status)
+    assert " ".join(problem.values()) in " ".join(text.split())
+    assert text.index("PROBLEMS") == 0
+    assert status["ended"] == [{"robot": "robot1", "app": "base", "node": "/map", "host": "10.42.0.7"}]
+    title, headers, row = text.partition("ENDED")[2].splitlines()[:3]
+    assert (title, headers.split()) == (" IN LAUNCH FILES", ["robot", "app", "node", "host"])
+    assert row.split() == ["robot1", "base", "/map", "10.42.0.7"]
+    assert "ENDED" not in status_text(fleet_status({**sources, "graphs": {}}))
+    assert problem["what"] in status_page(status, "2026-11-21T09:07:52Z")
 
 
 def test_claims() -> None:

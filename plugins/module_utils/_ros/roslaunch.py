@@ -1,0 +1,182 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What launch files started, and what became of it, by the word of the roslaunch processes themselves.
+
+Each roslaunch leaves its address on the parameter server under `/roslaunch/uris`; nobody takes it away, so most of them
+are dead. It answers `list_processes` and `process_info` (roslaunch/server.py, pmon.py). The latter has all environment
+variables of the process in it, too: nothing is taken from it but what `Child` has.
+
+roslaunch forgets a process that has ended and is not started again, a tenth of a second later. Its name stays, its exit
+code does not. So with what code it ended is known in a few cases only, and where it is not, nobody can tell a node that
+has done its work from one that crashed; but for a registration that it has left behind.
+"""
+
+from __future__ import annotations
+
+import re
+import signal
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any, Callable, Container, Iterable, Mapping, Sequence
+from urllib.parse import urlsplit
+
+from .graph import Node
+from .master import Master
+from .replies import unwrap
+from .rpc import Api, Deadline, in_parallel
+
+URIS = "/roslaunch/uris"  # host_<address with _>__<port> -> URI
+
+_NUMBER = re.compile(r"-\d+\Z")  # that roslaunch puts behind a node's name
+
+
+@dataclass(frozen=True)
+class Child:
+    """A process that a launch file started.
+
+    `name` is roslaunch's for it, `host` the address of its pod. `exit_code` as of Popen: negative is a signal, None is
+    not known. `respawn` and `required` are those of the launch file; both are False of a process that roslaunch has
+    given up. `spawned`: how many times it was started.
+    """
+
+    name: str
+    host: str
+    alive: bool
+    exit_code: int | None
+    respawn: bool
+    required: bool
+    spawned: int
+
+    @property
+    def node(self) -> str:
+        """The name of its node in the graph: roslaunch leaves the first slash out and puts a number behind.
+
+        >>> Child("arm/lidar-3", "10.42.0.7", True, None, False, False, 1).node
+        '/arm/lidar'
+        """
+        return "/" + _NUMBER.sub("", self.name).lstrip("/")
+
+    @property
+    def unexplained(self) -> bool:
+        """It has ended, and roslaunch does not say with what exit code."""
+        return not self.alive and self.exit_code is None
+
+
+def crash(child: Child, nodes: Mapping[str, Node] | None = None) -> str:
+    """What is wrong with a process, in words that follow its name; nothing where it lives, has done its work, or nobody
+    can tell. `nodes` are those of the graph: one that has ended well takes its registrations away.
+    """
+    again = f"was started again {child.spawned - 1} time{'s'[: child.spawned > 2]}" if child.spawned > 1 else ""
+    if child.alive or child.exit_code == 0:
+        return again
+    ended = f"ended with {how(child.exit_code)}" if child.exit_code is not None else ""
+    if child.unexplained and _left_behind(child, nodes or {}):
+        ended = "died, as its registration is still there"
+    return " and ".join(part for part in (again, ended) if part)
+
+
+def row(child: Child, nodes: Mapping[str, Node]) -> dict[str, Any]:
+    """A process as JSON-able data, with its node's name and what is wrong with it."""
+    return {**asdict(child), "node": child.node, "crash": crash(child, nodes)}
+
+
+def sentence(child: Child, said: str) -> str:
+    """
+    >>> sentence(Child("lidar-3", "10.42.0.7", False, 1, False, False, 1), "ended with exit code 1")
+    'lidar of the launch file at 10.42.0.7 ended with exit code 1'
+    """
+    return f"{child.node[1:]} of the launch file at {child.host} {said}"
+
+
+def how(exit_code: int) -> str:
+    """
+    >>> how(3), how(-11)
+    ('exit code 3', 'signal SIGSEGV')
+    """
+    if exit_code >= 0:
+        return f"exit code {exit_code}"
+    try:
+        return f"signal {signal.Signals(-exit_code).name}"
+    except ValueError:
+        return f"signal {-exit_code}"
+
+
+def _left_behind(child: Child, nodes: Mapping[str, Node]) -> bool:
+    """Its node is registered at its host, where nothing listens any more."""
+    node = nodes.get(child.node)
+    return node is not None and node.refused and host_of(node.uri) == child.host
+
+
+# ---- asking
+
+
+def children(ros: Master, hosts: Container[str] | None = None) -> list[Child]:
+    """The processes of all roslaunch at these addresses (None: wherever they are), by host and name.
+
+    One question to the master where nobody ever launched anything. A roslaunch that is gone, or does not answer within
+    the master's time-out, has no processes here. RosError where the master does not answer.
+    """
+    return asked(ros, list(found(ros, hosts).items()))
+
+
+def found(ros: Master, hosts: Container[str] | None = None) -> dict[str, str]:
+    """URI -> host of the servers at these addresses by the master's word, dead or alive."""
+    return servers(ros.calls([("getParam", ros.caller, URIS)])[0], hosts)
+
+
+def asked(ros: Master, known: Sequence[tuple[str, str]]) -> list[Child]:
+    """The processes of these servers (URI, host), all asked at the same time."""
+    tasks: dict[Any, Callable[[], list[Child]]] = {
+        uri: partial(_ask, uri, host, ros.caller, ros.timeout) for uri, host in known
+    }
+    answers = in_parallel(tasks, ros.timeout, lambda _uri, _error: [])
+    return sorted((child for part in answers.values() for child in part), key=lambda child: (child.host, child.name))
+
+
+def servers(told: Any, hosts: Container[str] | None = None) -> dict[str, str]:
+    """URI -> its host, of the master's word on `URIS`: a dictionary, or the RosError that there is none."""
+    uris = {uri for uri in told.values() if isinstance(uri, str)} if isinstance(told, Mapping) else set()
+    hosts_of = {uri: host_of(uri) for uri in sorted(uris)}
+    return {uri: host for uri, host in hosts_of.items() if host and (hosts is None or host in hosts)}
+
+
+def host_of(uri: str) -> str:
+    """The host of a URI; nothing where it has none."""
+    try:
+        return urlsplit(uri).hostname or ""
+    except ValueError:
+        return ""
+
+
+def _ask(uri: str, host: str, caller: str, seconds: float) -> list[Child]:
+    with Api(uri, caller, Deadline(seconds)) as api:
+        # none of its methods takes a caller
+        listed = list(processes(unwrap(api.raw("list_processes"))))
+        infos = api.calls([("process_info", name) for name, _alive, _spawned in listed])
+        return [child_of(host, name, alive, spawned, info) for (name, alive, spawned), info in zip(listed, infos)]
+
+
+def processes(listed: Any) -> Iterable[tuple[str, bool, int]]:
+    """Name, whether roslaunch still minds it, and how many times it was started, from list_processes' value."""
+    parts = listed[:2] if isinstance(listed, (list, tuple)) else ()
+    for rows, alive in zip(parts, (True, False)):
+        for row in rows if isinstance(rows, (list, tuple)) else ():
+            if isinstance(row, (list, tuple)) and len(row) > 1 and isinstance(row[0], str) and isinstance(row[1], int):
+                yield row[0], alive, row[1]
+
+
+def child_of(host: str, name: str, minded: bool, spawned: int, info: Any) -> Child:
+    """`info` is process_info's value, or the RosError that roslaunch has forgotten the process."""
+    told = info if isinstance(info, Mapping) else {}
+    code = told.get("exit_code")
+    return Child(
+        name,
+        host,
+        # it minds one, too, that has ended and that it will start again
+        minded and told.get("alive") is not False,
+        code if isinstance(code, int) else None,
+        told.get("respawn") is True,
+        told.get("required") is True,
+        spawned,
+    )

@@ -1,0 +1,183 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What launch files started, what became of it, and servers that answer, are gone, hang or talk nonsense."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Node
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.master import Master
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import (
+    URIS,
+    Child,
+    child_of,
+    children,
+    crash,
+    processes,
+    sentence,
+    servers,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+
+POD = "10.42.0.7"
+ALIVE = Child("arm/lidar-3", POD, True, None, False, False, 1)
+GONE = replace(ALIVE, alive=False)
+
+
+def node(name: str = "/arm/lidar", uri: str = f"http://{POD}:4711/", refused: bool = True) -> dict[str, Node]:
+    return {name: Node(name, uri, asked=True, refused=refused)}
+
+
+@pytest.mark.parametrize(
+    ("child", "said"),
+    [
+        (ALIVE, ""),
+        (GONE, ""),  # it may have done its work
+        (replace(GONE, exit_code=0), ""),
+        (replace(GONE, exit_code=1), "ended with exit code 1"),
+        (replace(GONE, exit_code=-11), "ended with signal SIGSEGV"),
+        (replace(GONE, exit_code=-99), "ended with signal 99"),
+        (replace(ALIVE, spawned=2), "was started again 1 time"),
+        (replace(ALIVE, spawned=5), "was started again 4 times"),
+        (replace(GONE, spawned=3, exit_code=4), "was started again 2 times and ended with exit code 4"),
+        (replace(GONE, spawned=3, exit_code=0), "was started again 2 times"),
+    ],
+)
+def test_what_is_a_crash(child: Child, said: str) -> None:
+    assert crash(child) == said
+
+
+@pytest.mark.parametrize(
+    ("child", "nodes", "died"),
+    [
+        (GONE, node(), True),
+        (GONE, node(refused=False), False),
+        (GONE, node(uri="http://10.42.0.8:4711/"), False),  # another pod's, of the same name
+        (GONE, node("/lidar"), False),
+        (replace(GONE, exit_code=0), node(), False),
+        (ALIVE, node(), False),  # it is just coming, or hangs
+    ],
+)
+def test_who_leaves_its_registration_behind_has_not_done_its_work(
+    child: Child, nodes: dict[str, Node], died: bool
+) -> None:
+    assert crash(child, nodes) == ("died, as its registration is still there" if died else "")
+
+
+def test_only_of_some_it_is_known_how_they_ended() -> None:
+    assert [child.unexplained for child in (GONE, ALIVE, replace(GONE, exit_code=0))] == [True, False, False]
+
+
+def test_a_sentence_says_which_and_where() -> None:
+    assert sentence(GONE, "ended with exit code 1") == f"arm/lidar of the launch file at {POD} ended with exit code 1"
+
+
+def test_whose_servers() -> None:
+    told = {
+        "host_10_42_0_7__40001": "http://10.42.0.7:40001/",
+        "host_10_42_0_7__40002": "http://10.42.0.7:40002/",
+        "host_10_42_0_8__40001": "http://10.42.0.8:40001/",
+        "odd": 7,
+        "none": "no address",
+        "broken": "http://[/",
+    }
+    assert servers(told) == {told[key]: told[key][7:16] for key in list(told)[:3]}
+    assert list(servers(told, {"10.42.0.8"})) == ["http://10.42.0.8:40001/"]
+    assert servers(told, ()) == {}
+    assert servers(RosError("Parameter [/roslaunch/uris] is not set")) == {}
+    assert servers("http://10.42.0.7:40001/") == {}  # somebody's own parameter of that name
+
+
+@pytest.mark.parametrize("listed", [None, "no", [], [None], [[["a"], [7, 1], ["b", "c"], None]], [7, [[]]]])
+def test_a_list_that_is_none(listed: Any) -> None:
+    assert list(processes(listed)) == []
+
+
+def test_nothing_but_these_fields_is_taken_from_what_a_process_is() -> None:
+    info = {"env": {"TOKEN": "hush"}, "args": ["x"], "alive": True, "respawn": True, "required": True, "pid": 7}
+    child = child_of(POD, "a-1", True, 1, info)
+    assert child == Child("a-1", POD, True, None, True, True, 1)
+    assert "hush" not in repr(child)
+
+
+def test_one_that_is_to_be_started_again_is_not_alive() -> None:
+    info = {"alive": False, "exit_code": 5, "respawn": True, "required": False}
+    assert child_of(POD, "a-1", True, 1, info) == Child("a-1", POD, False, 5, True, False, 1)
+
+
+@pytest.mark.parametrize("info", [RosError("no process by that name"), None, {}, {"exit_code": "3", "respawn": "no"}])
+def test_one_that_roslaunch_has_forgotten(info: Any) -> None:
+    assert child_of(POD, "a-1", False, 1, info) == Child("a-1", POD, False, None, False, False, 1)
+
+
+# ---- asking
+
+
+@pytest.fixture
+def peers() -> Iterator[Peers]:
+    made = Peers()
+    yield made
+    made.close()
+
+
+def launched(names: list[list[list[Any]]], infos: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A roslaunch's answers."""
+    known = infos or {}
+    return {
+        "list_processes": lambda: [1, "processes on parent machine", names],
+        "process_info": lambda name: [1, "process info", known[name]] if name in known else [-1, "no process", {}],
+    }
+
+
+def master(peers: Peers, told: Any, seconds: float = 1.0) -> Master:
+    def parameter(name: str) -> list[Any]:
+        assert name == URIS
+        return [1, "", told] if told is not None else [-1, f"Parameter [{name}] is not set", 0]
+
+    return Master(peers.api("master", {"getParam": parameter}), seconds)
+
+
+@pytest.mark.parametrize("multicall", [True, False])
+def test_all_are_asked(peers: Peers, multicall: bool) -> None:
+    lives = {"env": {}, "alive": True, "respawn": False, "required": True}
+    waits = {"env": {}, "alive": False, "respawn": True, "required": False, "exit_code": 4}
+    first = launched([[["lives-1", 1], ["waits-2", 3]], [["done-3", 1]]], {"lives-1": lives, "waits-2": waits})
+    servers_of = {"first": first, "second": launched([[], []])}
+    told = {label: peers.api(label, answers, multicall, caller=False) for label, answers in servers_of.items()}
+    found = children(master(peers, told))
+    assert found == [
+        Child("done-3", "127.0.0.1", False, None, False, False, 1),
+        Child("lives-1", "127.0.0.1", True, None, False, True, 1),
+        Child("waits-2", "127.0.0.1", False, 4, True, False, 3),
+    ]
+
+
+def test_those_that_are_gone_hang_or_talk_nonsense_keep_nobody_from_the_others(peers: Peers) -> None:
+    told = {
+        "good": peers.api("good", launched([[["lives-1", 1]], []])),
+        "hung": f"http://127.0.0.1:{peers.hung()}/",
+        "odd": peers.api("odd", {"list_processes": lambda: [-1, "uninitialized", 0]}),
+        "worse": peers.api("worse", {"list_processes": lambda: "no"}),
+        **{f"dead{number}": f"http://127.0.0.1:{peers.dead()}/" for number in range(5)},
+    }
+    began = time.monotonic()
+    assert [child.name for child in children(master(peers, told, 0.5))] == ["lives-1"]
+    assert time.monotonic() - began < 2
+
+
+def test_one_question_where_nobody_launched_anything_here(peers: Peers) -> None:
+    assert children(master(peers, None)) == []
+    told = {"elsewhere": "http://10.42.0.9:40001/"}
+    assert children(master(peers, told), {"127.0.0.1"}) == []
+    assert peers.calls == [("master", "getParam"), ("master", "getParam")]
+
+
+def test_a_master_that_does_not_answer(peers: Peers) -> None:
+    with pytest.raises(RosError, match="does not answer"):
+        children(Master(f"http://127.0.0.1:{peers.dead()}/", 0.5))
