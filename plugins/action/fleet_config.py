@@ -11,6 +11,7 @@ from typing import Any
 from ansible.utils.vars import load_extra_vars
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
@@ -29,7 +30,7 @@ class ActionModule(FleetAction):
         try:
             hostvars = HostVariables(known["hostvars"])
             hosts = fleet_hosts(hostvars, names)
-            found = check_fleet({"groups": groups, "hosts": hosts})
+            found = check_fleet({"groups": groups, "hosts": hosts}, Archives().find)
             wrong = inventory_problems(hostvars, names, load_extra_vars(self._loader))
             warnings = [*found.warnings, *near_misses(hostvars, names)]
             fleet = None if wrong else found.fleet

@@ -17,6 +17,7 @@ description:
     wrong in the same way on several hosts, as a group's variable is, is one error.
   - Returns the fleet with every default filled in, in which later tasks find what they need. It holds no password and
     no token; an app's own environment is in it as it stands in the inventory.
+  - Reads the archives in C(images_archives) that lie on the control node, where an app leaves open what its image has.
   - Runs on the control node, inside Ansible's own process. It contacts no host and no cluster and changes nothing.
 options: {}
 extends_documentation_fragment:

@@ -240,7 +240,7 @@ class Master(object):
         """Take parameters away, and where roslaunch is, in little time: this process is to end."""
         socket.setdefaulttimeout(ATTEMPT)
         host, port = self.parse(server)
-        for name in list(names) + ["/roslaunch/uris/host_%s__%s" % (re.sub("[.:-]", "_", host), port)]:
+        for name in list(names) + ["/roslaunch/uris/host_%s__%s" % (re.sub("[^a-z0-9]", "_", host.lower()), port)]:
             try:
                 self.api.deleteParam(name)
             except self.away:  # there was none, or there is no master any more

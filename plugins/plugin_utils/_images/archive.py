@@ -9,28 +9,42 @@ layers are compressed. So two IDs answer the question whether 400 MB must travel
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import io
 import json
+import lzma
 import tarfile
-from dataclasses import dataclass
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.tree import Listing, listed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import architecture_of
 
 REF_NAME = "org.opencontainers.image.ref.name"
 CONTAINERD_NAME = "io.containerd.image.name"
 LARGEST_JSON = 4 * 1024 * 1024
+LARGEST_COMPRESSED = 100_000_000  # bytes of tars that are unpacked only to be listed, which takes 1.5 s
+_UNREADABLE = (OSError, tarfile.TarError, EOFError, zlib.error, lzma.LZMAError)
 
 
 @dataclass(frozen=True)
 class Image:
-    """One name in an archive; `id` is `sha256:` and the digest of the image's configuration."""
+    """One name in an archive; `id` is `sha256:` and the digest of the image's configuration.
+
+    `runs` is that configuration's part on containers (image-spec, config.md: `Entrypoint`, `Cmd`, `Env`), `layers` are
+    the archive's files with its layers, from the lowest up.
+    """
 
     ref: str
     id: str
     architecture: str
+    runs: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    layers: tuple[str, ...] = field(default=(), compare=False)
 
 
 def normal_ref(ref: str) -> str:
@@ -50,26 +64,39 @@ def normal_ref(ref: str) -> str:
 
 def archive_images(path: str, machine: str = "x86_64") -> list[Image]:
     """The named images of a docker or OCI archive; of one for several architectures, that of `machine`."""
+    with opened(path) as archive:
+        return archive.images(architecture_of(machine))
+
+
+@contextlib.contextmanager
+def opened(path: str) -> Iterator[Archive]:
+    """The archive, for as long as it is read; SpecError for what is none."""
     try:
         with tarfile.open(path) as archive:
-            return _Archive(archive, path).images(architecture_of(machine))
+            yield Archive(archive, path)
     except FileNotFoundError as error:
         raise SpecError(f"there is no image archive {path} on the control node") from error
-    except (OSError, tarfile.TarError, EOFError) as error:
+    except _UNREADABLE as error:
         raise SpecError(f"{path} is no tar archive, plain or compressed by gzip, bzip2 or xz: {error}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise SpecError(f"{path} is no docker or OCI image archive ({type(error).__name__}: {error})") from error
 
 
-class _Archive:
-    """The small JSON files of one archive; layers are skipped, not read."""
+def is_plain(file: io.BufferedReader) -> bool:
+    """Whether a tar that is to be read is not compressed: only such a one is listed without reading all of it."""
+    return file.peek(512)[257:262] == b"ustar"
+
+
+class Archive:
+    """The small JSON files of one archive; layers are skipped, or listed without being unpacked."""
 
     def __init__(self, archive: tarfile.TarFile, path: str) -> None:
         self.path = path
         self.archive = archive
         self.members = {str(Path(member.name)): member for member in archive.getmembers()}
 
-    def images(self, architecture: str) -> list[Image]:
+    def images(self, architecture: str = "") -> list[Image]:
+        """Those with names; of one for several architectures, without `architecture` the first one that is offered."""
         if "manifest.json" in self.members:
             found = self._docker()
         elif "index.json" in self.members:
@@ -82,7 +109,7 @@ class _Archive:
 
     def _docker(self) -> list[Image]:
         return [
-            self._image(ref, entry["Config"])
+            self._image(ref, entry["Config"], entry.get("Layers") or [])
             for entry in json.loads(self._bytes("manifest.json"))
             for ref in entry.get("RepoTags") or []
         ]
@@ -94,7 +121,8 @@ class _Archive:
             ref = notes.get(CONTAINERD_NAME) or notes.get(REF_NAME)
             if ref:
                 manifest = self._manifest(entry["digest"], architecture)
-                found.append(self._image(ref, _blob(manifest["config"]["digest"])))
+                layers = [_blob(layer["digest"]) for layer in manifest.get("layers") or []]
+                found.append(self._image(ref, _blob(manifest["config"]["digest"]), layers))
         return found
 
     def _manifest(self, digest: str, architecture: str) -> dict[str, Any]:
@@ -102,15 +130,40 @@ class _Archive:
         if "config" in document:
             return document
         offered = {entry["platform"]["architecture"]: entry["digest"] for entry in document["manifests"]}
-        if architecture not in offered:
-            raise SpecError(f"{self.path} has no image for {architecture}, only for {', '.join(sorted(offered))}")
-        return self._manifest(offered[architecture], architecture)
+        chosen = architecture or next(iter(offered), "any machine")
+        if chosen not in offered:
+            raise SpecError(f"{self.path} has no image for {chosen}, only for {', '.join(sorted(offered))}")
+        return self._manifest(offered[chosen], architecture)
 
-    def _image(self, ref: str, config: str) -> Image:
+    def _image(self, ref: str, config: str, layers: Sequence[str]) -> Image:
         content = self._bytes(config)
-        digest = hashlib.sha256(content).hexdigest()
-        architecture = str(json.loads(content).get("architecture", ""))
-        return Image(normal_ref(ref), f"sha256:{digest}", architecture)
+        digest, said = hashlib.sha256(content).hexdigest(), json.loads(content)
+        architecture, runs = str(said.get("architecture", "")), dict(said.get("config") or {})
+        return Image(normal_ref(ref), f"sha256:{digest}", architecture, runs, tuple(layers))
+
+    def listings(self, layers: Sequence[str]) -> list[Listing] | None:
+        """What the layers hold, in their order; None where one is not here, cannot be read, or only in a long time.
+
+        They are read as they lie in the archive: going back in a compressed one means to unpack it anew.
+        """
+        members = [self.members.get(str(Path(layer))) for layer in layers]
+        there = [member for member in members if member is not None]
+        read, compressed = dict[tarfile.TarInfo, Listing](), 0
+        if len(there) < len(members):
+            return None
+        try:
+            for member in sorted(there, key=lambda member: member.offset):
+                file = self.archive.extractfile(member)
+                if not isinstance(file, io.BufferedReader):
+                    return None
+                compressed += 0 if is_plain(file) else member.size
+                if compressed > LARGEST_COMPRESSED:
+                    return None
+                with tarfile.open(fileobj=file) as layer:
+                    read[member] = [listed(item) for item in layer]
+        except (*_UNREADABLE, KeyError):  # the latter for a link that leads nowhere
+            return None
+        return [read[member] for member in there]
 
     def _bytes(self, name: str) -> bytes:
         member = self.members[str(Path(name))]

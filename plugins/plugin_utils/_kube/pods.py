@@ -110,8 +110,12 @@ def _state(container: Mapping[str, Any], which: str) -> Object:
 
 
 def _words(*parts: str) -> str:
-    said = ": ".join(part.strip() for part in parts if part and part.strip())
-    return said.replace(NO_PYTHON, f"{NO_PYTHON} ({HINT})") if HINT not in said else said
+    return ": ".join(part.strip() for part in parts if part and part.strip())
+
+
+def _message(state: Mapping[str, Any]) -> str:
+    """What was said of a container, and what may be done about it."""
+    return str(state.get("message") or "").replace(NO_PYTHON, f"{NO_PYTHON} ({HINT})")
 
 
 def _exit(ended: Mapping[str, Any]) -> str:
@@ -120,7 +124,7 @@ def _exit(ended: Mapping[str, Any]) -> str:
     if ended.get("signal"):
         code += f", signal {ended['signal']}"
     why = str(ended.get("reason") or "")
-    return _words(f"{code} ({why})" if code and why else code or why, str(ended.get("message") or ""))
+    return _words(f"{code} ({why})" if code and why else code or why, _message(ended))
 
 
 def _crash(container: Mapping[str, Any]) -> str:
@@ -132,7 +136,7 @@ def _crash(container: Mapping[str, Any]) -> str:
 
 def _container_trouble(container: Mapping[str, Any], where: str) -> Verdict | None:
     waiting = _state(container, "waiting")
-    why, message = str(waiting.get("reason") or ""), str(waiting.get("message") or "")
+    why, message = str(waiting.get("reason") or ""), _message(waiting)
     if why in IMAGE_ERRORS:
         return Verdict(FAIL, _words(where, why, f"image {container.get('image', '?')}", message))
     if why == CRASH_LOOP:  # by itself the kubelet restarts a first crash at once: without a restart it is no loop yet
@@ -204,7 +208,7 @@ def why_not_ready(pod: Mapping[str, Any]) -> str:
         where = f"{who}, container {container.get('name', '?')}"
         waiting, ended = _state(container, "waiting"), _state(container, "terminated")
         if waiting:
-            return _words(where, str(waiting.get("reason") or "waiting"), str(waiting.get("message") or ""))
+            return _words(where, str(waiting.get("reason") or "waiting"), _message(waiting))
         if ended and ended.get("exitCode") != 0:
             return _words(where, f"ended with {_exit(ended)}")
     return _unready_while_running(pod, who)

@@ -55,7 +55,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removing import Removing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import Key, files_owner, key_of, unused
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import local_images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import local_images, sidecars_told
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Turn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
@@ -182,8 +182,8 @@ class Engine(Turn):
         if self.plan.orphans:
             orphans = ", ".join(self.plan.orphans)
             self.say(f"not in the inventory, left as they are (update_remove_apps takes them away): {orphans}")
-        for news in self.news():
-            self.say(news)
+        for told in [*self.news(), *(sidecars_told(self.plan.steps) if self.check else [])]:
+            self.say(told)
 
     def _plan(self) -> None:
         self.live = self.read()

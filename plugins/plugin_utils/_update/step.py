@@ -54,6 +54,17 @@ class Gate:
     succession: Succession = field(default_factory=Succession)  # what is called otherwise afterwards
 
 
+def sidecars_told(steps: Iterable[Step]) -> list[str]:
+    """Of each app that the steps give its hooks in a sidecar: that it is so, and of which image."""
+    return [
+        f"{app_of(item)}: hooks in a sidecar of {container['image']}, beside {described(item)['image']}"
+        for step in steps
+        for item in step.workloads
+        for container in item["spec"]["template"]["spec"].get("initContainers") or []
+        if container["name"] == names.SIDECAR
+    ]
+
+
 def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collection[str]] | None = None) -> Gate:
     """`images` is edge host -> full names of its images."""
     own = own_nodes(step.old_nodes, graph, live.pods)

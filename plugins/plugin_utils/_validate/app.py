@@ -13,9 +13,11 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import PORT as SIDECAR_PORT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.contents import Contents
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
@@ -68,14 +70,23 @@ def _second_master(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Pro
                 yield Problem(f"{path}.{key}[{index}]", "starts a second ROS master", allowed)
 
 
-def _command(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _command(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
     if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
             f"{path}.command",
             "is missing, as is args",
-            "command or args: what the image would run by itself is replaced when the ROS node name is appended",
+            "command or args: what the image would run by itself is replaced when the ROS node name is appended"
+            + _own_command(draft.inside(app)),
         )
+
+
+def _own_command(inside: Contents | None) -> str:
+    """How an app says what its image runs by itself; nothing where that is not known."""
+    runs = {"command": inside.entrypoint, "args": inside.cmd} if inside else {}
+    said = {key: [*words] for key, words in runs.items() if words}
+    told = yaml.safe_dump(said, default_flow_style=True, sort_keys=False, width=1000).strip()[1:-1]
+    return f"; its own is {told}" if said else ""
 
 
 def _launch(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
@@ -324,6 +335,21 @@ def _hooks(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
             yield Problem(join_path(path, "ports", index, "port"), found, "any other port")
 
 
+def _python(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    """The default needs one in the image. Where its archive shows none, the way has to be said.
+
+    It is not chosen here: a run without the archive would choose another one, and so change every such app.
+    """
+    inside = None if raw.get("hooks") or "PATH" in app.env else draft.inside(app)
+    version = inside.python if inside else None
+    if inside is None or version is None or (version and int(version.partition(".")[2]) >= 8):
+        return
+    has = f"has Python {version}, which is older than 3.8" if version else "has no python3"
+    way = "none, as host_network forbids sidecar" if app.host_network else "sidecar"
+    found = f"is missing, and the image {app.image} in {inside.archive} {has}"
+    yield Problem(f"{path}.hooks", found, f"hooks: {way}, or hooks: app where it gets one in another way")
+
+
 def _resources(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     requests, limits = app.resources.get("requests") or {}, app.resources.get("limits") or {}
     for name in requests:
@@ -401,6 +427,7 @@ CHECKS: tuple[Check, ...] = (
     _ports,
     _mounts,
     _hooks,
+    _python,
     _resources,
     _environment,
     _readiness,

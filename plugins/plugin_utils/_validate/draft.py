@@ -11,6 +11,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.images import Inside
 
 
 @dataclass(frozen=True)
@@ -18,13 +19,14 @@ class Draft:
     """A robot made of what the schema accepts, and what its owner declared beside that.
 
     What is declared wrongly is still there: such a volume is not unknown as well, and such an app has its name.
-    `positions` are the places of the robot's apps in ros_apps.
+    `positions` are the places of the robot's apps in ros_apps, `inside` looks into an app's image.
     """
 
     robot: Robot
     positions: tuple[int, ...]
     declared_apps: tuple[Mapping[str, Any], ...]
     declared_volumes: tuple[Any, ...]
+    inside: Inside
 
     @property
     def path(self) -> str:
@@ -37,7 +39,7 @@ class Draft:
             yield join_path(self.path, "ros_apps", position), app, self.declared_apps[position]
 
 
-def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem]) -> Draft:
+def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem], inside: Inside) -> Draft:
     """The draft of a robot; a malformed app is left out instead of keeping the others from being looked at."""
     bad = {problem.path for problem in wrong}
 
@@ -60,4 +62,5 @@ def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem]) ->
         positions,
         tuple(app if isinstance(app, dict) else {} for app in apps),
         tuple(item.get("name") for item in volumes if isinstance(item, dict)),
+        inside,
     )

@@ -8,6 +8,7 @@ import hashlib
 import io
 import json
 import tarfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -60,3 +61,37 @@ def oci(path: Path) -> str:
     }
     files["index.json"] = encoded({"manifests": [entry, {"digest": "sha256:0", "annotations": {}}]})
     return archive(path, {"oci-layout": b"{}", **files})
+
+
+def layer(entries: dict[str, str | None]) -> bytes:
+    """A layer's tar: path -> None for a directory, the empty text for a file, `=path` for a hard link, or a target."""
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w") as tar:
+        for path, target in entries.items():
+            member = tarfile.TarInfo(path)
+            if target is None:
+                member.type = tarfile.DIRTYPE
+            elif target:
+                member.type = tarfile.LNKTYPE if target.startswith("=") else tarfile.SYMTYPE
+                member.linkname = target.removeprefix("=")
+            tar.addfile(member)
+    return packed.getvalue()
+
+
+def docker_image(path: Path, tag: str, layers: list[bytes], runs: Mapping[str, Any] | None = None) -> str:
+    """As `podman save` makes it."""
+    listed = [f"{digest(one)}.tar" for one in layers]
+    files = dict(zip(listed, layers, strict=True))
+    config = encoded({"architecture": "amd64", "os": "linux", "config": runs})
+    manifest = [{"Config": f"{digest(config)}.json", "RepoTags": [tag], "Layers": listed}]
+    return archive(path, {**files, f"{digest(config)}.json": config, "manifest.json": encoded(manifest)})
+
+
+def oci_image(path: Path, tag: str, layers: list[bytes], runs: Mapping[str, Any] | None = None) -> str:
+    """An OCI layout in a tar; the layers stand in it the wrong way around, which it may do."""
+    config = encoded({"architecture": "arm64", "os": "linux", "config": runs})
+    said = [{"digest": f"sha256:{digest(one)}", "size": len(one)} for one in layers]
+    manifest = encoded({"config": {"digest": f"sha256:{digest(config)}"}, "layers": said})
+    entry = {"digest": f"sha256:{digest(manifest)}", "annotations": {CONTAINERD_NAME: tag}}
+    blobs = {f"blobs/sha256/{digest(blob)}": blob for blob in (*reversed(layers), config, manifest)}
+    return archive(path, {"oci-layout": b"{}", **blobs, "index.json": encoded({"manifests": [entry]})})

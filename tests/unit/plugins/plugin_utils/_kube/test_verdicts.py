@@ -339,6 +339,14 @@ PODS = [
         "an app may say hooks: sidecar): unknown",
     ),
     Case(
+        "an image without Python, before its first start",
+        DEPLOYMENT,
+        new_container(waiting("RunContainerError", NO_PYTHON)),
+        "wait",
+        "executable file not found in $PATH (the image has no Python 3.8 for our code in the pod; an app may say",
+        "RunContainerError",
+    ),
+    Case(
         "a first crash is not a loop",
         DEPLOYMENT,
         new_container(container(terminated={"exitCode": 1, "reason": "Error"})),

@@ -85,6 +85,18 @@ def test_check_mode_writes_nothing_and_tells_what_a_run_would_do(name: str, vers
     assert not sim.engine_changes
 
 
+def test_check_mode_tells_of_hooks_in_a_sidecar_where_they_would_come() -> None:
+    sim, _wanted = begin("two-steps", "good")
+    wanted = robot(app("stats", image("good"), hooks="sidecar", depends_on=["sensor"]), app("sensor", image("good")))
+    assert outcome_of(sim, wanted, check=True).outcome == "updated"
+    assert [text for text in sim.said if "hooks" in text] == [
+        f"stats: hooks in a sidecar of {wanted.master.image}, beside {image('good')}"
+    ]
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert outcome_of(sim, wanted, check=True).outcome == "unchanged"
+    assert sim.said == []
+
+
 def test_what_the_inventory_does_not_know_is_told_and_left() -> None:
     sim, _wanted = begin("two-steps", "good")
     assert outcome_of(sim, robot(app("sensor", OLD))).outcome == "unchanged"
