@@ -43,10 +43,11 @@ def leavings(settings: Mapping[str, Any], revision: str) -> list[str]:
 
 def set_all(environ: Mapping[str, str]) -> str:
     """Why a parameter could not be set; nothing if all are."""
-    settings, ros = load_settings(environ), ros_of(environ, SECONDS)
+    settings = load_settings(environ)
     wanted = assignments(settings)
     spent: list[str] = []
     try:
+        ros = ros_of(environ, SECONDS)
         if settings.get("keep_params"):
             wanted, spent = _with_kept(wanted, settings, environ.get("ROSOPS_REVISION", ""), ros)
         results = ros.calls([*_deletions(spent), *(("setParam", CALLER, *one) for one in wanted.items())])
@@ -66,7 +67,8 @@ def forget(settings: Mapping[str, Any], seconds: float) -> None:
         space, _public = _look(ros_of(os.environ, seconds), settings["node"], revision, [])
         names.append(_whole(space.place, settings["node"]))
         left = {_whole(name, settings["node"]): value for name, value in space.left(keep).items()}
-    ros_of(os.environ, seconds).calls([*_deletions(names), *(("setParam", CALLER, *one) for one in left.items())])
+    if names:
+        ros_of(os.environ, seconds).calls([*_deletions(names), *(("setParam", CALLER, *one) for one in left.items())])
 
 
 def _deletions(names: Iterable[str]) -> list[tuple[str, ...]]:

@@ -96,6 +96,7 @@ def test_all_are_set_or_it_is_said_which_are_not(master: Master) -> None:
     assert master.there == {"/arm_1/rate": 20, "/arm_1/pid/gain": 1.5, "/limits": {"speed": 2}}
     assert params.set_all(settings(**{"~name": ""})) == "/arm_1/name: no empty text here"
     assert "does not answer" in params.set_all({**settings(), "ROS_MASTER_URI": "http://127.0.0.1:9"})
+    assert "is not http://host:port" in params.set_all({**settings(), "ROS_MASTER_URI": "nowhere"})
 
 
 def test_what_is_not_there_is_forgotten_already(master: Master, monkeypatch: pytest.MonkeyPatch) -> None:
