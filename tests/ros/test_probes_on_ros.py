@@ -32,6 +32,7 @@ class Pod:
         # what calls keep lies in /tmp by the node's name: one of its own for each test
         self.name = f"{name}_{scene.port}"
         self.node = f"/{self.name}"
+        self.revision = "0a1b2c3d"
         self.hooks = scene.directory / f"pod_{name}" / "hooks"
         self.hooks.mkdir(parents=True)
         for file, text in app_files().items():
@@ -48,7 +49,7 @@ class Pod:
     def environ(self) -> dict[str, str]:
         return {
             "PATH": os.environ["PATH"], "ROS_MASTER_URI": self.scene.uri, "ROSOPS_SETTINGS": self.settings,
-            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": "0a1b2c3d",
+            "ROSOPS_NODE_NAME": self.name, "ROSOPS_REVISION": self.revision,
         }  # fmt: skip
 
     def call(self, word: str, *more: str) -> tuple[int, str]:
@@ -112,6 +113,55 @@ def test_parameters_come_before_the_app_and_go_with_its_node(scene: Scene, pods:
     left = master.getParam("/test", pod.node)
     assert left == [-1, ANY, 0] if own_name else [1, ANY, {"found_at_run_time": 1}]
     assert master.getParam("/test", "/limits/speed") == [1, ANY, 2]
+
+
+@pytest.mark.parametrize("own_name", [False, True])
+def test_what_was_set_at_run_time_is_kept_by_the_next_version_and_by_the_way_back(
+    scene: Scene, pods: Any, own_name: bool
+) -> None:
+    """With a name of its own, as under overlap, a version begins beside the one before; else after its end."""
+    given = {"~rate": 20, "~pid": {"gain": 1.5, "names": ["a"]}, "~off": 0, "/limits/speed": 2}
+    old, new = (pods(word, params=given, keep_params=["~rate", "~pid", "~tuned", "/limits"]) for word in ("old", "new"))
+    plain = pods("plain", params={"~rate": 10})  # keeps nothing
+    for pod, revision in ((old, "0a1b2c3d"), (new, "4e5f6071"), (plain, "8c9dae0f")):
+        pod.revision = revision
+        pod.name = f"talker_{scene.port}" + (f"_{pod.revision}" if own_name else "")
+        pod.node = f"/{pod.name}"
+    scene.start_master()
+    master = xmlrpc.client.ServerProxy(scene.uri)
+
+    def begin(pod: Pod) -> str:
+        status, said = pod.call("exec")
+        assert status == 0, said
+        scene.start("talker", pod.node)
+        assert pod.call("started") == (0, "")
+        return said
+
+    def end(pod: Pod) -> None:
+        assert pod.call("stop") == (0, "")
+        scene.processes[pod.node].wait(5)
+
+    assert begin(old) == ""
+    for name, value in {f"{old.node}/rate": 35, f"{old.node}/pid/gain": 2.5, f"{old.node}/off": 1,
+                        f"{old.node}/tuned": True, "/limits/speed": 3}.items():  # fmt: skip
+        master.setParam("/test", name, value)
+    kept = {"rate": 35, "pid": {"gain": 2.5, "names": ["a"]}, "off": 0, "tuned": True}
+    for before, after in ((old, new), (new, old), (old, plain), (plain, old)):
+        if not own_name:
+            end(before)
+        said = begin(after)
+        if own_name:
+            end(before)
+        there = master.getParam("/test", "/")[2]
+        if after is plain:
+            assert (said, there[after.name]["rate"]) == ("", 10)
+            continue
+        names = f"/limits/speed, {after.node}/rate, {after.node}/pid/gain"
+        assert said == f"rosops.fleet: kept as they were, not as params say: {names}\n"
+        assert there[after.name] == kept
+        assert there["limits"] == {"speed": 3}
+        told = [f"{after.name}_kept"] if own_name else []
+        assert {key for key in there if key.startswith("talker")} == {after.name, *told}
 
 
 def test_its_registrations_are_gone_when_it_is_stopped(scene: Scene, pods: Any) -> None:

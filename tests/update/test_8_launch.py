@@ -29,7 +29,7 @@ def nine(fleet: Fleet) -> Iterator[Variables]:
     """The robot with the launch file; what the tests after this one find is what they know."""
     before = fleet.variables
     yield with_launch(fleet)
-    fleet.update(before, *LIMIT, update_remove_apps=["bringup"])
+    fleet.update(before_the_action(before), *LIMIT, update_remove_apps=["bringup"])
     fleet.return_to(before)
 
 
@@ -67,11 +67,15 @@ def without(app: dict[str, Any], key: str) -> dict[str, Any]:
     return {name: value for name, value in app.items() if name != key}
 
 
-def installed(fleet: Fleet, variables: Variables) -> None:
-    """First without the action's own app: two servers of one action is what no version is proven beside."""
+def before_the_action(variables: Variables) -> Variables:
+    """Without the action's own app: two servers of one action is what no version is proven beside."""
     apps = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
     left = [without(app, "depends_on") for app in apps if app["name"] != "prime-factors"]
-    for wanted, gone in (({**variables, "scenario_apps": left}, INSIDE[2:]), (variables, INSIDE[:2])):
+    return {**variables, "scenario_apps": left}
+
+
+def installed(fleet: Fleet, variables: Variables) -> None:
+    for wanted, gone in ((before_the_action(variables), INSIDE[2:]), (variables, INSIDE[:2])):
         run = fleet.update(wanted, *LIMIT, update_remove_apps=gone)
         assert run.status == 0, run
     fleet.wait_settled()

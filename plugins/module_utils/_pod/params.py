@@ -5,28 +5,27 @@
 
 A private one stands under the name that this very version's node has, so that a version beside it keeps its own. After
 a version with a name of its own nothing is left under that name, whatever its node set there itself; after one whose
-name the next version has, too, only what the inventory said.
+name the next version has, too, only what the inventory said. What the next one is to find as it was at run time is
+looked up before the inventory's are set, and left by a version that ends before the next one begins (`kept_params`).
 """
 
 from __future__ import annotations
 
 import os
+import sys
 
-from .._common.errors import RosError
+from .._common.errors import RefusalError, RosError
+from .kept_params import PRIVATE, Space, full, merge
 from .own_node import CALLER, ros_of
 from .state import load_settings
 
 TYPE_CHECKING = False  # typing's own costs its import
 if TYPE_CHECKING:
-    from typing import Any, Mapping
+    from typing import Any, Iterable, Mapping, Sequence
 
-PRIVATE = "~"
+    from .._ros.client import Ros1Client
+
 SECONDS = 5.0  # for the master
-
-
-def full(name: str, node: str) -> str:
-    """The parameter's whole name."""
-    return f"{node}/{name[1:]}" if name.startswith(PRIVATE) else name
 
 
 def assignments(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -44,16 +43,74 @@ def leavings(settings: Mapping[str, Any], revision: str) -> list[str]:
 
 def set_all(environ: Mapping[str, str]) -> str:
     """Why a parameter could not be set; nothing if all are."""
-    wanted = assignments(load_settings(environ))
+    settings = load_settings(environ)
+    wanted = assignments(settings)
+    spent: list[str] = []
     try:
-        results = ros_of(environ, SECONDS).calls([("setParam", CALLER, *one) for one in wanted.items()])
+        ros = ros_of(environ, SECONDS)
+        if settings.get("keep_params"):
+            wanted, spent = _with_kept(wanted, settings, environ.get("ROSOPS_REVISION", ""), ros)
+        results = ros.calls([*_deletions(spent), *(("setParam", CALLER, *one) for one in wanted.items())])
     except RosError as error:
         return str(error)
-    return "; ".join(f"{name}: {result}" for name, result in zip(wanted, results) if isinstance(result, RosError))
+    set_ones = zip(wanted, results[len(spent) :])
+    return "; ".join(f"{name}: {result}" for name, result in set_ones if isinstance(result, RosError))
 
 
 def forget(settings: Mapping[str, Any], seconds: float) -> None:
     """Take them off the server. What is not there is no error: most nodes have none."""
-    names = leavings(settings, os.environ.get("ROSOPS_REVISION", ""))
+    revision, keep = os.environ.get("ROSOPS_REVISION", ""), settings.get("keep_params", [])
+    names = leavings(settings, revision)
+    left: dict[str, Any] = {}
+    if any(name.startswith(PRIVATE) for name in keep):
+        seconds /= 2  # a question, and what follows from it
+        space, _public = _look(ros_of(os.environ, seconds), settings["node"], revision, [])
+        names.append(_whole(space.place, settings["node"]))
+        left = {_whole(name, settings["node"]): value for name, value in space.left(keep).items()}
     if names:
-        ros_of(os.environ, seconds).calls([("deleteParam", CALLER, name) for name in names])
+        ros_of(os.environ, seconds).calls([*_deletions(names), *(("setParam", CALLER, *one) for one in left.items())])
+
+
+def _deletions(names: Iterable[str]) -> list[tuple[str, ...]]:
+    return [("deleteParam", CALLER, name) for name in names]
+
+
+def _whole(name: str, node: str) -> str:
+    """The whole name of what stands in the node's namespace."""
+    return f"{node.rpartition('/')[0]}/{name}"
+
+
+def _with_kept(
+    given: Mapping[str, Any], settings: Mapping[str, Any], revision: str, ros: Ros1Client
+) -> tuple[dict[str, Any], list[str]]:
+    """What is to be set, and what is to be taken away before; the log is told where the inventory does not decide."""
+    node, keep = settings["node"], settings["keep_params"]
+    space, public = _look(ros, node, revision, [name for name in keep if not name.startswith(PRIVATE)])
+    source = space.source()
+    found = {_whole(name, node): value for name, value in space.found(keep, source).items()}
+    merged = merge(given, {**public, **found}, node)
+    for words in (
+        source.doubt,
+        f"kept as they were, not as params say: {', '.join(merged.kept)}" if merged.kept else "",
+        f"not kept: {'; '.join(merged.refused.values())}" if merged.refused else "",
+    ):
+        if words:
+            sys.stderr.write(f"rosops.fleet: {words}\n")
+    taken = [name for name in keep if merged.takes(full(name, node))]
+    claim = {_whole(name, node): value for name, value in space.claim(taken).items()}
+    return {**merged.values, **claim}, [_whole(name, node) for name in space.spent(taken, source)]
+
+
+def _look(ros: Ros1Client, node: str, revision: str, public: Sequence[str]) -> tuple[Space, dict[str, Any]]:
+    """The node's namespace as the server has it, and those of these parameters that are there."""
+    parent, _slash, own = node.rpartition("/")
+    names = [parent or "/", *public]
+    state, *values = ros.calls([("getSystemState", CALLER), *(("getParam", CALLER, name) for name in names)])
+    for result in (state, *values):
+        if isinstance(result, RosError) and (result is state or not isinstance(result, RefusalError)):
+            raise result  # a refusal to tell a parameter: there is none
+    tree, *values = [None if isinstance(value, RosError) else value for value in values]
+    nodes = [name.rpartition("/") for name in ros.state_of(state).nodes()]
+    registered = [name for where, _slash, name in nodes if where == parent]
+    space = Space(own, revision, tree if isinstance(tree, dict) else {}, registered)
+    return space, {name: value for name, value in zip(public, values) if value is not None}

@@ -31,7 +31,8 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
 
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
-    params = {name if name.startswith("/") else f"~{name}": value for name, value in app.params.items()}
+    params = {_param(name): value for name, value in app.params.items()}
+    keep = _kept(app)
     return {
         "app": app.name,
         "node": context.graph_node(app, robot),
@@ -45,7 +46,20 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "space": context.robot_space(app, robot),
         **({"params": params} if params else {}),
         **({"launch": app.handoff} if app.launch else {}),
+        **({"params": params} if params or keep else {}),
+        **({"keep_params": keep} if keep else {}),
     }
+
+
+def _param(name: str) -> str:
+    return name if name.startswith("/") else f"~{name}"
+
+
+def _kept(app: App) -> list[str]:
+    """`*` is whatever goes with the node: all below a name that nobody else has, else what the inventory says."""
+    if context.ALL_PARAMS not in app.keep_params:
+        return [_param(name) for name in app.keep_params]
+    return ["~"] if app.handoff == "overlap" else [_param(name) for name in app.params]
 
 
 def keeper_url(robot: Robot) -> str | None:

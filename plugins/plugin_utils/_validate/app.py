@@ -29,6 +29,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import
 Raw = Mapping[str, Any]
 Check = Callable[[App, Raw, Draft, str], Iterator[Problem]]
 
+BEFORE = "command, or hooks: sidecar"
+PRIVATE_TO_NOBODY = "is private to a node, and the app names its nodes itself"
 FILES_BYTES = 900_000  # the API takes no object above a megabyte (kubernetes.io, ConfigMap)
 _MASTER = re.compile(r"(?:^|[\s/;&|(])(?:roscore|rosmaster)(?:$|[\s;&|)])")
 LAUNCHES = "roslaunch names its nodes itself"
@@ -254,17 +256,14 @@ def _params(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
     """They are set before the app starts, and who reads one that is everybody's is everybody's business."""
     if not app.params:
         return
-    if app.hooks == "none" or (app.hooks == "app" and not app.command):
-        found = "cannot be set before the app starts, as " + (
-            "it has no hooks" if app.hooks == "none" else "it has no command"
-        )
-        yield Problem(f"{path}.params", found, "command, or hooks: sidecar")
+    if lacks := _nothing_before(app):
+        yield Problem(f"{path}.params", f"cannot be set before the app starts, as it has {lacks}", BEFORE)
     space = context.robot_space(app, draft.robot).rstrip("/")
     for name, value in app.params.items():
         where = join_path(path, "params", name)
         if not name.startswith("/"):
             if not app.readiness.nodes:
-                yield Problem(where, "is private to a node, and the app names its nodes itself", f"/<node>/{name}")
+                yield Problem(where, PRIVATE_TO_NOBODY, f"/<node>/{name}")
         elif app.handoff == "overlap":
             found = "is read by the version before, too, as handoff is overlap"
             yield Problem(where, found, "a private name, without the slash, or handoff: replace")
@@ -272,6 +271,33 @@ def _params(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
             found = f"is out of the namespace {space} that keeps robots on one master apart"
             yield Problem(where, found, f"{space}{name}")
         yield from _value_problems(value, where)
+
+
+def _keep_params(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+    """What the node has set by itself may be kept, too; what is everybody's stays without that."""
+    if not app.keep_params:
+        return
+    if lacks := _nothing_before(app):
+        found = f"cannot be looked up before the app starts, as it has {lacks}"
+        yield Problem(f"{path}.keep_params", found, BEFORE)
+    for index, name in enumerate(app.keep_params):
+        where = join_path(path, "keep_params", index)
+        if name in app.keep_params[:index]:
+            yield Problem(where, f"is {name} for the second time", "each name once")
+        elif name == context.ALL_PARAMS:
+            continue
+        elif not name.startswith("/"):
+            if not app.readiness.nodes:
+                yield Problem(where, PRIVATE_TO_NOBODY, f"/<node>/{name}")
+        elif not any(f"{one}/".startswith(f"{name}/") or f"{name}/".startswith(f"{one}/") for one in app.params):
+            yield Problem(where, f"is {name}, which params do not set, so that it stays", "a name of params")
+
+
+def _nothing_before(app: App) -> str:
+    """What it lacks to have something of ours done before it starts."""
+    if app.hooks == "none":
+        return "no hooks"
+    return "" if app.command or app.hooks == "sidecar" else "no command"
 
 
 def _value_problems(value: Any, path: str) -> Iterator[Problem]:
@@ -423,6 +449,7 @@ CHECKS: tuple[Check, ...] = (
     _grace,
     _volumes,
     _params,
+    _keep_params,
     _files,
     _ports,
     _mounts,
