@@ -274,7 +274,7 @@ class StepWatch:
     def _give_services_back(self, step: Step) -> None:
         """First, so that a service never points to nothing while its old server lives."""
         new = {node_of(member.deployment) for member in step.going_back}
-        old = {node_of(member.before) for member in step.going_back if member.before}
+        old = {node for member in step.going_back for node in member.nodes_before}
         try:
             self.robot.take_back(old - new - {""})
         except RosError as error:

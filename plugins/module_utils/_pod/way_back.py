@@ -33,7 +33,7 @@ STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by som
 LOST = "Unknown"  # the kubelet's reason for a container that is not there any more: its host was rebooted
 UPDATING = "rosops.fleet/updating"
 WENT_BACK = "rosops.fleet/went-back"
-NODE = "rosops.fleet/ros-node"
+NODE, HANDOFF = "rosops.fleet/ros-node", "rosops.fleet/handoff"
 APP, REVISION = "rosops.fleet/app", "rosops.fleet/revision"
 HASH = "rosops.fleet/spec-hash"
 
@@ -54,6 +54,12 @@ def notes_of(item: Object) -> Mapping[str, str]:
 def node_of(deployment: Object) -> str:
     """The ROS node of a Deployment's pods; empty where it has none that is known, as the master has."""
     return str((deployment["spec"]["template"]["metadata"].get("annotations") or {}).get(NODE, ""))
+
+
+def suffix_of(deployment: Object) -> str:
+    """What is behind the names of its nodes, where versions overlap."""
+    notes = deployment["spec"]["template"]["metadata"].get("annotations") or {}
+    return f"_{revision_of(deployment)}" if notes.get(HANDOFF) == "overlap" else ""
 
 
 def is_marked(deployment: Object) -> bool:
@@ -115,6 +121,18 @@ class Unproven:
         """Those of its own node, and those of the others that a launch file starts."""
         parts = self.contract, self.contract.get("others") or {}
         return frozenset(name for part in parts for name in part.get("actions") or ())
+
+    @property
+    def nodes_before(self) -> set[str]:
+        """Those of the version to go back to; of a launch file's the contract tells what it calls them."""
+        if self.before is None:
+            return set()
+        if node_of(self.before):
+            return {node_of(self.before)}
+        new, old = suffix_of(self.deployment), suffix_of(self.before)
+        parts = self.contract, self.contract.get("others") or {}
+        named = [str(node) for part in parts for node in part.get("nodes") or ()]
+        return {(node[: -len(new)] if new and node.endswith(new) else node) + old for node in named}
 
     @property
     def proven(self) -> bool:

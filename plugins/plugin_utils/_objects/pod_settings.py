@@ -44,7 +44,6 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "keeper": keeper_url(robot),
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
-        **({"params": params} if params else {}),
         **({"launch": app.handoff} if app.launch else {}),
         **({"params": params} if params or keep else {}),
         **({"keep_params": keep} if keep else {}),

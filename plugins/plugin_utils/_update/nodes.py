@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import suffix_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import is_tool
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import handoff_of, node_of, revision_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import node_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
 
 _HELD = "--replace="
@@ -72,11 +73,6 @@ def launched(before: Object, after: Object, overlap: Sequence[str] = ()) -> Laun
     words = [word for one in after["spec"]["template"]["spec"]["containers"] for word in one.get("args") or ()]
     held = tuple(word.removeprefix(_HELD) for word in words if word.startswith(_HELD))
     return Launched(suffix_of(before), suffix_of(after), held, tuple(overlap))
-
-
-def suffix_of(deployment: Object) -> str:
-    """What is behind its nodes' names."""
-    return f"_{revision_of(deployment)}" if handoff_of(deployment) == "overlap" else ""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as started_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     OWN,
     PUBLISHER,
@@ -236,6 +237,90 @@ def test_where_no_node_can_be_known_only_the_command_counts() -> None:
     assert started(world, expect_node=False) == ""
     assert started(world, expect_node=False, command=["x"], run=lambda *_: "no").startswith("not ready: command")
     assert world.asked == []
+
+
+# ---- all nodes of a launch file
+
+
+OTHER, OTHER_URI = "/mapper_0a1b2c3d", "http://127.0.0.1:40009/"
+BOTH = {OWN: URI, OTHER: OTHER_URI}
+
+
+@pytest.fixture
+def two_nodes(monkeypatch: pytest.MonkeyPatch) -> World:
+    """A second node of the same pod, which publishes a topic of its own."""
+    world = World()
+    world.answers[OTHER] = NodeAnswer(
+        OTHER_URI, 79, bus=bus(("/map", SUBSCRIBER)), publications=[["/map", "std_msgs/String"]], subscriptions=[]
+    )
+    world.publishers["/map"], world.subscribers["/map"] = [OTHER], [SUBSCRIBER]
+    world.types["/map"] = "std_msgs/String"
+    monkeypatch.setattr(started_command, "is_here", lambda uri: uri in BOTH.values())
+    monkeypatch.setenv("ROSOPS_REVISION", "0a1b2c3d")
+    return world
+
+
+def launched(world: World, clock: Clock | None = None, here: Any = None, **more: Any) -> str:
+    settings = {"expect_node": False, "launch": "overlap", "app": "base", "here": BOTH if here is None else here}
+    return started(world, clock, **{**settings, **more})
+
+
+def owe_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    topics = {
+        "/out": {"type": "std_msgs/String", "md5sum": None, "rate": None, "publishers": {OWN: {"rate": 100.0}}},
+        "/map": {"type": "", "md5sum": None, "rate": None, "publishers": {OTHER: {"rate": None}}},
+    }
+    owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)
+
+
+def test_a_launch_file_is_started_when_nothing_more_is_registered(two_nodes: World) -> None:
+    clock = Clock()
+    assert launched(two_nodes, clock) == ""
+    assert started_command.SETTLE_LAUNCH <= clock.at <= started_command.SETTLE_LAUNCH + 0.2
+    assert kept.load_state(OWN) == {}  # which node it is has to be looked up each time
+
+
+def test_every_connection_of_every_node_is_waited_for(two_nodes: World) -> None:
+    two_nodes.replies(OTHER, bus=bus())
+    assert launched(two_nodes) == f"not ready: topic /map: 0 of 1 subscriber connected: missing {SUBSCRIBER}"
+
+
+def test_nobody_is_there_yet(two_nodes: World) -> None:
+    assert launched(two_nodes, here={}) == "not ready: node base: none is registered from this pod's address"
+
+
+def test_all_that_the_version_before_had_is_waited_for(two_nodes: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    owe_both(monkeypatch)
+    clock = Clock()
+    assert launched(two_nodes, clock) == ""
+    assert clock.at == 0  # the contract says what there has to be
+    words = f"as the version before: does not start {OTHER}; does not publish /map"
+    assert words in launched(two_nodes, here={OWN: URI})
+    two_nodes.hz["/out"] = 50.0
+    assert "rate /out: 50.0 Hz" in launched(two_nodes)
+
+
+def test_what_one_node_had_another_one_does_not_give(two_nodes: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    topics = {"/map": {"type": "", "md5sum": None, "rate": None, "publishers": {OWN: {"rate": None}}}}
+    owe(monkeypatch, nodes=[OWN, OTHER], topics=topics)
+    assert "does not publish /map" in launched(two_nodes)
+
+
+def test_private_names_of_this_version_alone_are_on_their_way(two_nodes: World) -> None:
+    two_nodes.publishers[f"{OTHER}/status"], two_nodes.subscribers[f"{OTHER}/status"] = [OTHER], []
+    two_nodes.services[f"{OTHER}/get_loggers"] = [OTHER]
+    words = f"topic {OTHER}/status: is private to this version, and moves to the name that others know"
+    assert launched(two_nodes) == f"not ready: {words}"
+    assert launched(two_nodes, launch="replace").startswith("not ready: topic") is False
+
+
+def test_a_contract_counts_for_whoever_names_his_nodes_himself(
+    two_nodes: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert started(two_nodes, expect_node=False, here=BOTH) == ""
+    assert two_nodes.asked == []
+    owe_both(monkeypatch)
+    assert "does not start" in started(two_nodes, expect_node=False, app="base", here={OWN: URI})
 
 
 def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

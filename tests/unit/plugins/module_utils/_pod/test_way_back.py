@@ -366,3 +366,34 @@ def test_the_lease_is_written_as_electors_do() -> None:
     let_go = way_back.lease_of(taken, "robot-r1", "", "T3")
     assert (let_go["spec"]["holderIdentity"], let_go["spec"]["acquireTime"]) == ("", "T2")
     assert let_go["spec"]["leaseTransitions"] == 4
+
+
+# ---- a launch file's nodes
+
+
+def of_launch(number: int, handoff: str) -> dict[str, Any]:
+    made = version("base", number, node="")
+    made["spec"]["template"]["metadata"]["annotations"][way_back.HANDOFF] = handoff
+    return made
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "nodes", "old"),
+    [
+        ("overlap", "overlap", ["/lidar_rev2", "/front/arm_rev2"], {"/lidar_rev1", "/front/arm_rev1"}),
+        ("replace", "overlap", ["/lidar_rev2"], {"/lidar"}),
+        ("overlap", "replace", ["/lidar"], {"/lidar_rev1"}),
+        ("replace", "replace", ["/lidar"], {"/lidar"}),
+    ],
+)
+def test_the_contract_tells_what_the_version_before_called_its_nodes(
+    before: str, after: str, nodes: list[str], old: set[str]
+) -> None:
+    contract = {"nodes": nodes[:1], "others": {"nodes": nodes[1:]}}
+    member = unproven(live(of_launch(2, after)), left(of_launch(1, before), **contract))
+    assert member.nodes_before == old
+
+
+def test_the_node_of_an_apps_own_name_is_known_by_its_annotation() -> None:
+    assert unproven(live(NEW), left(OLD)).nodes_before == {"/camera_1"}
+    assert unproven(live(NEW), left()).nodes_before == set()

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import suffix_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     MasterState,
@@ -26,7 +27,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import suffix_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 

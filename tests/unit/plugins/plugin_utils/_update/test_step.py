@@ -377,3 +377,88 @@ def test_a_version_is_dead_when_none_of_its_containers_runs(states: list[str], d
     other = {"metadata": {"labels": old}, "status": {"containerStatuses": [{"state": {"running": {}}}]}}
     assert is_dead(step, [other, new]) == dead
     assert is_dead(step, [{"metadata": {"labels": labels}}])
+
+
+# --- launch files whose versions overlap ----------------------------------------------------------------------------
+
+
+LAUNCH = {"package": "nav", "file": "nav.launch", "replace": ["move_base"]}
+
+
+def overlapping(launch: dict[str, Any], *maps: dict[str, Any]) -> Step:
+    return step_of(robot(app("nav", "x.org/a:1", launch=launch)), robot(app("nav", "x.org/a:2", launch=launch)), *maps)
+
+
+def overlapping_graph(step: Step) -> dict[str, Any]:
+    """Two nodes of the launch file with their revision, one of them an action's server; and another pod's."""
+    old = step.launched["nav"].old
+    server, amcl = f"/move_base{old}", f"/amcl{old}"
+    graph = graph_of(sensor_step(), actions={"/move_base": served(server)})
+    graph["nodes"][server] = node(uri="http://10.42.0.8:4001/")
+    graph["nodes"][amcl] = node(uri="http://10.42.0.8:4002/")
+    graph["topics"]["/amcl/pose"] = {
+        "type": "x/Pose", "md5sum": "", "publishers": [amcl], "subscribers": ["/listener"],
+        "connections": [{"publisher": amcl, "subscriber": "/listener"}],
+    }  # fmt: skip
+    return graph
+
+
+def test_the_nodes_of_a_launch_file_are_promised_under_their_next_names() -> None:
+    """What is held back is nothing that the pod's own probe may wait for."""
+    step = overlapping(LAUNCH)
+    launch = step.launched["nav"]
+    gate = step_gate(step, overlapping_graph(step), Live(pods=[pod("nav", "10.42.0.8")]))
+    assert gate.problems == []
+    assert gate.calm.actions == [{"name": "/move_base", "server": f"/move_base{launch.old}"}]
+    contract = gate.contracts["nav"]
+    assert contract["nodes"] == [f"/amcl{launch.new}"]
+    assert contract["topics"]["/amcl/pose"]["publishers"] == {f"/amcl{launch.new}": {"rate": None}}
+    assert contract["edges"] == [[f"/amcl{launch.new}", "/amcl/pose", "/listener"]]
+    assert contract["others"]["nodes"] == [f"/move_base{launch.new}"]
+    assert contract["others"]["actions"] == ["/move_base"]
+    wanted = proof(step, gate, 0.1)
+    assert set(wanted["nodes"]) == {f"/amcl{launch.new}", f"/move_base{launch.new}"}
+    assert wanted["absent"] == [f"/amcl{launch.old}", f"/move_base{launch.old}"]
+    before = proof_of_old(step, gate, 0.1)
+    assert set(before["nodes"]) == {f"/amcl{launch.old}", f"/move_base{launch.old}"}
+    assert [topic["name"] for topic in before["topics"]] == ["/amcl/pose"]
+    assert gate.allowed[-1] == (
+        f"/move_base{launch.old} is away from its end until its next version has begun: it is in launch.replace of nav"
+    )
+
+
+def test_a_node_of_which_two_must_not_be_there_is_refused_with_what_to_write() -> None:
+    words = (
+        "/move_base{} serves the action /move_base, of which two servers lose goals: list /move_base in launch.replace "
+        "of nav, or in launch.overlap if two of it do no harm"
+    )
+    alone = without(LAUNCH, "replace")
+    for launch, forbidden in ((alone, True), ({**alone, "overlap": ["move_base"]}, False)):
+        step = overlapping(launch)
+        gate = step_gate(step, overlapping_graph(step), Live(pods=[pod("nav", "10.42.0.8")]))
+        assert gate.problems == ([words.format(step.launched["nav"].old)] if forbidden else [])
+
+
+def without(launch: dict[str, Any], key: str) -> dict[str, Any]:
+    return {name: value for name, value in launch.items() if name != key}
+
+
+def test_a_pod_that_has_only_just_started_is_no_reason_to_ask_nothing_of_the_next_version() -> None:
+    """What it is to the graph stands in the contract of its last step, under the names of that one."""
+    step = overlapping(LAUNCH)
+    launch = step.launched["nav"]
+    gate = step_gate(step, overlapping_graph(step), Live(pods=[pod("nav", "10.42.0.8")]))
+    earlier = renamed_contract(gate.contracts["nav"], launch.new, "_0badcafe")
+    kept = update_map("nav", [])
+    kept["data"]["contract.json"] = json.dumps({**earlier, "revision": "0badcafe", "apps": ["nav"], "proven": True})
+    again = step_gate(step, NO_GRAPH, Live(maps=[kept], pods=[pod("nav", "10.42.0.8")]))
+    assert {key: again.contracts["nav"][key] for key in ("nodes", "topics", "edges")} == {
+        key: gate.contracts["nav"][key] for key in ("nodes", "topics", "edges")
+    }
+    assert again.succession.nodes == gate.succession.nodes
+    assert proof_of_old(step, again, 0.1) == proof_of_old(step, gate, 0.1)
+
+
+def renamed_contract(contract: Any, old: str, new: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(json.dumps(contract).replace(old, new))
+    return found
