@@ -422,9 +422,10 @@ def main(words):
         if options.revision:
             attend(launch, master, Waiting(master.address_of))
         launch.pm.registrations_complete()
+        server = launch.server.uri  # which it forgets when it ends
         launch.spin()
         own = [launch.names.moved(full) for full in launch.names.nodes] if options.revision else []
-        master.forget(own, launch.server.uri)
+        master.forget(own, server)
     except roslaunch.RLException as error:
         sys.stderr.write("rosops.fleet: %s\n" % error)
         return 1

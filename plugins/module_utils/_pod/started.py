@@ -13,7 +13,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping, Sequence
+from typing import Any, Callable, Collection, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
@@ -21,6 +21,7 @@ from .._ros.backend import Backend
 from .._ros.checks import Check
 from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions
+from .._ros.roslaunch import Child, children, crash, host_of
 from .._ros.silence import Silence
 from .command import run_command
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
@@ -39,7 +40,8 @@ def main(_words: list[str]) -> int:
     settings = load_settings(os.environ)
     before = load_state(settings["node"])
     ros = ros_of(os.environ)
-    reason = started(settings, before, ros, Outside(run_command, partial(names_here, ros, settings)))
+    outside = Outside(run_command, partial(names_here, ros, settings), partial(children, ros))
+    reason = started(settings, before, ros, outside)
     if reason:
         save_state(settings["node"], {"failed": reason})
         sys.stdout.write(f"{reason}\n")
@@ -52,6 +54,7 @@ class Outside:
 
     run: Callable[[list[str], float], str]  # why it failed
     here: Callable[[MasterState], Mapping[str, str]]  # name -> address
+    children: Callable[[Collection[str]], Iterable[Child]]  # what roslaunch at these addresses started
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
 
@@ -120,7 +123,7 @@ class Starting:
         checks = judge(graph, state, wanted, self._forgiving(state, graph, wanted))
         checks += self._settled(own) if not (wanted.contract or self.settings["command"]) else []
         if whole and all(check.verdict == PASS for check in checks):
-            checks += self._streams(graph, own, wanted)
+            checks += [*self._streams(graph, own, wanted), *self._fallen(own)]
             if self.settings["expect_node"] and all(check.verdict == PASS for check in checks):
                 save_state(own[0].name, state_of(own[0], service_uris(graph.services, own[0].services)))
         return checks
@@ -145,6 +148,12 @@ class Starting:
         loose = [name for name in sorted({*named} - kept) if any(name.startswith(f"{node}/") for node in renamed)]
         return [Check("topic", name, WAIT, "is private to this version, and moves to the name that others know")
                 for name in loose]  # fmt: skip
+
+    def _fallen(self, own: Iterable[Node]) -> list[Check]:
+        """Processes of the launch file that ended by an error, and are not up again: roslaunch goes on without them."""
+        hosts = {host_of(node.uri) for node in own} if self.settings.get("launch") else set()
+        ended = [child for child in self.outside.children(hosts) if not child.alive] if hosts else []
+        return [Check("node", child.node, WAIT, said) for child in ended if (said := crash(child))]
 
     def _peers(self, state: MasterState, graph: Graph, own: Iterable[str]) -> Graph:
         """The graph with the answers of those that the own nodes are not connected to."""

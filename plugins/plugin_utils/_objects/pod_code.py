@@ -46,7 +46,7 @@ def begin_after(app: App, node: str) -> list[str]:
 # roslaunch's own interpreter, which may be one that nothing else of ours runs on
 LAUNCHER = (
     'found=$(command -v roslaunch) || { echo "rosops.fleet: this image has no roslaunch" >&2; exit 127; }; '
-    f'exec $(sed -n "1s/^#!//p" "$found") {names.CODE_DIR}/_pod.launch.py "$@"'
+    f'exec $(sed -n "1s/^#!//p" "$found") -u {names.CODE_DIR}/_pod.launch.py "$@"'
 )
 
 

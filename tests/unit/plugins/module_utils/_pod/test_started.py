@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod import started a
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     OWN,
     PUBLISHER,
@@ -48,12 +49,14 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def started(world: World, clock: Clock | None = None, before: Any = None, run: Any = None, **settings: Any) -> str:
-    clock, here = clock or Clock(), settings.pop("here", {})
+    clock, here, children = clock or Clock(), settings.pop("here", {}), settings.pop("children", [])
     return started_command.started(
         {**SETTINGS, **settings},
         before or {},
         world,
-        started_command.Outside(run or (lambda *_: ""), lambda _state: here, clock.now, clock.sleep),
+        started_command.Outside(
+            run or (lambda *_: ""), lambda _state: here, lambda _hosts: children, clock.now, clock.sleep
+        ),
     )
 
 
@@ -312,6 +315,21 @@ def test_private_names_of_this_version_alone_are_on_their_way(two_nodes: World) 
     words = f"topic {OTHER}/status: is private to this version, and moves to the name that others know"
     assert launched(two_nodes) == f"not ready: {words}"
     assert launched(two_nodes, launch="replace").startswith("not ready: topic") is False
+
+
+@pytest.mark.parametrize(
+    ("alive", "code", "words"),
+    [
+        (False, 3, "not ready: node /arm/lidar: ended with exit code 3"),
+        (False, -11, "not ready: node /arm/lidar: ended with signal SIGSEGV"),
+        (False, 0, ""),  # it has done its work
+        (True, None, ""),
+    ],
+)
+def test_a_process_that_crashed_is_said(two_nodes: World, alive: bool, code: int | None, words: str) -> None:
+    """roslaunch goes on without it, and the graph does not know of it."""
+    child = Child("arm/lidar-3", "127.0.0.1", alive, code, False, False, 1)
+    assert launched(two_nodes, children=[child]) == words
 
 
 def test_a_contract_counts_for_whoever_names_his_nodes_himself(

@@ -1,0 +1,169 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Two versions of a launch file at once, with real roslaunch and rospy: names, parameters, what is held back."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import xmlrpc.client
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import launch as launcher
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import children, crash
+from scene import NODES, PYTHON, Scene, until
+
+pytestmark = pytest.mark.skipif(not shutil.which("roslaunch"), reason="no roslaunch here: Debian's python3-roslaunch")
+
+ONE, TWO = "11111111", "22222222"
+LAUNCH = """<launch>
+  <arg name="area" default="hall"/>
+  <arg name="gain" default="1"/>
+  <param name="/area" value="$(arg area)"/>
+  <group ns="arm"><node pkg="made" type="private" name="camera"><param name="gain" value="$(arg gain)"/></node></group>
+  <node pkg="made" type="listens" name="driver"/>
+  <node pkg="made" type="listens" name="$(anon tool)"/>
+</launch>
+"""
+ENDS = """<launch>
+  <node pkg="made" type="listens" name="lives"/>
+  <node pkg="made" type="ends" name="three" args="3"/>
+  <node pkg="made" type="ends" name="zero" args="0"/>
+</launch>
+"""
+REQUIRED = """<launch><node pkg="made" type="ends" name="needed" args="7" required="true"/></launch>"""
+MISSING = """<launch><node pkg="made" type="nothing" name="absent"/></launch>"""
+DEAF = """<launch><node pkg="made" type="deaf" name="deaf"/></launch>"""
+PACKAGE = """<package><name>made</name><version>1.0.0</version><description>for a test</description>
+<maintainer email="nobody@example.org">nobody</maintainer><license>GPL-3.0-or-later</license></package>
+"""
+PRIVATE = f"""#!{PYTHON}
+import rospy
+from std_msgs.msg import Int64
+rospy.init_node("camera")
+rospy.Publisher("~image", Int64, queue_size=1, latch=True).publish(rospy.get_param("~gain"))
+rospy.spin()
+"""
+
+
+@pytest.fixture(autouse=True)
+def made(scene: Scene) -> None:
+    """A master, and a ROS package with launch files and what they start."""
+    scene.start_master()
+    xmlrpc.client.ServerProxy(scene.uri).setParam("/tester", "/run_id", "made")
+    directory = scene.directory / "made"
+    directory.mkdir()
+    named = 'for word in "$@"; do case $word in __name:=*) name=${word#__name:=};; esac; done'
+    listens = f'#!/bin/sh\n{named}\nexec {PYTHON} {NODES} listener "$name" "{scene.directory}/$name.jsonl"\n'
+    files = {
+        "package.xml": PACKAGE,
+        "two.launch": LAUNCH,
+        "ends.launch": ENDS,
+        "required.launch": REQUIRED,
+        "missing.launch": MISSING,
+        "deaf.launch": DEAF,
+        "private": PRIVATE,
+        "listens": listens,
+        "ends": "#!/bin/sh\nsleep 0.3; exit $1\n",
+        "deaf": "#!/bin/sh\ntrap '' INT TERM\nwhile :; do sleep 1; done\n",
+    }
+    for name, text in files.items():
+        (directory / name).write_text(text)
+        (directory / name).chmod(0o755)
+    scene.environment = {"ROS_PACKAGE_PATH": str(directory)}
+
+
+def start(scene: Scene, revision: str, *words: str) -> None:
+    scene.environment["ROSOPS_REVISION"] = revision
+    scene._start(revision, PYTHON, "-u", launcher.__file__, *words)
+
+
+def nodes(scene: Scene, revision: str) -> set[str]:
+    return {name.removesuffix(f"_{revision}") for name in scene.registered() if name.endswith(revision)}
+
+
+def publishers(scene: Scene, topic: str) -> set[str]:
+    return {name for name, entry in scene.registered().items() if topic in dict(entry.publications)}
+
+
+def param(scene: Scene, name: str) -> Any:
+    return xmlrpc.client.ServerProxy(scene.uri).getParam("/tester", name)[2]
+
+
+def end(scene: Scene, name: str) -> int:
+    scene.kill(name, signal.SIGTERM)
+    return scene.processes[name].wait(20)
+
+
+OVERLAP = ("--overlap", "--replace=driver", "--package=made", "two.launch")
+
+
+def test_two_versions_side_by_side(scene: Scene) -> None:
+    start(scene, ONE, *OVERLAP)
+    # nobody knows the private name yet: the node is started once more, with it
+    until("the private name in its place", lambda: publishers(scene, "/arm/camera/image") == {f"/arm/camera_{ONE}"})
+    until("the first version", lambda: nodes(scene, ONE) == {"/arm/camera", "/driver"})
+    assert len([name for name in scene.registered() if name.startswith("/tool_")]) == 1
+
+    start(scene, TWO, *OVERLAP, "gain:=2")
+    until("the second version", lambda: nodes(scene, TWO) == {"/arm/camera"})
+    assert publishers(scene, "/arm/camera/image") == {f"/arm/camera_{ONE}", f"/arm/camera_{TWO}"}
+    assert (param(scene, f"/arm/camera_{ONE}/gain"), param(scene, f"/arm/camera_{TWO}/gain")) == (1, 2)
+    assert len([name for name in scene.registered() if name.startswith("/tool_")]) == 2  # each has one of its own
+
+    assert end(scene, ONE) == 0
+    until("the driver, when the old one has ended", lambda: nodes(scene, TWO) == {"/arm/camera", "/driver"})
+    assert nodes(scene, ONE) == set()
+    assert param(scene, "/arm") == {f"camera_{TWO}": {"gain": 2}}  # the old one's went with it
+    assert len(param(scene, "/roslaunch/uris")) == 1
+    assert end(scene, TWO) == 0
+
+
+def test_a_version_that_would_change_what_the_old_one_reads_does_not_begin(scene: Scene) -> None:
+    start(scene, ONE, *OVERLAP)
+    until("the first version", lambda: nodes(scene, ONE) == {"/arm/camera", "/driver"})
+    start(scene, TWO, *OVERLAP, "area:=yard")
+    assert scene.processes[TWO].wait(20) == 1
+    assert "/area would change under the version at work; take handoff: replace" in scene.said(TWO)
+    assert param(scene, "/area") == "hall"
+    assert nodes(scene, ONE) == {"/arm/camera", "/driver"}
+
+
+def test_how_processes_ended_is_remembered(scene: Scene) -> None:
+    start(scene, ONE, "--package=made", "ends.launch")
+    ros = Ros1Client(scene.uri, 5.0)
+
+    def ended() -> dict[str, str]:
+        return {child.node: crash(child) for child in children(ros) if not child.alive}
+
+    until("their ends", lambda: set(ended()) == {"/three", "/zero"})
+    assert ended() == {"/three": "ended with exit code 3", "/zero": ""}
+
+
+@pytest.mark.parametrize(
+    ("file", "status", "words"),
+    [
+        (("required.launch",), 7, ()),
+        (("missing.launch",), 1, ("absent could not be started",)),
+        (("nowhere.launch",), 1, ("nowhere.launch",)),
+        (
+            ("--overlap", "--replace=other", "two.launch"),
+            1,
+            ("launch.replace names other, which is none of its nodes",),
+        ),
+    ],
+)
+def test_what_goes_wrong_ends_it(scene: Scene, file: Iterable[str], status: int, words: Iterable[str]) -> None:
+    start(scene, ONE, "--package=made", *file)
+    assert scene.processes[ONE].wait(20) == status
+    assert all(word in scene.said(ONE) for word in words), scene.said(ONE)
+
+
+def test_a_deaf_node_costs_seconds(scene: Scene) -> None:
+    start(scene, ONE, "--package=made", "deaf.launch")
+    until("the node", lambda: "started with pid" in scene.said(ONE))
+    assert end(scene, ONE) == 0
+    assert "escalating to SIGKILL" in scene.said(ONE)
