@@ -124,7 +124,7 @@ def test_two_versions_side_by_side(scene: Scene) -> None:
 
 def test_a_version_that_would_change_what_the_old_one_reads_does_not_begin(scene: Scene) -> None:
     start(scene, ONE, *OVERLAP)
-    until("the first version", lambda: nodes(scene, ONE) == {"/arm/camera", "/driver"})
+    until("the first version", lambda: publishers(scene, "/arm/camera/image") == {f"/arm/camera_{ONE}"})
     start(scene, TWO, *OVERLAP, "area:=yard")
     assert scene.processes[TWO].wait(20) == 1
     assert "/area would change under the version at work; take handoff: replace" in scene.said(TWO)
@@ -164,6 +164,6 @@ def test_what_goes_wrong_ends_it(scene: Scene, file: Iterable[str], status: int,
 
 def test_a_deaf_node_costs_seconds(scene: Scene) -> None:
     start(scene, ONE, "--package=made", "deaf.launch")
-    until("the node", lambda: "started with pid" in scene.said(ONE))
+    until("the node", lambda: [child.alive for child in children(Ros1Client(scene.uri, 5.0))] == [True])
     assert end(scene, ONE) == 0
     assert "escalating to SIGKILL" in scene.said(ONE)
