@@ -13,7 +13,7 @@ from typing import Any, Iterable, Sequence
 
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
-from .contract import is_tool
+from .contract import is_keeper, is_tool
 from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Node, Rate, StatusReading, Topic
 
 RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher at just min_rate must not flap
@@ -259,7 +259,9 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     if least is None and wanted.subscribers is None and not wanted.connected and not wanted.publisher:
         least = 1
     if least is not None:
-        parts.append(_check_number(graph, "publisher", topic.publishers, least))
+        # the keeper publishes in the place of one that has nothing to say yet
+        own = tuple(name for name in topic.publishers if not is_keeper(name))
+        parts.append(_check_number(graph, "publisher", own, least))
     if wanted.subscribers is not None:
         parts.append(_check_number(graph, "subscriber", topic.subscribers, wanted.subscribers))
     if wanted.connected and (not wanted.publisher or parts[0][0] == PASS):

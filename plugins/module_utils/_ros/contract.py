@@ -32,14 +32,20 @@ Edge = Tuple[str, str, str]  # publisher, topic, subscriber
 TOLERANCE = 0.1
 
 _LOGGERS = ("/get_loggers", "/set_logger_level")
-_ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
+ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
 _TOOL = re.compile(ANONYMOUS + r"\Z")
-_TOOL_NAMES = ("rqt", "rosops_fleet", "ros_keeper")
+_KEEPER = "ros_keeper"
+_TOOL_NAMES = ("rqt", "rosops_fleet", _KEEPER)
 
 
 def is_tool(node: str) -> bool:
     """A node that somebody has open to look at the graph, or that belongs to this collection."""
     return bool(_TOOL.search(node)) or node.rpartition("/")[2].startswith(_TOOL_NAMES)
+
+
+def is_keeper(node: str) -> bool:
+    """The keeper, which publishes for others: goals that it holds, and what a node had latched that was replaced."""
+    return node.rpartition("/")[2] == _KEEPER
 
 
 @dataclass(frozen=True)
@@ -125,7 +131,7 @@ class _Recorder:
         self.graph, self.renames, self.intended = graph, renames, intended
         self.names = {**intended.renamed, **renames}
         self.alive = [name for name in nodes if self.answers(name)]
-        self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in _ACTION_TOPICS}
+        self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in ACTION_TOPICS}
 
     def new(self, name: str) -> str:
         return renamed(name, self.names)

@@ -114,7 +114,8 @@ def _dead_publisher(world: World) -> None:
 
 def _tools(world: World) -> None:
     world.subscribers["/out"] += ["/rostopic_4711_1700000000000", "/rqt_gui", "/ros_keeper"]
-    world.publishers["/in"] += ["/rostopic_4712_1700000000000"]
+    world.publishers["/in"] += ["/rostopic_4712_1700000000000", "/ros_keeper"]
+    world.publishers["/out"] += ["/ros_keeper"]
     for name in (*world.subscribers["/out"][1:], *world.publishers["/in"][1:]):
         world.answers[name] = NodeAnswer("http://192.0.2.1:1/", error="no answer")
 

@@ -263,6 +263,16 @@ def test_our_own_node_counts_whatever_its_name_looks_like() -> None:
     assert ["/display", "/config", "/rqt_4711_1700000000000"] in record(anonymous, ["/rqt_4711_1700000000000"])["edges"]
 
 
+def test_what_the_keeper_gives_in_the_place_of_others_is_nobodys_to_give() -> None:
+    of, with_keeper = graph(), graph()
+    with_keeper["nodes"]["/ros_keeper"] = node()
+    for name in ("/latched", "/temperature", "/config"):
+        entry = with_keeper["topics"][name]
+        entry["publishers"].append("/ros_keeper")
+        entry["connections"] += [{"publisher": "/ros_keeper", "subscriber": end} for end in entry["subscribers"]]
+    assert record(with_keeper, [OLD], {OLD: NEW}) == record(of, [OLD], {OLD: NEW})
+
+
 @pytest.mark.parametrize(
     ("name", "expected"),
     [(OLD, NEW), (f"{OLD}/a/b", f"{NEW}/a/b"), (f"{OLD}x", f"{OLD}x"), ("/x", "/x"), (f"/x{OLD}", f"/x{OLD}")],

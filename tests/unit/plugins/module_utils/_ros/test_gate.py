@@ -219,6 +219,17 @@ def test_a_dead_nodes_registration_does_not_count() -> None:
     assert DEAD in check.observed["subscribers"]
 
 
+def test_the_keeper_is_no_publisher_that_somebody_asked_for() -> None:
+    """It gives what one had latched that was replaced, which is not that the next one is there."""
+    keeper = {"/ros_keeper": NodeAnswer("http://127.0.0.1:40009/", 9)}
+    both = graph(keeper, publishers={"/chatter": ("/ros_keeper", "/talker_a")})
+    assert topic(both, publishers=1).reason == "1 publisher"
+    assert topic(both, publishers=2).reason == "1 publisher of at least 2"
+    alone = topic(graph(keeper, publishers={"/chatter": ("/ros_keeper",)}))
+    assert (alone.verdict, alone.reason) == (WAIT, "0 publishers of at least 1")
+    assert topic(both, connected=True).verdict == topic(graph(), connected=True).verdict
+
+
 def test_types() -> None:
     assert topic(healthy(), type="std_msgs/String").verdict == PASS
     check = topic(healthy(), type="std_msgs/Int32")
