@@ -60,9 +60,9 @@ def listener(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
         log(**seen)
 
 
-def dock(log: Log, topic: str = "/dock", value: str = "") -> None:
+def dock(log: Log, topic: str = "/dock", value: str = "", latch: str = "yes") -> None:
     """Latches its value when it is told to, with SIGUSR1; at its start, as most nodes do, nothing."""
-    out = rospy.Publisher(topic, std_msgs.msg.String, queue_size=1, latch=True)
+    out = rospy.Publisher(topic, std_msgs.msg.String, queue_size=1, latch=latch == "yes")
     signal.signal(signal.SIGUSR1, lambda _received, _frame: out.publish(value))
     log(up=True)
     rospy.spin()

@@ -142,11 +142,11 @@ class Starting:
         return []
 
     def _streams(self, graph: Graph, own: Node, wanted: Wanted) -> list[Check]:
-        """md5sums and rates, of the own topics as this node alone publishes them."""
+        """What the node says of its topics, and their rates, as this node alone publishes them."""
         topics = {name: replace(topic, publishers=(own.name,)) for name, topic in graph.topics.items()}
         alone = replace(graph, topics=topics)
         promised = [name for name in (wanted.contract or {}).get("topics", ()) if name in own.publications]
-        checks = check_sums(graph, wanted.contract, self.ros.md5sums(alone, promised) if promised else {})
+        checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})
         least = least_rates(own, wanted)
         if least and not checks:
             seconds = {name: rate_window(hz) for name, hz in least.items()}

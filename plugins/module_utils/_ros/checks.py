@@ -13,8 +13,9 @@ from typing import Any, Iterable, Sequence
 
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
-from .contract import is_keeper, is_tool
-from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Node, Rate, StatusReading, Topic
+from .contract import is_tool
+from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Handshake, Node, Rate, StatusReading, Topic
+from .names import is_keeper
 
 RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher at just min_rate must not flap
 
@@ -292,6 +293,16 @@ def check_rate(wanted: TopicCondition, rate: Rate | None) -> Check:
     if rate.hz >= least * (1 - RATE_TOLERANCE):
         return Check("rate", wanted.name, PASS, f"{seen}, at least {least:g} Hz", observed)
     return Check("rate", wanted.name, WAIT, f"{seen} of at least {least:g} Hz", observed)
+
+
+def check_latched(wanted: TopicCondition, said: Handshake | None) -> Check:
+    """What a publisher says of itself; a value that a node latches later has to reach who comes later still."""
+    if said is None:
+        return Check("latched", wanted.name, WAIT, "not known: no publisher says whether it latches")
+    observed = {"publisher": said.publisher, "latching": said.latching}
+    if said.latching:
+        return Check("latched", wanted.name, PASS, f"latched by {said.publisher}", observed)
+    return Check("latched", wanted.name, FAIL, f"{said.publisher} publishes it without latching", observed)
 
 
 def left(graph: Graph, topic: str, name: str, role: str) -> str:

@@ -7,6 +7,12 @@ from __future__ import annotations
 
 # How anonymous names end, as a pattern: rospy's in process id and milliseconds, roscpp's in nanoseconds.
 ANONYMOUS = r"(?:_\d+_\d{13}|_\d{18,})"
+KEEPER = "ros_keeper"
+
+
+def is_keeper(node: str) -> bool:
+    """The keeper, which publishes for others: goals that it holds, and what a node had latched that was replaced."""
+    return node.rpartition("/")[2] == KEEPER
 
 
 def resolve(name: str, namespace: str = "/", node: str = "") -> str:

@@ -17,6 +17,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
+    Handshake,
     MasterState,
     Questions,
     Rate,
@@ -531,7 +532,7 @@ class SimulatedRobot:
                 found[node] = StatusReading((states, states)) if told else StatusReading(error="it tells nothing")
         return found
 
-    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
+    def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
         raise NotImplementedError
 
     def rates(
