@@ -36,8 +36,10 @@ def nine(fleet: Fleet) -> Iterator[Variables]:
 def with_launch(fleet: Fleet, **launch: Any) -> Variables:
     apps = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
     scripts = {name: f'#!/bin/sh\nexec {BIN}/{name} "$@"\n' for name in PROGRAMS}
-    texts = {**{path.name: path.read_text("utf-8") for path in NINE.iterdir()}, **scripts}
     plain = (".xml", ".launch")
+    texts = {path.name: path.read_text("utf-8") for path in NINE.iterdir()}
+    scripts |= {name: f"#!/usr/bin/python3\n{text}" for name, text in texts.items() if not name.endswith(plain)}
+    texts |= scripts
     bringup = {
         "name": "bringup",
         "image": "lab/apps:robot",

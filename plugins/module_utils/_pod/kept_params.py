@@ -108,7 +108,7 @@ class Space:
         spent = [self.place] if self.place in self.tree else []
         if not source.over:
             return spent
-        node, is_place, _ = source.root.partition(f"{_PLACE}/")
+        node, is_place, _rest = source.root.partition(f"{_PLACE}/")
         if not is_place:
             return [*spent, node, f"{node}{_PLACE}"]
         taken = [full(name, source.root) for name in _private(keep)]

@@ -443,4 +443,4 @@ def _patience(roslaunch):
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    raise SystemExit(main(sys.argv[1:]))
