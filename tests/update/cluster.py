@@ -208,7 +208,7 @@ class Hosts:
     """The lab's hosts: on and off, and the files that the apps write."""
 
     def __init__(self, lab: str) -> None:
-        self._lab = lab
+        self.lab = lab
         listing = subprocess.run([str(LAB), "inventory", "--lab", lab], capture_output=True, text=True, check=True)  # noqa: S603
         found = json.loads(listing.stdout)
         self.variables: dict[str, Any] = found["all"]["vars"]
@@ -218,7 +218,7 @@ class Hosts:
 
     def power(self, host: str, word: str) -> None:
         """`down`, `up`, `reboot`, `cut`, `join`."""
-        command = [str(LAB), "host", "--lab", self._lab, host, word]
+        command = [str(LAB), "host", "--lab", self.lab, host, word]
         subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)  # noqa: S603
 
     def ssh(self, host: str, command: str) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cluster import LAB
 from fleet import ALL_AT_ONCE, ROBOTS, Fleet
 from runs import Run
 from test_3_interrupted import wait_for_new_goal
@@ -28,6 +29,13 @@ UNDONE = f"""
 - name: Take the mark away
   ansible.builtin.file: {{path: {MARK}, state: absent}}
   become: true
+"""
+REBOOTS = """
+- name: Restart the robot, from outside, as a container cannot do it by itself
+  ansible.builtin.command: {argv: [%s, host, --lab, %s, "{{ inventory_hostname }}", reboot]}
+  delegate_to: localhost
+- name: Wait until it is there
+  ansible.builtin.wait_for_connection: {timeout: 120}
 """
 LASTS = f"""
 {DONE}
@@ -96,3 +104,16 @@ def test_after_a_run_that_was_killed_in_the_tasks_the_next_one_has_the_robot(fle
     run = guarded(fleet, tasks(DONE), "--limit", "robot2,edge1")
     assert run.status == 0, run
     assert marked(fleet) == ["robot2"]
+
+
+def test_a_reboot_waits_for_the_robot_to_rest_and_is_proven(fleet: Fleet, tasks: Any) -> None:
+    watch, before = fleet.watch(), fleet.running()["robot2"]
+    wait_for_new_goal(fleet, "robot2")
+    text = REBOOTS % (LAB, fleet.hosts.lab)
+    run = guarded(fleet, tasks(text), "--limit", "robot2,edge1", guarded_ready_timeout=240)
+    assert (run.status, run.outcomes["robot2"]) == (0, "updated"), run
+    after = fleet.running()["robot2"]
+    local = [app for app, pods in before.items() if app in ("temperature", "add-two-ints", "prime-factors")]
+    assert len(local) == 3 and all(after[app] != before[app] for app in local), after
+    losses = watch.losses("robot2", patience=150)["robot2"]
+    assert (losses.unsuccessful, losses.twice) == ([], []), losses  # no goal was under way, and none was lost
