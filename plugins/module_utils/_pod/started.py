@@ -19,6 +19,7 @@ from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend
 from .._ros.checks import Check
+from .._ros.contract import is_tool
 from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions
 from .._ros.roslaunch import Child, children, crash, host_of
@@ -134,7 +135,7 @@ class Starting:
             node = self.settings["node"]
             there = node in state.nodes()
             return (node,), [] if there else [Check("node", node, WAIT, "not registered with the master")]
-        found = tuple(sorted(self.outside.here(state)))
+        found = tuple(name for name in sorted(self.outside.here(state)) if not is_tool(name))
         if not found:
             return (), [Check("node", self.settings["app"], WAIT, "none is registered from this pod's address")]
         return found, self._misplaced(state, found)

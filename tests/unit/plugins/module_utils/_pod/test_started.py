@@ -299,6 +299,11 @@ def test_every_connection_of_every_node_is_waited_for(two_nodes: World) -> None:
     assert launched(two_nodes) == f"not ready: topic /map: 0 of 1 subscriber connected: missing {SUBSCRIBER}"
 
 
+def test_a_tool_that_somebody_has_open_in_the_pod_is_none_of_its_nodes(two_nodes: World) -> None:
+    here = {**BOTH, "/rostopic_12_1700000000000": "http://127.0.0.1:40010/"}
+    assert launched(two_nodes, here=here) == ""
+
+
 def test_nobody_is_there_yet(two_nodes: World) -> None:
     assert launched(two_nodes, here={}) == "not ready: node base: none is registered from this pod's address"
 
