@@ -109,7 +109,7 @@ def test_a_launch_file_is_updated_without_a_loss(fleet: Fleet, nine: Variables) 
 
     watch = fleet.watch()
     slow = with_launch(fleet, args={"rate": 250})
-    run = fleet.update(slow, *LIMIT, update_ready_timeout=20)
+    run = fleet.update(slow, *LIMIT, update_ready_timeout=30)  # the probe has its say after ten seconds
     assert run.outcomes["robot1"] == "rolled-back", run
     assert re.search(r"rate /temperature: 2[45]\d(\.\d+)? Hz", run.host("robot1")["reason"]), run
     assert nodes_of(fleet) == [*NODES]
