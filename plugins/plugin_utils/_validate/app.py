@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import launch_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
 
@@ -118,6 +119,11 @@ def _launch(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     for name in app.private_names:
         found = f"names {name}, but a launch file's private names are found on the graph"
         yield Problem(f"{path}.private_names", found, "leave it out")
+
+
+def _launch_file(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+    if app.launch:
+        yield from launch_problems(app, app.launch, context.graph_namespace(app, draft.robot), path)
 
 
 def _node_name(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
@@ -440,6 +446,7 @@ CHECKS: tuple[Check, ...] = (
     _second_master,
     _command,
     _launch,
+    _launch_file,
     _node_name,
     _handoff,
     _placement,
