@@ -130,6 +130,7 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].ports[].host_port": whole(1, 65535),
     "ros_apps[].ports[].node_port": NODE_PORT,
     "ros_apps[].files[].path": text("mount-path"),
+    "ros_apps[].files[].content": text("unicode"),
     "ros_apps[].files[].secret": text("dns-name"),
     "ros_apps[].files[].key": text("secret-key"),
     "ros_apps[].files[].mode": text("file-mode"),
