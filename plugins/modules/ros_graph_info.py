@@ -202,8 +202,8 @@ from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.counters import sent
-from ..module_utils._ros.graph import Extras, Graph, Rate, around, everything
-from ..module_utils._ros.roslaunch import children, host_of, row
+from ..module_utils._ros.graph import Extras, Graph, Rate, around, everything, host_of
+from ..module_utils._ros.roslaunch import children, row
 
 INFO_ARGS = {
     "nodes": {"type": "list", "elements": "str", "default": []},

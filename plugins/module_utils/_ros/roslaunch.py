@@ -19,9 +19,8 @@ import signal
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, Callable, Container, Iterable, Mapping, Sequence
-from urllib.parse import urlsplit
 
-from .graph import Node
+from .graph import Node, host_of
 from .master import Master
 from .replies import unwrap
 from .rpc import Api, Deadline, in_parallel
@@ -139,14 +138,6 @@ def servers(told: Any, hosts: Container[str] | None = None) -> dict[str, str]:
     uris = {uri for uri in told.values() if isinstance(uri, str)} if isinstance(told, Mapping) else set()
     hosts_of = {uri: host_of(uri) for uri in sorted(uris)}
     return {uri: host for uri, host in hosts_of.items() if host and (hosts is None or host in hosts)}
-
-
-def host_of(uri: str) -> str:
-    """The host of a URI; nothing where it has none."""
-    try:
-        return urlsplit(uri).hostname or ""
-    except ValueError:
-        return ""
 
 
 def _ask(uri: str, host: str, caller: str, seconds: float) -> list[Child]:

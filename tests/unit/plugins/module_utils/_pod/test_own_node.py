@@ -212,6 +212,8 @@ def test_nodes_of_the_pod_are_found_by_its_address(peers: Peers, monkeypatch: py
     assert nodes_here({"host_network": True}) == ([], "no node is registered from this pod's address")
     assert nodes_here({"space": "/robot2"})[0] == []  # several robots share a master: the others' nodes are not asked
     assert nodes_here({"space": "/"})[0]
+    world.address = "http://["  # whatever a stranger has registered
+    assert nodes_here({}) == ([], "no node is registered from this pod's address")
     monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{peers.dead()}/")
     assert "nothing listens" in nodes_here({})[1]
 
