@@ -170,9 +170,10 @@ graph:
       description:
         - The processes that launch files have started, by the word of the roslaunch that runs where one of the nodes is
           registered (with O(nodes), one of those).
-        - C(crash) says in words what is wrong, and is empty where nothing is, or nobody can tell. roslaunch forgets the
-          exit code of a process that has ended and that it does not start again, so C(exit_code) is null then. Such a
-          process has crashed if it has left its registration behind, else it may have done its work.
+        - C(crash) says in words what is wrong, and is empty where nothing is, or nobody can tell. A
+          roslaunch that C(ros_apps[].launch) did not start forgets the exit code of a process that has ended and that it
+          does not start again, so C(exit_code) is null then. Such a process has crashed if it has left its registration
+          behind, else it may have done its work.
         - C(spawned) is how many times it was started, C(host) the address of its pod.
       type: list
       elements: dict
