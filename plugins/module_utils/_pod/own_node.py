@@ -13,6 +13,7 @@ import os
 import select
 import socket
 import xmlrpc.client
+from functools import partial
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Mapping
 from urllib.parse import urlsplit
@@ -21,7 +22,7 @@ from .._common.errors import RosError
 from .._ros.client import Ros1Client
 from .._ros.graph import MasterState, Node, Questions, StatusReading, host_of
 from .._ros.replies import connections
-from .._ros.rpc import Api, Deadline, reason, tell_publishers
+from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .calls import calls_under_way
 from .state import load_state, save_state
 
@@ -88,8 +89,9 @@ def names_here(ros: Ros1Client, settings: Mapping[str, Any], state: MasterState)
     space = settings.get("space", "").rstrip("/")
     known = ros.addresses([name for name in state.nodes() if name.startswith(f"{space}/")])[0]
     places = {host_of(uri): uri for uri in known.values()}
-    here = {host for host, uri in places.items() if is_here(uri)}
-    found = {name: uri for name, uri in known.items() if host_of(uri) in here}
+    # all at once, and not for ever: a robot that is away from its resolver looks laptops' names up in vain
+    here = in_parallel({host: partial(is_here, uri) for host, uri in places.items()}, ros.timeout, lambda *_: False)
+    found = {name: uri for name, uri in known.items() if here[host_of(uri)]}
     if settings.get("host_network"):  # then the address is that of others, too
         return {name: uri for name, uri in found.items() if listens_here(urlsplit(uri).port or 0)}
     return found
