@@ -50,10 +50,16 @@ options:
           - Smallest number of messages per second, summed over the topic's publishers; 1 % less still passes.
           - It is measured once all other conditions hold, for one second, or longer (up to 20) for rates below 4 Hz.
         type: float
+      latched:
+        description:
+          - Its publisher must latch, so that who subscribes later gets the last message. That is O(topics[].publisher),
+            or one that answers. One that does not latch fails the module at once.
+        type: bool
+        default: false
       publisher:
         description:
-          - A node that must publish the topic and answer. Its type, its rate and its connections alone are judged, with
-            every subscriber that answers; nobody has to subscribe.
+          - A node that must publish the topic and answer. Its type, rate, latching and connections alone are judged,
+            with every subscriber that answers; nobody has to subscribe.
         type: str
   services:
     description: Services that must accept a connection and answer its handshake.

@@ -131,7 +131,8 @@ graph:
         - C(rates) has the publishers whose rate may be expected of them from now on. One that sends irregularly, when
           something happens, is not in it, nor one with too few messages. What a publisher sends all at once after it
           was held up does not count.
-        - C(latched) lists the publishers whose first message had been sent before anybody listened; it is in no rate.
+        - C(latched) lists the publishers that latch, of those that were asked for an md5sum or whose rate was measured.
+          A message that had been sent before anybody listened is in no rate.
         - C(md5sum) is null where it was not asked for, or no publisher answers.
       type: dict
       sample:
@@ -234,7 +235,7 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
     publishers = graph.heard(params["rate_nodes"])
     extras = Extras(
         rates(ros, graph, publishers, params) if params["rates"] else {},
-        ros.md5sums(graph, publishers) if params["md5sums"] else {},
+        ros.handshakes(graph, publishers) if params["md5sums"] else {},
         sockets.count(graph) if sockets else {},
     )
     return {**graph.as_dict(extras), "launched": launched(ros, graph, params)}

@@ -60,6 +60,31 @@ def listener(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
         log(**seen)
 
 
+def dock(log: Log, topic: str = "/dock", value: str = "", latch: str = "yes") -> None:
+    """Latches its value when it is told to, with SIGUSR1; at its start, as most nodes do, nothing."""
+    out = rospy.Publisher(topic, std_msgs.msg.String, queue_size=1, latch=latch == "yes")
+    signal.signal(signal.SIGUSR1, lambda _received, _frame: out.publish(value))
+    log(up=True)
+    rospy.spin()
+
+
+def docked(log: Log, topic: str = "/dock") -> None:
+    """What it hears, and from whom."""
+
+    def got(message: Any) -> None:
+        log(heard=message.data, by=message._connection_header["callerid"])
+
+    rospy.Subscriber(topic, std_msgs.msg.String, got)
+    log(up=True)
+    rospy.spin()
+
+
+def looker(log: Log, topic: str = "/dock") -> None:
+    """Subscribes anew for each message, again and again."""
+    while not rospy.is_shutdown():
+        log(heard=rospy.wait_for_message(topic, std_msgs.msg.String).data)
+
+
 def service(log: Log, name: str = "/trigger", answer: str = "", seconds: str = "0") -> None:
     def serve(_request: Any) -> Any:
         log(asked=True)
@@ -173,7 +198,8 @@ def canceller(log: Log, action: str = "/work") -> None:
 
 
 KINDS: dict[str, Callable[..., None]] = {
-    function.__name__: function for function in (talker, listener, service, caller, server, pool, client, canceller)
+    function.__name__: function
+    for function in (talker, listener, dock, docked, looker, service, caller, server, pool, client, canceller)
 }
 
 if __name__ == "__main__":

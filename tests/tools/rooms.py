@@ -44,6 +44,8 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
 POD_ROOMS = ("_common", "_ros", "_pod")  # all that goes into app pods, where nothing of Ansible's is
+# What runs on the Python of an image's own ROS has that at hand, too, beside the standard library.
+ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes")}
 # Part of a room -> the only file of it that the rest of the room may import.
 FENCED = {"_pod/forwarding": "calls"}
 
@@ -108,13 +110,14 @@ def _host_code(file: PurePosixPath, text: str) -> Iterator[str]:
         yield f"{file}:{error.lineno}: not of Python {'.'.join(map(str, OLDEST))}: {error.msg}"
         return
     kind, room = file.parts[1:3]
+    known = ("ansible", "ansible_collections", *ROS_OF_THE_IMAGE.get("/".join(file.with_suffix("").parts[2:]), ()))
     for module in absolute(text):
         top = module.partition(".")[0]
         if kind == HOSTS and top == "ansible_collections":
             yield f"{file}: imports {module}; by that name it is not found in a pod: import it relatively"
         elif top == "ansible" and room in POD_ROOMS:
             yield f"{file}: imports {module}; there is no Ansible in a pod"
-        elif top not in ("ansible", "ansible_collections", *sys.stdlib_module_names):
+        elif top not in (*known, *sys.stdlib_module_names):
             yield f"{file}: imports {module}; hosts have the standard library alone"
         elif top == "ansible" and not module.startswith("ansible.module_utils"):
             yield f"{file}: imports {module}; only ansible.module_utils goes to hosts"

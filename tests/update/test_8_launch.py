@@ -94,13 +94,11 @@ def test_a_launch_file_is_updated_without_a_loss(fleet: Fleet, nine: Variables) 
     installed(fleet, nine)
     assert nodes_of(fleet) == [*NODES]
     watch = fleet.watch()
-    changes = nine
-    for version in ("next", "one more"):
-        changes = with_env(changes, ROSOPS_APPS_VERSION=version)
-        run = fleet.update(changes, *LIMIT)
-        assert run.status == 0, run
-        assert [step["name"] for step in run.steps("robot1")] == ["bringup"], run
-        assert nodes_of(fleet) == [*NODES]
+    changes = with_env(nine, ROSOPS_APPS_VERSION="next")
+    run = fleet.update(changes, *LIMIT)
+    assert run.status == 0, run
+    assert [step["name"] for step in run.steps("robot1")] == ["bringup"], run
+    assert nodes_of(fleet) == [*NODES]
     watch.assert_nothing_lost("robot1")
     before = fleet.running()
     again = fleet.update(changes, *LIMIT)
@@ -109,19 +107,21 @@ def test_a_launch_file_is_updated_without_a_loss(fleet: Fleet, nine: Variables) 
 
     watch = fleet.watch()
     slow = with_launch(fleet, args={"rate": 250})
-    run = fleet.update(slow, *LIMIT, update_ready_timeout=30)
+    run = fleet.update(slow, *LIMIT, update_ready_timeout=20)
     assert run.outcomes["robot1"] == "rolled-back", run
     assert re.search(r"rate /temperature: 2[45]\d(\.\d+)? Hz", run.host("robot1")["reason"]), run
-    other = with_launch(fleet, args={"area": "yard"})  # which nodes of the version at work read, too
-    run = fleet.update(other, *LIMIT, update_ready_timeout=30)
-    assert run.outcomes["robot1"] == "rolled-back", run
-    assert "/area would change under the version at work" in run.host("robot1")["reason"], run
     assert nodes_of(fleet) == [*NODES]
     watch.assert_nothing_lost("robot1")
 
 
-def test_a_node_that_must_not_be_there_twice_is_refused(fleet: Fleet, nine: Variables) -> None:
+def test_what_cannot_be_beside_the_version_at_work_is_refused(fleet: Fleet, nine: Variables) -> None:
     installed(fleet, nine)
+    watch = fleet.watch()
+    other = with_launch(fleet, args={"area": "yard"})  # which nodes of the version at work read, too
+    run = fleet.update(other, *LIMIT, update_ready_timeout=30)
+    assert run.outcomes["robot1"] == "rolled-back", run
+    assert "/area would change under the version at work" in run.host("robot1")["reason"], run
+    watch.assert_nothing_lost("robot1")
     before = fleet.running()
     run = fleet.update(with_launch(fleet, replace=[]), *LIMIT)
     assert run.outcomes["robot1"] == "failed", run
@@ -130,12 +130,14 @@ def test_a_node_that_must_not_be_there_twice_is_refused(fleet: Fleet, nine: Vari
     fleet.assert_still_running(before)
 
 
-def test_ten_updates_of_a_launch_file(fleet: Fleet, nine: Variables) -> None:
-    """With its figures at the end: copies, and how long an action waits for its server."""
-    installed(fleet, nine)
+@pytest.mark.parametrize(("hooks", "times"), [("sidecar", 3), ("app", 10)])
+def test_updates_of_a_launch_file_one_after_the_other(fleet: Fleet, nine: Variables, hooks: str, times: int) -> None:
+    """With the figures at the end: copies, and how long nothing came."""
+    bringup, *others = nine["scenario_apps"]
+    changes = {**nine, "scenario_apps": [{**bringup, "hooks": hooks}, *others]}
+    installed(fleet, changes)
     watch = fleet.watch()
-    changes = nine
-    for number in range(10):
+    for number in range(times):
         changes = with_env(changes, ROSOPS_APPS_VERSION=f"number {number}")
         run = fleet.update(changes, *LIMIT)
         assert run.status == 0, run

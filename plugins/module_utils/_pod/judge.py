@@ -18,7 +18,7 @@ from .._common.poll import FAIL, PASS, WAIT
 from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
 from .._ros.conditions import TopicCondition
 from .._ros.contract import is_tool, least_rate_of
-from .._ros.graph import ANY_TYPE, PATIENCE, Graph, MasterState, Node, Questions, Rate, action_of
+from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, MasterState, Node, Questions, Rate, action_of
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
 UNCOUNTED = frozenset({"/rosout"})
@@ -98,7 +98,7 @@ def forgiven(gap: Gap, graph: Graph, wanted: Wanted, seconds: float) -> str:
 
 
 def judge(graph: Graph, state: MasterState, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Check]:
-    """All but rates and md5sums, which are read once all of this passes. `forgiving`: gaps that count for nothing."""
+    """All but rates and handshakes, which are read once all of this passes. `forgiving`: gaps that do not count."""
     nodes = [graph.nodes[name] for name in wanted.nodes]
     checks = [check_node(graph, node.name) for node in nodes]
     alive = [node for node in nodes if node.reachable]
@@ -205,15 +205,19 @@ def _served(graph: Graph, own: Node, name: str) -> Check:
     return check
 
 
-def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[str, str]) -> list[Check]:
+def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[str, Handshake]) -> list[Check]:
     """Types of one name may differ in their definition; clients and subscribers of the old one are then refused.
 
     A topic's that was recorded and cannot be read now has to be asked again. (A service answers all of it or nothing.)
+    What was latched has to be so again: who subscribes later would wait for it in vain.
     """
     if not contract:
         return []
     services = {name: graph.services[name].probe for name in contract["services"] if name in graph.services}
-    sums = {**found, **{name: probe.md5sum for name, probe in services.items() if probe}}
+    sums = {
+        **{name: said.md5sum for name, said in found.items()},
+        **{name: probe.md5sum for name, probe in services.items() if probe},
+    }
     checks = []
     for kind, entries in (("topic", contract["topics"]), ("service", contract["services"])):
         for name, entry in entries.items():
@@ -224,7 +228,14 @@ def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[
                 what = f"definition of {entry.get('type') or 'its type'}"
                 reason = f"this version's {what} has the md5sum {new}, the one before had {old}"
                 checks.append(Check(kind, name, FAIL, reason))
-    return checks
+    unlatched = [name for name, said in found.items() if _was_latched(contract["topics"][name], said.publisher)]
+    reason = "this version does not latch its messages, the one before did"
+    return checks + [Check("topic", name, FAIL, reason) for name in unlatched if not found[name].latching]
+
+
+def _was_latched(entry: Mapping[str, Any], publisher: str) -> bool:
+    """Of one publisher, where the version before had several."""
+    return bool((entry.get("publishers") or {}).get(publisher, entry).get("latched"))
 
 
 def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], float]:

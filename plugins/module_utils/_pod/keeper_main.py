@@ -26,6 +26,12 @@ from .keeper_record import Record
 from .lifeline import Lifeline
 from .step_watch import Robot, Staying, StepWatch
 
+TYPE_CHECKING = False  # typing's own costs its import
+if TYPE_CHECKING:
+    from typing import Any
+
+    from .latched_topics import LatchedTopics
+
 NAME = "/ros_keeper"
 PORT = 11411
 TIMEOUT = 2.0
@@ -87,6 +93,27 @@ class Code:
         return self._now() != self.begun
 
 
+class Latched:
+    """What keeps latched messages, loaded when there are any: at rest a keeper has no memory for it."""
+
+    def __init__(self, ros: Registrar, slave: Slave, record: Record) -> None:
+        self.ros, self.slave, self.record = ros, slave, record
+        self.topics: LatchedTopics | None = None
+        self.lock = threading.Lock()
+
+    def load(self) -> LatchedTopics:
+        with self.lock:
+            if self.topics is None:
+                from .latched_topics import LatchedTopics  # noqa: PLC0415 - as the class says
+
+                self.topics = LatchedTopics(self.ros, self.slave, self.record, tell)
+                self.topics.resume()
+            return self.topics
+
+    def keep(self, node: str, uri: str, seconds: float) -> list[Any]:
+        return self.load().keep(node, uri, seconds)
+
+
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
@@ -108,6 +135,10 @@ def main(words: list[str]) -> int:
         calls = GoalForwarding(ros, slave, lambda content: record.save("goals", content), tell, stays)
     offer(calls, slave)
     calls.resume(record.load("goals") or [])
+    latched = Latched(ros, slave, record)
+    slave.register({"keep_latched": latched.keep})
+    if (record.load("latched") or {}).get("values"):
+        latched.load()
     slave.start()
     watch = None
     if cluster:

@@ -180,12 +180,12 @@ class Starting:
         return SETTLE_LAUNCH if self.settings.get("launch") else SETTLE
 
     def _streams(self, graph: Graph, own: Sequence[Node], wanted: Wanted) -> list[Check]:
-        """md5sums and rates, of the own topics as these nodes alone publish them."""
+        """What the nodes say of their topics, and their rates, as these nodes alone publish them."""
         mine = {topic: tuple(node.name for node in own if topic in node.publications) for topic in graph.topics}
         topics = {name: replace(topic, publishers=mine[name]) for name, topic in graph.topics.items()}
         alone = replace(graph, topics=topics)
         promised = [name for name in (wanted.contract or {}).get("topics", ()) if mine.get(name)]
-        checks = check_sums(graph, wanted.contract, self.ros.md5sums(alone, promised) if promised else {})
+        checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})
         least = least_rates(own, wanted)
         if least and not checks:
             hertz: dict[str, float] = {}

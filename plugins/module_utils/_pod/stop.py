@@ -48,6 +48,8 @@ class Stopped(Protocol):
 
     def calls(self, seconds: float) -> int: ...
 
+    def hand_over(self, seconds: float) -> str: ...
+
     def unregister(self, seconds: float) -> None: ...
 
     def forget(self, seconds: float) -> None: ...
@@ -113,9 +115,9 @@ def _main() -> list[str]:
         nodes, reason = nodes_here(settings, seconds)
     if not nodes:
         return [f"left to SIGTERM: {reason}"]
-    keeper = keeper_client.KeeperCalls(settings["keeper"], CALLER).hold if settings["keeper"] else None
-    found = [_Stopped(node, settings) for node in nodes]
-    return stop(found, settings["expect_node"], keeper, ends_of(began, total))
+    keeper = keeper_client.KeeperCalls(settings["keeper"], CALLER) if settings["keeper"] else None
+    found = [_Stopped(node, settings, keeper) for node in nodes]
+    return stop(found, settings["expect_node"], keeper.hold if keeper else None, ends_of(began, total))
 
 
 def stop(
@@ -131,6 +133,7 @@ def stop(
     except Exception as error:  # a node that cannot be drained has to be stopped all the same
         remarks = [f"not drained: {_why(error)}"]
     remarks += let_calls_end(nodes, ends, clock)
+    remarks += hand_over(nodes, ends, clock)  # last: a goal or a call may latch something
     if not expect_node:
         # roslaunch takes the end of a node for its failure, and starts it again or ends the others: so they only leave
         # the graph, and what still calls them comes to its end, before it gets its signal
@@ -167,6 +170,14 @@ def let_calls_end(nodes: Sequence[Stopped], ends: Ends, clock: Time) -> list[str
 
     ended = poll(probe, max(ends.quiet - clock.now(), 0.0), CALL_TICK, now=clock.now, sleep=clock.sleep)
     return [] if ended.verdict == PASS else [f"stopped with {ended.last} service calls under way"]
+
+
+def hand_over(nodes: Sequence[Stopped], ends: Ends, clock: Time) -> list[str]:
+    """Have the keeper take what they have latched, all at once; why not, of those of which it does not."""
+    seconds = clock.left(ends.late)
+    found = clock.together([partial(node.hand_over, seconds) for node in nodes], seconds)
+    words = [_why(one) if isinstance(one, BaseException) else one for one in found]
+    return [f"what {node.name} has latched goes with it: {why}" for node, why in zip(nodes, words) if why]
 
 
 def drain(nodes: Sequence[Stopped], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
@@ -250,8 +261,8 @@ def tell(line: str) -> None:
 class _Stopped:
     """The own node, read and told through a ROS backend."""
 
-    def __init__(self, node: OwnNode, settings: Mapping[str, Any]) -> None:
-        self.node, self.expected = node, settings["actions"]
+    def __init__(self, node: OwnNode, settings: Mapping[str, Any], keeper: keeper_client.KeeperCalls | None) -> None:
+        self.node, self.expected, self.keeper = node, settings["actions"], keeper
         self.forget = partial(forget, settings)
         self.name = node.name
         self.isolate = node.isolate
@@ -263,6 +274,9 @@ class _Stopped:
 
     def status(self, action: str, seconds: float) -> StatusReading:
         return self.node.status(ros_of(os.environ, seconds), action)
+
+    def hand_over(self, seconds: float) -> str:
+        return self.keeper.keep_latched(self.name, self.node.uri, seconds) if self.keeper else ""
 
     def unregister(self, seconds: float) -> None:
         self.node.unregister(ros_of(os.environ, seconds / 2))  # a question, and what follows from it

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Iterable, Mapping, Protocol
 
-from .graph import Graph, MasterState, Questions, Rate
+from .graph import Graph, Handshake, MasterState, Questions, Rate
 
 
 class Backend(Protocol):
@@ -24,8 +24,8 @@ class Backend(Protocol):
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
         """The graph with what the peers themselves say; one that does not answer stands in it with the reason."""
 
-    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
-        """Topic -> what identifies its type's definition, by a publisher's word; none, no entry."""
+    def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
+        """Topic -> what a publisher of it says; none, no entry."""
 
     def rates(
         self,

@@ -14,7 +14,8 @@ from typing import Any, Iterable, Sequence
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
 from .contract import is_tool
-from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Node, Rate, StatusReading, Topic
+from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Handshake, Node, Rate, StatusReading, Topic
+from .names import is_keeper
 
 RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher at just min_rate must not flap
 
@@ -259,7 +260,9 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     if least is None and wanted.subscribers is None and not wanted.connected and not wanted.publisher:
         least = 1
     if least is not None:
-        parts.append(_check_number(graph, "publisher", topic.publishers, least))
+        # the keeper publishes in the place of one that has nothing to say yet
+        own = tuple(name for name in topic.publishers if not is_keeper(name))
+        parts.append(_check_number(graph, "publisher", own, least))
     if wanted.subscribers is not None:
         parts.append(_check_number(graph, "subscriber", topic.subscribers, wanted.subscribers))
     if wanted.connected and (not wanted.publisher or parts[0][0] == PASS):
@@ -290,6 +293,16 @@ def check_rate(wanted: TopicCondition, rate: Rate | None) -> Check:
     if rate.hz >= least * (1 - RATE_TOLERANCE):
         return Check("rate", wanted.name, PASS, f"{seen}, at least {least:g} Hz", observed)
     return Check("rate", wanted.name, WAIT, f"{seen} of at least {least:g} Hz", observed)
+
+
+def check_latched(wanted: TopicCondition, said: Handshake | None) -> Check:
+    """What a publisher says of itself; a value that a node latches later has to reach who comes later still."""
+    if said is None:
+        return Check("latched", wanted.name, WAIT, "not known: no publisher says whether it latches")
+    observed = {"publisher": said.publisher, "latching": said.latching}
+    if said.latching:
+        return Check("latched", wanted.name, PASS, f"latched by {said.publisher}", observed)
+    return Check("latched", wanted.name, FAIL, f"{said.publisher} publishes it without latching", observed)
 
 
 def left(graph: Graph, topic: str, name: str, role: str) -> str:

@@ -14,8 +14,19 @@ from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
-from .graph import BUSY_STATES, Graph, MasterState, Questions, Rate, ServiceProbe, StatusReading, action_of
+from .graph import (
+    BUSY_STATES,
+    Graph,
+    Handshake,
+    MasterState,
+    Questions,
+    Rate,
+    ServiceProbe,
+    StatusReading,
+    action_of,
+)
 from .master import Master
+from .names import is_keeper
 from .replies import NodeAnswer, build, shared_uris
 from .rpc import Api, Deadline, TimedSocket, in_parallel, reason
 from .streams import count_messages
@@ -109,7 +120,7 @@ class Ros1Client(Master):
             return StatusReading(tuple(readings), reason(error, uri, self.timeout))
         return StatusReading(tuple(readings))
 
-    # ---- streams: md5sums and rates
+    # ---- streams: handshakes and rates
 
     def _open(
         self, graph: Graph, sources: Sequence[tuple[str, str]]
@@ -127,18 +138,18 @@ class Ros1Client(Master):
 
         return in_parallel({key: partial(task, *key) for key in sources}, self.timeout, failed)
 
-    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
-        """The md5sum that a publisher of each topic gives in its handshake; topics where none does are left out."""
+    def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
+        """What a publisher of each topic says; one that stands in for others only where there is nobody else."""
         sources = []
         for topic in (graph.topics[name] for name in topics if name in graph.topics):
             alive = [name for name in topic.publishers if graph.nodes[name].reachable]
-            sources += [(topic.name, name) for name in alive[:1]]
+            sources += [(topic.name, name) for name in sorted(alive, key=is_keeper)[:1]]
         found = {}
-        for (name, _publisher), stream in self._open(graph, sources).items():
+        for (name, publisher), stream in self._open(graph, sources).items():
             if not isinstance(stream, str):
-                stream[0].close()
-                if stream[1].get("md5sum"):
-                    found[name] = stream[1]["md5sum"]
+                sock, header = stream
+                sock.close()
+                found[name] = Handshake(publisher, header.get("md5sum", ""), header.get("latching") == "1")
         return found
 
     def rates(

@@ -36,6 +36,7 @@ GATE_ARGS: dict[str, dict[str, Any]] = {
             "subscribers": {"type": "int"},
             "connected": {"type": "bool", "default": False},
             "min_rate": {"type": "float"},
+            "latched": {"type": "bool", "default": False},
             "publisher": {"type": "str"},
         },
     },
@@ -108,7 +109,7 @@ _FIELD = re.compile(r"^[A-Za-z]\w*(\[\d+\])?(\.[A-Za-z]\w*(\[\d+\])?)*\Z", re.AS
 class TopicCondition:
     """What a topic must show. With no number and no `connected` given, it needs one publisher.
 
-    With a `publisher`, it is that node whose connections, rate and type are judged, and nobody else's.
+    With a `publisher`, it is that node whose connections, rate, type and latching are judged, and nobody else's.
     """
 
     name: str
@@ -118,6 +119,7 @@ class TopicCondition:
     connected: bool = False
     min_rate: float | None = None
     publisher: str | None = None
+    latched: bool = False
 
 
 @dataclass(frozen=True)
@@ -229,6 +231,7 @@ def conditions_from(params: Mapping[str, Any]) -> Conditions:
                 bool(item.get("connected")),
                 item.get("min_rate") or None,
                 named(f"{path}.publisher", item["publisher"]) if item.get("publisher") else None,
+                bool(item.get("latched")),
             )
         )
     services = [named(f"services[{i}].name", s.get("name")) for i, s in enumerate(params.get("services") or ())]

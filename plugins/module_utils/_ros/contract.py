@@ -24,17 +24,18 @@ from fnmatch import fnmatchcase
 from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
 
 from .graph import ANY_TYPE
-from .names import ANONYMOUS
+from .names import ANONYMOUS, KEEPER
 
 Contract = Dict[str, Any]
 Edge = Tuple[str, str, str]  # publisher, topic, subscriber
 
 TOLERANCE = 0.1
+STREAMED = ("min_rate", "latched")  # of a topic's conditions, those for which streams are opened
 
 _LOGGERS = ("/get_loggers", "/set_logger_level")
-_ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
+ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
 _TOOL = re.compile(ANONYMOUS + r"\Z")
-_TOOL_NAMES = ("rqt", "rosops_fleet", "ros_keeper")
+_TOOL_NAMES = ("rqt", "rosops_fleet", KEEPER)
 
 
 def is_tool(node: str) -> bool:
@@ -49,13 +50,15 @@ class Intended:
     `ignore`: topics, services and actions that may go, come or be of another type. `renamed`: old name -> new name of
     a topic, a service, an action or of all below it. `rates`: the name that a topic has afterwards -> messages per
     second that it has to carry then, whatever it carried; 0: any. `on_demand`: nodes, as they are called now, that have
-    on the graph what their clients ask for (rosbridge): it comes back with the clients.
+    on the graph what their clients ask for (rosbridge): it comes back with the clients. `keeps`: what the nodes latched
+    outlives them.
     """
 
     ignore: tuple[str, ...] = ()
     renamed: Mapping[str, str] = field(default_factory=dict)
     rates: Mapping[str, float] = field(default_factory=dict)
     on_demand: tuple[str, ...] = ()
+    keeps: bool = False
 
     def rate(self, topic: str) -> float | None:
         """What is said of the topic; None: nothing."""
@@ -126,7 +129,7 @@ class _Recorder:
         self.names = {**intended.renamed, **renames}
         self.words = {*graph["topics"], *graph["services"]}
         self.alive = [name for name in nodes if self.answers(name)]
-        self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in _ACTION_TOPICS}
+        self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in ACTION_TOPICS}
 
     def new(self, name: str) -> str:
         return renamed(name, self.names)
@@ -186,7 +189,12 @@ class _Recorder:
 
     def publisher(self, topic: str, entry: Mapping[str, Any], name: str) -> dict[str, Any]:
         rate, least = (entry.get("rates") or {}).get(name), self.intended.rate(self.new(topic))
-        return {"rate": rate if self.has_rate(topic) else None, **({} if least is None else {"least": least})}
+        latched = {"latched": True} if name in entry.get("latched", ()) else {}
+        return {
+            "rate": rate if self.has_rate(topic) else None,
+            **({} if least is None else {"least": least}),
+            **latched,
+        }
 
     def has_rate(self, topic: str) -> bool:
         """An action's topics carry what its goals make them carry; its server is judged by its status."""
@@ -248,6 +256,8 @@ def conditions(contract: Mapping[str, Any], tolerance: float | None = None, abse
             least = least_rate_of(seen, share)
             if least:
                 entry["min_rate"] = least
+            if seen.get("latched"):
+                entry["latched"] = True
             topics.append(entry)
     return {
         "nodes": list(contract["nodes"]),

@@ -9,20 +9,31 @@ mend; `fail` only for what a living node itself contradicts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Iterable, Mapping, Protocol
+from dataclasses import dataclass, replace
+from typing import Iterable, Mapping, Optional, Protocol, Tuple
 
 from .._common.errors import RosError
 from .._common.poll import PASS, WAIT, overall
 from .backend import Backend
-from .checks import Check, check_absent, check_action, check_edge, check_node, check_rate, check_service, check_topic
+from .checks import (
+    Check,
+    check_absent,
+    check_action,
+    check_edge,
+    check_latched,
+    check_node,
+    check_rate,
+    check_service,
+    check_topic,
+)
 from .conditions import Conditions, TopicCondition
-from .graph import Graph, MasterState, Questions, Rate
+from .graph import Graph, Handshake, MasterState, Questions, Rate
 from .silence import Silence
 
 # Gate and startup probe count for the same time, so that what one of them lets pass is no surprise to the other. In a
 # second, a publisher that is 10 ms late is within checks.RATE_TOLERANCE; a slow one needs longer.
 RATE_WINDOW, RATE_WINDOW_MAX = 1.0, 20.0
+_STREAMED = ("rate", "latched")  # kinds of checks for which streams are opened
 RATE_MESSAGES = 4  # one before the first interval, and three intervals
 
 
@@ -66,13 +77,20 @@ def rate_window(min_rate: float) -> float:
     return min(max(RATE_WINDOW, RATE_MESSAGES / min_rate), RATE_WINDOW_MAX)
 
 
-def evaluate(graph: Graph, conditions: Conditions, rates: Mapping[str, Rate] | None = None) -> list[Check]:
-    """One check per condition, in the order of the options; a topic's rate is a check of its own."""
+Said = Mapping[Tuple[str, Optional[str]], Handshake]  # by topic and the publisher that is asked for
+
+
+def evaluate(
+    graph: Graph, conditions: Conditions, rates: Mapping[str, Rate] | None = None, said: Said | None = None
+) -> list[Check]:
+    """One check per condition, in the order of the options; a topic's rate and its latching are checks of their own."""
     checks = [check_node(graph, name) for name in conditions.nodes]
     for topic in conditions.topics:
         checks.append(check_topic(graph, topic))
         if topic.min_rate:
             checks.append(check_rate(topic, (rates or {}).get(topic.name)))
+        if topic.latched:
+            checks.append(check_latched(topic, (said or {}).get((topic.name, topic.publisher))))
     checks += [check_service(graph, name) for name in conditions.services]
     checks += [check_action(graph, action) for action in conditions.actions]
     checks += [check_edge(graph, edge) for edge in conditions.edges]
@@ -86,6 +104,7 @@ def without_master(uri: str, why: str, conditions: Conditions) -> list[Check]:
         *(("node", name) for name in conditions.nodes),
         *(("topic", topic.name) for topic in conditions.topics),
         *(("rate", topic.name) for topic in conditions.topics if topic.min_rate),
+        *(("latched", topic.name) for topic in conditions.topics if topic.latched),
         *(("service", name) for name in conditions.services),
         *(("action", action.name) for action in conditions.actions),
         *(("edge", str(edge)) for edge in conditions.edges),
@@ -126,8 +145,20 @@ def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[
     return seconds, {name: names for name, names in whose.items() if all(names)}
 
 
+def handshakes(ros: Backend, graph: Graph, conditions: Conditions) -> Said:
+    """What the publishers say of the topics that have to be latched."""
+    found = {}
+    for topic in conditions.topics:
+        if topic.latched and topic.name in graph.topics:
+            entry = graph.topics[topic.name]
+            alone = replace(entry, publishers=(topic.publisher,)) if topic.publisher else entry
+            said = ros.handshakes(replace(graph, topics={topic.name: alone}), [topic.name])
+            found.update({(name, topic.publisher): handshake for name, handshake in said.items()})
+    return found
+
+
 def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, ears: Ears | None = None) -> Look:
-    """Ask and judge. Rates are measured only when all else passes: that takes a window, the rest does not.
+    """Ask and judge. Streams are opened only when all else passes: to measure rates takes a window, the rest does not.
 
     After the window all else is asked again, so that what the look says was true at its beginning and at its end.
     `silence` is what the looks before found of peers that do not answer; a single look waits for each of them. `ears`
@@ -139,10 +170,12 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
     try:
         graph = _ask(ros, conditions, silence)
         checks = [answers, *evaluate(graph, conditions), *_values(graph, conditions, ears)]
-        if seconds and all(check.verdict == PASS for check in checks if check.kind != "rate"):
-            rates = ros.rates(graph, seconds, only)
+        last = [check for check in checks if check.kind in _STREAMED]
+        if last and all(check.verdict == PASS for check in checks if check not in last):
+            rates = ros.rates(graph, seconds, only) if seconds else {}
+            said = handshakes(ros, graph, conditions)
             graph = _ask(ros, conditions, silence)
-            checks = [answers, *evaluate(graph, conditions, rates), *_values(graph, conditions, ears)]
+            checks = [answers, *evaluate(graph, conditions, rates, said), *_values(graph, conditions, ears)]
     except RosError as error:
         checks = without_master(ros.uri, str(error), conditions)
     return Look(overall([check.verdict for check in checks]), checks)

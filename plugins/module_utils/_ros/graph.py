@@ -131,11 +131,20 @@ class Rate:
 
 
 @dataclass(frozen=True)
+class Handshake:
+    """What a publisher says of a topic, whoever listens: its type's md5sum, and whether it latches."""
+
+    publisher: str
+    md5sum: str = ""
+    latching: bool = False
+
+
+@dataclass(frozen=True)
 class Extras:
     """What can be found out beside the graph itself, where it was asked for."""
 
     rates: Mapping[str, Rate] = field(default_factory=dict)  # by topic
-    md5sums: Mapping[str, str] = field(default_factory=dict)  # by topic
+    handshakes: Mapping[str, Handshake] = field(default_factory=dict)  # by topic
     connections: Mapping[str, int] = field(default_factory=dict)  # by service
 
 
@@ -260,7 +269,7 @@ class Graph:
         return {
             "nodes": {name: _node_dict(node) for name, node in sorted(self.nodes.items())},
             "topics": {
-                name: _topic_dict(topic, more.rates.get(name), more.md5sums.get(name))
+                name: _topic_dict(topic, more.rates.get(name), more.handshakes.get(name))
                 for name, topic in sorted(self.topics.items())
             },
             "services": {
@@ -288,17 +297,18 @@ def _hertz(rate: Rate | None) -> float | None:
     return None if rate is None or rate.error or rate.few else round(rate.hz, 3)
 
 
-def _topic_dict(topic: Topic, rate: Rate | None, md5sum: str | None) -> dict[str, Any]:
+def _topic_dict(topic: Topic, rate: Rate | None, said: Handshake | None) -> dict[str, Any]:
     publishers = sorted(rate.by.items()) if rate else []
+    latched = {name for name, part in publishers if part.latched}
     return {
         "type": topic.type,
-        "md5sum": md5sum,
+        "md5sum": said.md5sum or None if said else None,
         "publishers": list(topic.publishers),
         "subscribers": list(topic.subscribers),
         "connections": [{"publisher": publisher, "subscriber": peer} for publisher, peer in topic.connections],
         "rate": _hertz(rate),
         "rates": {name: round(part.known, 3) for name, part in publishers if part.known is not None},
-        "latched": [name for name, part in publishers if part.latched],
+        "latched": sorted(latched | ({said.publisher} if said and said.latching else set())),
         "rate_error": _unknown(rate),
     }
 

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the keeper of a ROS master is asked; its answers: `_pod/forwarding/calls.py`."""
+"""What the keeper of a ROS master is asked; its answers: `_pod/forwarding/calls.py`, `_pod/latched_topics.py`."""
 
 from __future__ import annotations
 
@@ -28,6 +28,10 @@ class KeeperCalls:
     def release(self, action: str) -> str:
         """Why it may not have let the action's goals go, or nothing if it has."""
         return self._problem(TIMEOUT, "release", action)
+
+    def keep_latched(self, node: str, uri: str, seconds: float) -> str:
+        """Why it does not keep all that the node at `uri` has latched, or nothing if it does. It takes that itself."""
+        return self._problem(seconds, "keep_latched", node, uri, seconds * 0.8)
 
     def held(self) -> dict[str, Any]:
         """Action -> what is held of it. Raises what went wrong."""

@@ -8,6 +8,12 @@ from __future__ import annotations
 # How anonymous names end, as a pattern: rospy's in process id and milliseconds, roscpp's in nanoseconds, those of
 # $(anon) in a launch file in process id and a random number of at most 19 digits.
 ANONYMOUS = r"(?:_\d+_\d{13,19}|_\d{18,})"
+KEEPER = "ros_keeper"
+
+
+def is_keeper(node: str) -> bool:
+    """The keeper, which publishes for others: goals that it holds, and what a node had latched that was replaced."""
+    return node.rpartition("/")[2] == KEEPER
 
 
 def resolve(name: str, namespace: str = "/", node: str = "") -> str:

@@ -116,13 +116,24 @@ class Publication:
             self.links[sock] = caller
             if self.closed:  # meanwhile: left open, it would wait for messages that go elsewhere, and not connect anew
                 self._drop(sock)
+                return
         with contextlib.suppress(OSError):
+            self.welcome(sock, caller)
             while True:
                 sock.settimeout(None)
                 if not sock.recv(1024):
                     break
         with self.lock:
+            left = not self.closed
             self._drop(sock)
+        if left:
+            self.left(caller)
+
+    def welcome(self, sock: socket.socket, caller: str) -> None:
+        """A subscriber has connected; in a thread of its own."""
+
+    def left(self, caller: str) -> None:
+        """A subscriber hung up by itself."""
 
     def close(self) -> None:
         with self.lock:
@@ -183,7 +194,10 @@ class Slave:
     # ---- publications
 
     def advertise(self, topic: str, header: Mapping[str, str]) -> None:
-        self.publications.setdefault(topic, Publication(topic, header))
+        self.add(Publication(topic, header))
+
+    def add(self, publication: Publication) -> None:
+        self.publications.setdefault(publication.topic, publication)
 
     def unadvertise(self, topic: str) -> None:
         publication = self.publications.pop(topic, None)

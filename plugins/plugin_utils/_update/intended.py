@@ -6,14 +6,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched import worth_keeping
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended, matches
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
 
+# Whether the keeper keeps it.
+LATCHED = {
+    True: "is given to later subscribers by the keeper until the next version says something",
+    False: "goes with it",
+}
 # What these have on the graph is their clients' wish, and the clients come to a pod once it is ready.
 _ON_DEMAND = re.compile(r"\b(rosbridge_(server|websocket|tcp|udp)|foxglove_bridge|web_video_server)\b")
 
@@ -24,7 +30,7 @@ def on_demand(app: App) -> bool:
     return any(_ON_DEMAND.search(word) for word in (*app.command, *app.args, *launched))
 
 
-def intended(apps: Iterable[App], robot: Robot, old_nodes: Mapping[str, str], back: bool = False) -> Intended:
+def intended(apps: Collection[App], robot: Robot, old_nodes: Mapping[str, str], back: bool = False) -> Intended:
     """Of all apps of a step together: it is one change. `back`: to the version before, so names move back, too."""
     ignore: list[str] = []
     renamed: dict[str, str] = {}
@@ -44,7 +50,8 @@ def intended(apps: Iterable[App], robot: Robot, old_nodes: Mapping[str, str], ba
         nodes += [node] if on_demand(app) else []
     if back:
         renamed = {after: before for before, after in renamed.items()}
-    return Intended(tuple(ignore), renamed, rates, tuple(nodes))
+    keeps = robot.master.mode != "external" and all(app.hooks != "none" for app in apps)
+    return Intended(tuple(ignore), renamed, rates, tuple(nodes), keeps)
 
 
 def allowed(graph: Graph, nodes: Sequence[str], wanted: Intended) -> list[str]:
@@ -72,10 +79,8 @@ def allowed(graph: Graph, nodes: Sequence[str], wanted: Intended) -> list[str]:
             carried = f" (now {max(was):g} Hz)" if was else ""
             found.append(f"{name} may carry {'any rate' if not hz else f'{hz:g} Hz or more'}{carried}")
     found += [f"{node} may have other topics and services: its clients ask for them" for node in wanted.on_demand]
-    latched = {name: sorted(set(nodes) & set(entry.get("latched") or ())) for name, entry in topics.items()}
-    found += [
-        f"the message that {', '.join(publishers)} latched on {name} goes with it"
-        for name, publishers in latched.items()
-        if publishers
-    ]
+    for node in nodes:
+        latched = [name for name, entry in topics.items() if node in (entry.get("latched") or ())]
+        heard = [name for name, entry in topics.items() if node in entry["subscribers"]]
+        found += [f"what {node} latched on {name} {LATCHED[wanted.keeps]}" for name in worth_keeping(latched, heard)]
     return found

@@ -298,7 +298,9 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
     """
     old = {new: before for before, new in {**step.intended.renamed, **gate.succession.nodes}.items()}
     found = _united(_conditions([_renamed(one, old) for one in gate.contracts.values()], tolerance))
-    found["topics"] = [{key: topic[key] for key in topic if key != "min_rate"} for topic in found["topics"]]
+    found["topics"] = [
+        {key: topic[key] for key in topic if key not in ros_contract.STREAMED} for topic in found["topics"]
+    ]
     return found
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
+    Handshake,
     MasterState,
     Questions,
     Rate,
@@ -44,6 +45,7 @@ class World:
         }  # fmt: skip
         self.probes = {"/add": ServiceProbe("rosrpc://127.0.0.1:40004", OWN, "rospy_tutorials/AddTwoInts", md5sum="aa")}
         self.sums = {"/out": "bb"}
+        self.latching: set[str] = set()
         self.hz = {"/out": 100.0}
         self.asked: list[Any] = []
 
@@ -80,10 +82,11 @@ class World:
         }  # fmt: skip
         return build(state, answers, {name: self.probes[name] for name in wanted.services if name in self.probes})
 
-    def md5sums(self, graph: Graph, topics: Any) -> dict[str, str]:
+    def handshakes(self, graph: Graph, topics: Any) -> dict[str, Handshake]:
         assert all(graph.topics[name].publishers == self.own(name) for name in topics)  # its own word, nobody else's
-        self.asked.append("md5sums")
-        return {name: self.sums[name] for name in topics if name in self.sums}
+        self.asked.append("handshakes")
+        said = {name: Handshake(self.own(name)[0], self.sums.get(name, ""), name in self.latching) for name in topics}
+        return {name: one for name, one in said.items() if name in self.sums}
 
     def rates(self, graph: Graph, seconds: Any, only: Any = None, patient: bool = False) -> dict[str, Rate]:
         assert (only, patient) == (None, False)

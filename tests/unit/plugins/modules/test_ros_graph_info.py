@@ -10,7 +10,13 @@ import pytest
 import yaml
 from ansible.module_utils.testing import patch_module_args
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, MasterState, Questions, Rate
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    Graph,
+    Handshake,
+    MasterState,
+    Questions,
+    Rate,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
 from ansible_collections.rosops.fleet.plugins.modules import ros_graph_info
@@ -43,8 +49,8 @@ class FakeMaster:
             for name, taken in seconds.items()
         }
 
-    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
-        return {name: "99" for name in topics if name in graph.topics}
+    def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
+        return {name: Handshake("/talker_a", "99", name == "/chatter") for name in topics if name in graph.topics}
 
 
 class FakeSockets:
@@ -143,6 +149,7 @@ def test_rates_by_counters_subscribe_to_nothing(
 def test_md5sums(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     topics = run(monkeypatch, capsys, md5sums=True)["graph"]["topics"]
     assert {topic["md5sum"] for topic in topics.values()} == {"99"}
+    assert {name: topic["latched"] for name, topic in topics.items() if topic["latched"]} == {"/chatter": ["/talker_a"]}
 
 
 def test_service_connections(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,13 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE, MasterState, Rate, ServiceProbe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    PATIENCE,
+    Handshake,
+    MasterState,
+    Rate,
+    ServiceProbe,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.silence import Silence
 from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
@@ -114,7 +120,8 @@ def _dead_publisher(world: World) -> None:
 
 def _tools(world: World) -> None:
     world.subscribers["/out"] += ["/rostopic_4711_1700000000000", "/rqt_gui", "/ros_keeper"]
-    world.publishers["/in"] += ["/rostopic_4712_1700000000000"]
+    world.publishers["/in"] += ["/rostopic_4712_1700000000000", "/ros_keeper"]
+    world.publishers["/out"] += ["/ros_keeper"]
     for name in (*world.subscribers["/out"][1:], *world.publishers["/in"][1:]):
         world.answers[name] = NodeAnswer("http://192.0.2.1:1/", error="no answer")
 
@@ -255,10 +262,29 @@ def test_definitions_must_be_the_same(sums: dict[str, str], service: str, words:
     world = World()
     world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", OWN, md5sum=service)
     state = world.state()
-    checks = probe.check_sums(world.ask(state, probe.first_questions(state, [OWN])), contract(), sums)
+    said = {name: Handshake(OWN, md5sum) for name, md5sum in sums.items()}
+    checks = probe.check_sums(world.ask(state, probe.first_questions(state, [OWN])), contract(), said)
     assert [check.verdict for check in checks] == ([FAIL if sums else WAIT] if words else [])
     assert words in "".join(str(check) for check in checks)
-    assert probe.check_sums(world.ask(state, probe.first_questions(state, [OWN])), None, {"/out": "zz"}) == []
+    assert probe.check_sums(world.ask(state, probe.first_questions(state, [OWN])), None, said) == []
+
+
+@pytest.mark.parametrize(
+    ("was", "said", "good"),
+    [
+        (True, Handshake(OWN, "bb", latching=True), True),
+        (True, Handshake(OWN, "bb", latching=False), False),
+        (False, Handshake(OWN, "bb", latching=False), True),
+        (False, Handshake(OWN, "bb", latching=True), True),
+        (True, None, True),  # not published at all, or late: that is said elsewhere
+    ],
+)
+def test_what_was_latched_has_to_be_so_again(was: bool, said: Handshake | None, good: bool) -> None:
+    entry = {"type": "std_msgs/String", "md5sum": None, "rate": None, **({"latched": True} if was else {})}
+    state = World().state()
+    graph = World().ask(state, probe.first_questions(state, [OWN]))
+    checks = probe.check_sums(graph, contract(topics={"/out": entry}), {"/out": said} if said else {})
+    assert [(check.name, check.verdict) for check in checks] == ([] if good else [("/out", FAIL)])
 
 
 def test_rates_are_the_higher_of_what_is_promised_and_what_was() -> None:

@@ -161,6 +161,17 @@ def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) ->
     assert "rates" not in world.asked
 
 
+def test_what_is_not_latched_any_more_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World()
+    topics = contract()["topics"]
+    owe(monkeypatch, topics={"/out": {**topics["/out"], "latched": True}})
+    assert started(world) == (
+        "cannot become ready: topic /out: this version does not latch its messages, the one before did"
+    )
+    world.latching = {"/out"}
+    assert started(world) == ""
+
+
 def test_half_the_recorded_rate_is_not_ready(monkeypatch: pytest.MonkeyPatch) -> None:
     owe(monkeypatch)
     world = World()

@@ -26,6 +26,7 @@ class Node:
         self.at = 0.0
         self.statuses = statuses or {}
         self.under_way: list[int] = []
+        self.unkept = ""
         self.done: list[tuple[str, float]] = []
         self.raising: set[str] = set()
         self.hanging: set[str] = set()
@@ -82,6 +83,10 @@ class Node:
         self._note("calls", seconds)
         return self.under_way.pop(0) if self.under_way else 0
 
+    def hand_over(self, seconds: float) -> str:
+        self._note("hand_over", seconds)
+        return self.unkept
+
     def unregister(self, seconds: float) -> None:
         self._note("unregister", seconds)
 
@@ -113,7 +118,8 @@ def held(node: Node) -> stop_command.Hold:
 def test_a_node_without_actions_ends_at_once() -> None:
     node = Node()
     assert stop(node) == []
-    assert [what for what, _at in node.done] == ["actions", "calls", "unregister", "forget", "calls", "shutdown"]
+    order = ["actions", "calls", "hand_over", "unregister", "forget", "calls", "shutdown"]
+    assert [what for what, _at in node.done] == order
     assert node.at == 0
 
 
@@ -141,14 +147,23 @@ def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> 
     node = Node({"/move_base": [ACTIVE, ACTIVE, IDLE]})
     node.under_way = [1, 1]
     assert stop(node, held(node), expect_node=False) == []
-    assert node.order == ["actions", "hold /move_base", "isolate /move_base", "calls", "unregister"]
+    assert node.order == ["actions", "hold /move_base", "isolate /move_base", "calls", "hand_over", "unregister"]
     assert node.statuses["/move_base"] == [IDLE]
 
 
 def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
     node = Node({"/move": [IDLE]})
     assert stop(node, held(node)) == []
-    assert node.order == ["actions", "hold /move", "isolate /move", "calls", "unregister", "forget", "shutdown"]
+    assert node.order == [
+        "actions",
+        "hold /move",
+        "isolate /move",
+        "calls",
+        "hand_over",
+        "unregister",
+        "forget",
+        "shutdown",
+    ]
     assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
 
 
@@ -179,7 +194,7 @@ def test_without_a_keeper_it_drains_without_cutting_off(hold: Any, remark: str) 
     node = Node({"/move": [ACTIVE, IDLE]})
     assert stop(node, hold) == [remark]
     assert "isolate /move" not in node.order
-    assert node.order[-4:] == ["calls", "unregister", "forget", "shutdown"]
+    assert node.order[-5:] == ["calls", "hand_over", "unregister", "forget", "shutdown"]
 
 
 @pytest.mark.parametrize(("total", "share"), [(30.0, 27.0), (3.0, 2.0)])
@@ -191,7 +206,7 @@ def test_the_deadline_holds_and_says_what_was_cut_short(total: float, share: flo
     assert node.at <= total
 
 
-EVERYTHING = ("actions", "hold", "isolate", "status", "calls", "unregister", "forget", "shutdown")
+EVERYTHING = ("actions", "hold", "isolate", "status", "calls", "hand_over", "unregister", "forget", "shutdown")
 
 
 @pytest.mark.parametrize("hanging", [*((one,) for one in EVERYTHING), EVERYTHING, EVERYTHING[1:]])
@@ -265,7 +280,15 @@ def test_a_status_that_cannot_be_read_is_no_idleness() -> None:
     assert stop_command.busy("/a", StatusReading(((3, 4), (3, 4)))) == []
 
 
-@pytest.mark.parametrize("what", ["calls", "unregister", "forget", "actions", "isolate", "hold"])
+def test_what_the_keeper_does_not_take_is_said() -> None:
+    node = Node()
+    node.unkept = "/map: 90000000 bytes"
+    assert stop(node) == ["what /server has latched goes with it: /map: 90000000 bytes"]
+    node.raising = {"hand_over"}
+    assert stop(node) == ["what /server has latched goes with it: OSError: it is gone"]
+
+
+@pytest.mark.parametrize("what", ["calls", "hand_over", "unregister", "forget", "actions", "isolate", "hold"])
 def test_whatever_fails_the_node_is_shut_down(what: str) -> None:
     node = Node({"/move": [IDLE]})
     node.raising = {what}

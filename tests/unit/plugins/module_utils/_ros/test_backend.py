@@ -27,7 +27,7 @@ def test_what_knows_the_answers_alone_imports_no_protocol(name: str) -> None:
 def test_a_backend_answers_all_that_is_asked(kind: type) -> None:
     """The client's and the tests' own; mypy looks at the types."""
     asked = {name: one for name, one in vars(Backend).items() if inspect.isfunction(one) and not name.startswith("_")}
-    assert set(asked) == {"state", "ask", "md5sums", "rates"}
+    assert set(asked) == {"state", "ask", "handshakes", "rates"}
     for name, one in asked.items():
         assert list(inspect.signature(getattr(kind, name)).parameters) == list(inspect.signature(one).parameters)
     assert "client.Ros1Client" in str(backend.__doc__)

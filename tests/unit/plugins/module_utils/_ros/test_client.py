@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import P
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Questions, Rate, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Handshake, Questions, Rate, everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import encode_header
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, Peers, frames, recorded
 
@@ -357,14 +357,15 @@ def test_a_publisher_that_is_gone_stands_in_the_rates_with_its_reason(ros: Repla
     assert rate.by["/talker_a"].error.startswith("/talker_a: nothing listens at")
 
 
-def test_md5sums_come_from_the_first_publisher_that_lives(ros: Replay) -> None:
+def test_handshakes_come_from_the_first_publisher_that_lives(ros: Replay) -> None:
     ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.dead()}/"
     master = ros.start()
     graph = master.ask(master.state(), everything(master.state()))
-    assert master.md5sums(graph, ["/chatter", "/chatter_relay", "/nothing", "/work/result"]) == {
-        "/chatter": "992ce8a1687cec8c8bd883ec73ca41d1",
-        "/chatter_relay": "992ce8a1687cec8c8bd883ec73ca41d1",
-        "/work/result": "992ce8a1687cec8c8bd883ec73ca41d1",
+    md5sum = "992ce8a1687cec8c8bd883ec73ca41d1"
+    assert master.handshakes(graph, ["/chatter", "/chatter_relay", "/nothing", "/work/result"]) == {
+        "/chatter": Handshake("/talker_b", md5sum),
+        "/chatter_relay": Handshake("/relay", md5sum),
+        "/work/result": Handshake("/worker", md5sum),
     }
     assert graph.services["/trigger"].probe is not None
     assert graph.services["/trigger"].probe.md5sum == "937c9679a518e3a18d831e57125ea522"

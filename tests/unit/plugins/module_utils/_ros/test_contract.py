@@ -263,6 +263,33 @@ def test_our_own_node_counts_whatever_its_name_looks_like() -> None:
     assert ["/display", "/config", "/rqt_4711_1700000000000"] in record(anonymous, ["/rqt_4711_1700000000000"])["edges"]
 
 
+def test_what_the_keeper_gives_in_the_place_of_others_is_nobodys_to_give() -> None:
+    of, with_keeper = graph(), graph()
+    with_keeper["nodes"]["/ros_keeper"] = node()
+    for name in ("/latched", "/temperature", "/config"):
+        entry = with_keeper["topics"][name]
+        entry["publishers"].append("/ros_keeper")
+        entry["connections"] += [{"publisher": "/ros_keeper", "subscriber": end} for end in entry["subscribers"]]
+    assert record(with_keeper, [OLD], {OLD: NEW}) == record(of, [OLD], {OLD: NEW})
+
+
+def test_what_was_latched_is_owed_by_who_latched_it() -> None:
+    of = graph()
+    of["topics"]["/latched"]["publishers"].append(STATS_OLD)
+    of["topics"]["/latched"]["latched"] = [OLD, "/ros_keeper"]
+    contract = record(of, [OLD, STATS_OLD], {OLD: NEW, STATS_OLD: STATS_NEW})
+    owed = [entry for entry in conditions(contract)["topics"] if entry["name"] == "/latched"]
+    assert owed == [
+        {"name": "/latched", "publisher": NEW, "latched": True},
+        {"name": "/latched", "publisher": STATS_NEW},
+    ]
+    assert [topic.latched for topic in conditions_from({"topics": owed}).topics] == [True, False]
+    found = contract["topics"]
+    assert found["/latched"]["publishers"] == {NEW: {"rate": None, "latched": True}, STATS_NEW: {"rate": None}}
+    assert found["/latched"]["latched"] is True  # of the first one, which its own probe holds to it
+    assert "latched" not in found["/temperature"]
+
+
 @pytest.mark.parametrize(
     ("name", "expected"),
     [(OLD, NEW), (f"{OLD}/a/b", f"{NEW}/a/b"), (f"{OLD}x", f"{OLD}x"), ("/x", "/x"), (f"/x{OLD}", f"/x{OLD}")],

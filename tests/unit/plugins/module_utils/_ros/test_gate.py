@@ -18,10 +18,17 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
     TopicCondition,
     ValueCondition,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import evaluate, look, questions, rate_window
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import (
+    evaluate,
+    look,
+    questions,
+    rate_window,
+    without_master,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     PATIENCE,
     Graph,
+    Handshake,
     MasterState,
     Questions,
     Rate,
@@ -217,6 +224,17 @@ def test_a_dead_nodes_registration_does_not_count() -> None:
         f"3 subscribers of at least 4; registered, but down: {DEAD} (nothing listens at http://127.0.0.1:9/)",
     )
     assert DEAD in check.observed["subscribers"]
+
+
+def test_the_keeper_is_no_publisher_that_somebody_asked_for() -> None:
+    """It gives what one had latched that was replaced, which is not that the next one is there."""
+    keeper = {"/ros_keeper": NodeAnswer("http://127.0.0.1:40009/", 9)}
+    both = graph(keeper, publishers={"/chatter": ("/ros_keeper", "/talker_a")})
+    assert topic(both, publishers=1).reason == "1 publisher"
+    assert topic(both, publishers=2).reason == "1 publisher of at least 2"
+    alone = topic(graph(keeper, publishers={"/chatter": ("/ros_keeper",)}))
+    assert (alone.verdict, alone.reason) == (WAIT, "0 publishers of at least 1")
+    assert topic(both, connected=True).verdict == topic(graph(), connected=True).verdict
 
 
 def test_types() -> None:
@@ -662,6 +680,8 @@ class FakeRos:
         self.graph, self.rate, self.error = of, rate, error
         self.types: bool | None = None
         self.sampled: dict[str, float] = {}
+        self.latching: set[str] = set()  # publishers
+        self.greeted: list[tuple[str, tuple[str, ...]]] = []
         self.only: dict[str, Any] = {}
         self.asked: list[tuple[MasterState, Questions]] = []
 
@@ -681,6 +701,11 @@ class FakeRos:
         assert graph.topics is self.graph.topics
         self.sampled, self.only = dict(seconds), dict(only or {})
         return dict.fromkeys(seconds, self.rate or Rate(error="none"))
+
+    def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
+        found = {name: graph.topics[name].publishers for name in topics}
+        self.greeted += found.items()
+        return {name: Handshake(names[0], "", names[0] in self.latching) for name, names in found.items()}
 
 
 def test_a_look_that_passes() -> None:
@@ -702,6 +727,29 @@ def test_the_types_are_asked_for_only_when_needed() -> None:
     ros = FakeRos(healthy())
     look(ros, Conditions(topics=(TopicCondition("/chatter", type="std_msgs/String"),)))
     assert ros.types is True
+
+
+@pytest.mark.parametrize(
+    ("latching", "verdict", "reasons"),
+    [
+        ({"/talker_a", "/talker_b"}, PASS, ["latched by /talker_b", "latched by /talker_a"]),
+        ({"/talker_a"}, FAIL, ["/talker_b publishes it without latching", "latched by /talker_a"]),
+    ],
+)
+def test_who_has_to_latch_is_asked_once_all_else_passes(latching: set[str], verdict: str, reasons: list[str]) -> None:
+    ros = FakeRos(healthy())
+    ros.latching = latching
+    topics = (TopicCondition("/chatter", publisher="/talker_b", latched=True), TopicCondition("/chatter", latched=True))
+    seen = look(ros, Conditions(topics=topics))
+    checks = [check for check in seen.checks if check.kind == "latched"]
+    assert (seen.verdict, [check.reason for check in checks]) == (verdict, reasons)
+    assert ros.greeted == [("/chatter", ("/talker_b",)), ("/chatter", ("/talker_a", "/talker_b"))]
+    assert ros.sampled == {}
+    missing = look(ros, Conditions(topics=topics, nodes=("/nobody",)))
+    assert [check.verdict for check in missing.checks if check.kind == "latched"] == [WAIT, WAIT]
+    assert len(ros.greeted) == 2
+    away = without_master("http://m:1/", "down", Conditions(topics=topics))
+    assert [check.kind for check in away] == ["master", "topic", "topic", "latched", "latched"]
 
 
 def test_rates_are_measured_once_all_else_passes() -> None:

@@ -11,6 +11,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Connection,
     Extras,
+    Handshake,
     MasterState,
     Rate,
     ServiceProbe,
@@ -251,7 +252,8 @@ def test_the_graph_as_json() -> None:
         "/rosout": Rate(error="/x: gone"),
         "/work/status": Rate(2.0, 2, 1.0, few=True),
     }
-    data = json.loads(json.dumps(graph.as_dict(Extras(rates, {"/chatter": "99"}, {"/trigger": 2}))))
+    handshakes = {"/chatter": Handshake("/talker_b", "99", latching=True), "/chatter_relay": Handshake("/relay")}
+    data = json.loads(json.dumps(graph.as_dict(Extras(rates, handshakes, {"/trigger": 2}))))
     assert data["nodes"][DEAD] == {
         "uri": "http://127.0.0.1:9/",
         "pid": None,
@@ -274,7 +276,7 @@ def test_the_graph_as_json() -> None:
         "rate_error": "",
     }
     assert data["topics"]["/chatter"]["rates"] == {"/talker_a": 49.988}
-    assert data["topics"]["/chatter"]["latched"] == ["/talker_c"]
+    assert data["topics"]["/chatter"]["latched"] == ["/talker_b", "/talker_c"]
     few = data["topics"]["/work/status"]
     assert (few["rate"], few["rate_error"]) == (None, "2 messages in 1.0 s")  # which is not 2 Hz
     assert data["topics"]["/chatter"]["md5sum"] == "99"

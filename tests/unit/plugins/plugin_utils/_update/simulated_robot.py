@@ -18,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import suffix_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
+    Handshake,
     MasterState,
     Questions,
     Rate,
@@ -534,7 +535,7 @@ class SimulatedRobot:
                 found[node] = StatusReading((states, states)) if told else StatusReading(error="it tells nothing")
         return found
 
-    def md5sums(self, graph: Graph, topics: Iterable[str]) -> dict[str, str]:
+    def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
         raise NotImplementedError
 
     def rates(

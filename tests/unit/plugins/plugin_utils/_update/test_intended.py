@@ -66,6 +66,7 @@ def graph() -> dict[str, Any]:
         "topics": {
             "/scan": topic(rates={OLD: 40.0}), "/debug/a": topic(), "/map": topic(latched=[OLD]),
             "/debug/foreign": {"publishers": ["/peer"], "subscribers": []},
+            "/gain/parameter_updates": topic(latched=[OLD]),
         },
         "services": {"/debug/reset": {"provider": OLD, "providers": [OLD]}},
         "actions": {"/dock": {"servers": [OLD]}},
@@ -84,8 +85,10 @@ def test_what_a_step_would_allow_is_told_of_what_there_is() -> None:
         "/scan has to be /front/scan then",
         "/map may carry any rate",
         "/scan may carry 10 Hz or more (now 40 Hz)",
-        f"the message that {OLD} latched on /map goes with it",
+        f"what {OLD} latched on /map is given to later subscribers by the keeper until the next version says something",
     ]
+    for unkept in (found(app(hooks="none")), found(app(), master={"mode": "external", "uri": "http://m:1"})):
+        assert allowed(graph(), [OLD], unkept) == [f"what {OLD} latched on /map goes with it"]
     assert allowed(graph(), ["/other"], found(app(update=update))) == []
     bridge = found(app(args=["rosbridge_websocket"]))
     assert allowed(graph(), [OLD], bridge)[0] == (f"{OLD} may have other topics and services: its clients ask for them")
