@@ -46,10 +46,12 @@ class ActionModule(ClusterAction):
         answers = ask({cluster: partial(connect, host) for cluster, host in asked.items()})
         problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
         together = {kind: list(chain(*(one.objects.get(kind, ()) for one in answers.values()))) for kind in KINDS}
+        rows = cluster_rows(together, usage_of(results.values()))
+        services = {name: one.objects.get("Service", ()) for name, one in answers.items()}
         return {
             "changed": False,
             "hosts": [host.row() for host in hosts],
-            "graphs": graphs_to_read(hosts, {name: one.objects.get("Service", ()) for name, one in answers.items()}),
+            "graphs": graphs_to_read(hosts, services, rows["apps"]),
             "problems": [
                 *(
                     {"where": f"cluster {cluster}", "what": f"does not answer: {why}"}
@@ -59,5 +61,5 @@ class ActionModule(ClusterAction):
             ],
             "runs": [run for answer in answers.values() for run in answer.runs],
             "updates": [run for answer in answers.values() for run in answer.updates],
-            **cluster_rows(together, usage_of(results.values())),
+            **rows,
         }

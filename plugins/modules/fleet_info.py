@@ -94,12 +94,13 @@ claims:
   elements: dict
 graphs:
   description:
-    - Which robots are to read a ROS graph. C(robot) says whose, C(master_uri) where. A shared master's graph is read by
+    - Which robots are to read a ROS graph. C(robot) says whose, C(master_uri) where, C(addresses) which
+      pods may be in it. A shared master's graph is read by
       the first of its robots that can be reached. It belongs to C((shared)).
   returned: success
   type: dict
   sample:
-    robot1: {robot: robot1, master_uri: "http://10.43.0.17:11311"}
+    robot1: {robot: robot1, master_uri: "http://10.43.0.17:11311", addresses: [10.42.1.7]}
 runs:
   description: The last run of each host, as its cluster keeps it for other control nodes; reports of one host each.
   returned: success

@@ -59,6 +59,13 @@ options:
     description: Ask a publisher of each topic for its message type's md5sum, which takes one more connection each.
     type: bool
     default: false
+  launch_hosts:
+    description:
+      - Addresses of pods that are there. What launch files have started in them is read, too, where none of their nodes
+        is registered.
+    type: list
+    elements: str
+    default: []
   service_connections:
     description:
       - Count the connections that clients keep open to the services. It takes half a second, and no ROS node notices.
@@ -170,10 +177,11 @@ graph:
     launched:
       description:
         - The processes that launch files have started, by the word of the roslaunch that runs where one of the nodes is
-          registered (with O(nodes), one of those).
-        - C(crash) says in words what is wrong, and is empty where nothing is, or nobody can tell. roslaunch forgets the
-          exit code of a process that has ended and that it does not start again, so C(exit_code) is null then. Such a
-          process has crashed if it has left its registration behind, else it may have done its work.
+          registered (with O(nodes), one of those), or at one of O(launch_hosts).
+        - C(crash) says in words what is wrong, and is empty where nothing is, or nobody can tell.
+          A roslaunch that C(ros_apps[].launch) did not start forgets the exit code of a process that has ended and is
+          not started again, so C(exit_code) is null then. Such a process has crashed if it has left its registration
+          behind, else it may have done its work.
         - C(spawned) is how many times it was started, C(host) the address of its pod.
       type: list
       elements: dict
@@ -203,8 +211,8 @@ from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.counters import sent
-from ..module_utils._ros.graph import Extras, Graph, Rate, around, everything
-from ..module_utils._ros.roslaunch import children, host_of, row
+from ..module_utils._ros.graph import Extras, Graph, Rate, around, everything, host_of
+from ..module_utils._ros.roslaunch import children, row
 
 INFO_ARGS = {
     "nodes": {"type": "list", "elements": "str", "default": []},
@@ -214,6 +222,7 @@ INFO_ARGS = {
     "rate_nodes": {"type": "list", "elements": "str", "default": []},
     "rate_seconds": {"type": "float", "default": 2.0},
     "md5sums": {"type": "bool", "default": False},
+    "launch_hosts": {"type": "list", "elements": "str", "default": []},
     "service_connections": {"type": "bool", "default": False},
 }
 
@@ -229,16 +238,16 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
         ros.handshakes(graph, publishers) if params["md5sums"] else {},
         sockets.count(graph) if sockets else {},
     )
-    return {**graph.as_dict(extras), "launched": launched(ros, graph, params["nodes"])}
+    return {**graph.as_dict(extras), "launched": launched(ros, graph, params)}
 
 
-def launched(ros: Ros1Client, graph: Graph, nodes: Sequence[str]) -> list[dict[str, Any]]:
-    """What launch files have started in the pods of these nodes, or of all.
+def launched(ros: Ros1Client, graph: Graph, params: dict[str, Any]) -> list[dict[str, Any]]:
+    """What launch files have started in the pods of the wanted nodes, or of all, and in those that are named.
 
     Only there: an address of a pod that is gone would be waited for, and nobody takes it from the parameter server.
     """
-    wanted = [graph.nodes[name] for name in nodes or graph.nodes if name in graph.nodes]
-    hosts = {host_of(node.uri) for node in wanted}
+    wanted = [graph.nodes[name] for name in params["nodes"] or graph.nodes if name in graph.nodes]
+    hosts = {*params["launch_hosts"], *(host_of(node.uri) for node in wanted)}
     return [row(child, graph.nodes) for child in children(ros, hosts)]
 
 

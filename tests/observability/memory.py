@@ -27,10 +27,9 @@ for process in pathlib.Path("/proc").glob("[0-9]*"):
     pod = pod_of(read(process / "cgroup"))
     status = dict(line.split(":", 1) for line in read(process / "status").splitlines() if ":" in line)
     if pod and "VmRSS" in status:
-        one = pods.setdefault(pod, {"rss": 0, "own": 0, "processes": []})
+        one = pods.setdefault(pod, {"rss": 0, "own": 0})
         one["rss"] += int(status["VmRSS"].split()[0]) * 1024
         one["own"] += (int(status["RssAnon"].split()[0]) + int(status["RssShmem"].split()[0])) * 1024
-        one["processes"].append([status["Name"].strip(), int(status["Pid"]), int(status["VmRSS"].split()[0]) * 1024])
 for kind in ("memory.stat", "memory.current"):
     for path in pathlib.Path("/sys/fs/cgroup").glob("**/kubepods*/**/" + kind):
         if path.parent.name.count("pod") and pod_of(path.parent.name) in pods:

@@ -61,14 +61,14 @@ def test_master_that_is_dead(fleet: Watched) -> None:
 
 def test_node_that_hangs(fleet: Watched) -> None:
     [pod] = fleet.pods(MEMBER, f"robot-{MEMBER}", "add-two-ints-client")
-    processes = " ".join(map(str, fleet.processes(pod.spec.node_name, pod)))
-    fleet.hosts.ssh(pod.spec.node_name, f"kill -{signal.SIGSTOP:d} {processes}")
+    where = (pod.spec.node_name, pod.metadata.uid)
+    fleet.hosts.signal(*where, signal.SIGSTOP)
     try:
         raised(fleet, "RosNodeDown", robot=MEMBER)
         [alert] = fleet.prometheus.firing("RosNodeDown", robot=MEMBER)
         assert alert["labels"]["node"].startswith("/add_two_ints_client"), alert
     finally:
-        fleet.hosts.ssh(pod.spec.node_name, f"kill -{signal.SIGCONT:d} {processes}")
+        fleet.hosts.signal(*where, signal.SIGCONT)
     cleared(fleet, "RosNodeDown", robot=MEMBER)
 
 

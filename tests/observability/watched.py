@@ -90,12 +90,6 @@ class Watched:
         answer = self.hosts.ssh(robot, f"python3 -c {shlex.quote(GRAPH)} {uri}")
         return dict(json.loads(answer))
 
-    def processes(self, host: str, pod: Any) -> list[int]:
-        """Processes of a pod by its host's count, the one that keeps its namespaces left out."""
-        text = self.hosts.ssh(host, f"python3 -c {shlex.quote(memory.LOOK)}")
-        found = json.loads(text)[pod.metadata.uid]["processes"]
-        return [number for name, number, _rss in found if name != "pause"]
-
     # --- what is done to it -----------------------------------------------------------------------------------------
 
     def run(self, playbook: str, *arguments: str, **variables: Any) -> Run:

@@ -229,13 +229,16 @@ class Hosts:
         done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)  # noqa: S603
         return done.stdout
 
-    def signal(self, host: str, pod: Pod, number: int) -> None:
-        """To all processes of the pod, but for the one that keeps its namespaces."""
-        of_pod = f"grep -Eqs '{pod.uid.replace('-', '[-_]')}' $p/cgroup && grep -qsvx pause $p/comm"
-        told = self.ssh(
-            host, f"for p in /proc/[0-9]*; do {of_pod} && kill -{number:d} ${{p#/proc/}} && echo $p; done; true"
-        )
-        assert told, f"no process of {pod} on {host}"
+    def processes(self, host: str, uid: str) -> list[int]:
+        """Those of a pod by its host's count, but for the one that keeps its namespaces."""
+        of_pod = f"grep -Eqs '{uid.replace('-', '[-_]')}' $p/cgroup && grep -qsvx pause $p/comm"
+        told = self.ssh(host, f"for p in /proc/[0-9]*; do {of_pod} && echo ${{p#/proc/}}; done; true")
+        assert told, f"no process of the pod {uid} on {host}"
+        return [int(number) for number in told.split()]
+
+    def signal(self, host: str, uid: str, number: int) -> None:
+        """To all processes of a pod; one of the kubelet's probes may have ended by now."""
+        self.ssh(host, f"kill -{number:d} {' '.join(map(str, self.processes(host, uid)))} || true")
 
     def logs(self, robot: str) -> dict[str, list[dict[str, Any]]]:
         """The accounts of a robot's apps, by the file's name: what lies on the robot and what lies at the edge."""

@@ -28,7 +28,7 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
     (sensor,), (server,) = before[SENSOR], before[SERVER]
     watch = fleet.watch()
     for pod in (sensor, server):  # the server in the middle of a goal: its client sends them one after the other
-        fleet.hosts.signal("robot1", pod, signal.SIGSTOP)
+        fleet.hosts.signal("robot1", pod.uid, signal.SIGSTOP)
     try:
 
         def others() -> list[str]:
@@ -37,7 +37,7 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
         wait_until(others, bool, 150, "another pod of the node that hangs", pause=1)
         assert [pod.uid for pod in fleet.cluster.pods("robot1")[SERVER]] == [server.uid]
     finally:
-        fleet.hosts.signal("robot1", server, signal.SIGCONT)
+        fleet.hosts.signal("robot1", server.uid, signal.SIGCONT)
     fleet.wait_settled()
     (said,) = [one for one in fleet.cluster.events("robot1", "NodeHung") if one.startswith(sensor.name)]
     assert said.startswith(f"{sensor.name}: node /temperature_{sensor.revision} has not answered for "), said

@@ -64,7 +64,7 @@ class Observer(Master):
 
     def launched(self, errands: Iterable[Errand]) -> list[Child]:
         """What launch files started where these nodes are; raises what went wrong with the master, as it came."""
-        hosts = {roslaunch.host_of(errand.uri) for errand in errands if isinstance(errand.uri, str)}
+        hosts = {graph.host_of(errand.uri) for errand in errands if isinstance(errand.uri, str)}
         known = list(roslaunch.found(self, hosts).items())
         turns = [known[begin : begin + AT_ONCE] for begin in range(0, len(known), AT_ONCE)]
         return [child for turn in turns for child in roslaunch.asked(self, turn)]

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
-from urllib.parse import urlsplit
 
-from .way_back import APP, HOLDER, MASTER, NODE, notes_of
+from .._ros.graph import host_of
+from .way_back import APP, HOLDER, MASTER, has_node, notes_of
 
 LIVENESS = "rosops.fleet/liveness-timeout"  # on a pod that has another one than the usual
 TIMEOUT, LEAST = 120, 30  # s, the usual, and the shortest that an inventory may say
@@ -50,12 +50,12 @@ class Hung:
 def hung_pods(pods: Iterable[Object], silence: Silence) -> list[Hung]:
     """The longest silent one first."""
     there = list(pods)
-    awake = {_host(uri) for uri in silence.answering}
+    awake = {host_of(uri) for uri in silence.answering}
     hosts = {_status(pod).get("hostIP") for pod in there if _status(pod).get("podIP") in awake or _app(pod) == HOLDER}
     found = []
     for pod in there:
         timeout = liveness_timeout(pod)
-        silent = [(seconds, node) for node, (uri, seconds) in silence.silent.items() if _is_of(pod, node, uri)]
+        silent = [(seconds, node) for node, (uri, seconds) in silence.silent.items() if has_node(pod, node, uri)]
         seconds, node = max(silent, default=(0.0, ""))
         if node and 0 < timeout <= seconds and _is_up(pod) and _status(pod).get("hostIP") in hosts:
             found.append(Hung(pod, node, seconds, timeout))
@@ -65,7 +65,9 @@ def hung_pods(pods: Iterable[Object], silence: Silence) -> list[Hung]:
 def in_no_pod(pods: Iterable[Object], silence: Silence) -> set[str]:
     """Addresses of silent nodes that are no pod's, as a laptop's are."""
     there = list(pods)
-    return {uri for node, (uri, _seconds) in silence.silent.items() if not any(_is_of(pod, node, uri) for pod in there)}
+    return {
+        uri for node, (uri, _seconds) in silence.silent.items() if not any(has_node(pod, node, uri) for pod in there)
+    }
 
 
 def liveness_timeout(pod: Object) -> float:
@@ -74,13 +76,6 @@ def liveness_timeout(pod: Object) -> float:
         return float(notes_of(pod).get(LIVENESS, TIMEOUT))
     except ValueError:  # by hand
         return 0.0
-
-
-def _is_of(pod: Object, node: str, uri: str) -> bool:
-    """By its address. That of a host is everybody's there, so then only the node counts that the pod is known by."""
-    if (pod.get("spec") or {}).get("hostNetwork"):
-        return notes_of(pod).get(NODE) == node
-    return bool(_host(uri)) and _status(pod).get("podIP") == _host(uri)
 
 
 def _is_up(pod: Object) -> bool:
@@ -97,10 +92,3 @@ def _app(pod: Object) -> str:
 
 def _status(pod: Object) -> Mapping[str, Any]:
     return pod.get("status") or {}
-
-
-def _host(uri: str) -> str:
-    try:
-        return urlsplit(uri).hostname or ""
-    except ValueError:
-        return ""

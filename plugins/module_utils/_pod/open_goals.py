@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Callable, Iterable, Mapping
-from urllib.parse import urlsplit
+from typing import Callable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._ros.backend import Backend
 from .._ros.graph import BUSY_STATES, GOAL_STATES, MasterState, Questions, action_names, action_of
-from .way_back import MASTER, NODE, Object, Step, node_of, notes_of
+from .way_back import MASTER, NODE, Object, Step, has_node, node_of, notes_of
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,9 @@ def open_goals_at(ros: Backend, pod: Object) -> Goals:
     """Of the nodes in a pod."""
 
     def served(state: MasterState) -> dict[str, tuple[str, ...]]:
-        servers = {name: action_of(state, name).servers for name in action_names(state)}
-        every = {server for found in servers.values() for server in found}
-        here = _at(ros, state, [pod], every) | {notes_of(pod).get(NODE, "")}
-        found = {name: tuple(one for one in all_of_it if one in here) for name, all_of_it in servers.items()}
-        return {name: own for name, own in found.items() if own}
+        servers = _servers(state)
+        here = _at(ros, state, servers, [pod]) | {notes_of(pod).get(NODE, "")}
+        return {name: tuple(one for one in all_of_it if one in here) for name, all_of_it in servers.items()}
 
     return _goals(ros, served)
 
@@ -47,7 +44,7 @@ def open_goals_at(ros: Backend, pod: Object) -> Goals:
 def _goals(ros: Backend, served_in: Callable[[MasterState], Mapping[str, tuple[str, ...]]]) -> Goals:
     try:
         state = ros.state()
-        served = served_in(state)
+        served = {action: servers for action, servers in served_in(state).items() if servers}
         names = sorted({server for servers in served.values() for server in servers})
         graph = ros.ask(state, Questions({name: frozenset() for name in names}, (), tuple(served)))
     except RosError as error:
@@ -71,25 +68,25 @@ def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str
     An old node of another name works on by itself, and stays; so does one of the same name, beside which the new
     version only waits.
     """
-    servers = {name: action_of(state, name).servers for name in action_names(state)}
-    every = {server for found in servers.values() for server in found}
+    servers = _servers(state)
     nodes = {node_of(member.deployment) for member in step.going_back} - {""}
-    nodes -= _at(ros, state, [pod for member in step.going_back for pod in member.others], every)
-    nodes |= _at(ros, state, [pod for member in step.going_back for pod in member.pods], every)
+    nodes -= _at(ros, state, servers, [pod for member in step.going_back for pod in member.others])
+    nodes |= _at(ros, state, servers, [pod for member in step.going_back for pod in member.pods])
     old = {node_of(member.before) for member in step.going_back if member.before} - nodes
     known = {name for member in step.going_back for name in member.actions}
     found = {}
     for name, all_of_it in servers.items():
         own = tuple(one for one in all_of_it if one in nodes)
         found[name] = own or tuple(one for one in all_of_it if name in known and one not in old)
-    return {name: own for name, own in found.items() if own}
+    return found
 
 
-def _at(ros: Backend, state: MasterState, pods: Iterable[Object], servers: Iterable[str]) -> set[str]:
-    """Those of the servers that are in these pods. A host's address is that of others, too, and tells nothing."""
-    alone = [pod for pod in pods if not (pod.get("spec") or {}).get("hostNetwork")]
-    addresses = {(pod.get("status") or {}).get("podIP") for pod in alone} - {None, ""}
-    if not addresses:
-        return set()
-    asked = ros.ask(state, Questions({name: frozenset() for name in servers})).nodes
-    return {name for name, node in asked.items() if urlsplit(node.uri).hostname in addresses}
+def _servers(state: MasterState) -> dict[str, tuple[str, ...]]:
+    return {name: action_of(state, name).servers for name in action_names(state)}
+
+
+def _at(ros: Backend, state: MasterState, servers: Mapping[str, tuple[str, ...]], pods: Sequence[Object]) -> set[str]:
+    """Those of the servers that are in these pods."""
+    every = {name for found in servers.values() for name in found}
+    asked = ros.ask(state, Questions({name: frozenset() for name in every})).nodes if pods and every else {}
+    return {name for name, node in asked.items() if any(has_node(pod, name, node.uri) for pod in pods)}

@@ -13,15 +13,16 @@ import os
 import select
 import socket
 import xmlrpc.client
+from functools import partial
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Mapping
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
-from .._ros.graph import MasterState, Node, Questions, StatusReading
+from .._ros.graph import MasterState, Node, Questions, StatusReading, host_of
 from .._ros.replies import connections
-from .._ros.rpc import Api, Deadline, reason, tell_publishers
+from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .calls import calls_under_way
 from .state import load_state, save_state
 
@@ -38,8 +39,7 @@ def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> Ros1Client:
 def is_here(uri: str) -> bool:
     """Whether the address is one of this pod: only an own one can be bound."""
     try:
-        host = urlsplit(uri).hostname or ""
-        family, kind, protocol, _name, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        family, kind, protocol, _name, address = socket.getaddrinfo(host_of(uri), 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as sock:
             sock.bind(address)
     except (OSError, ValueError):
@@ -88,9 +88,10 @@ def names_here(ros: Ros1Client, settings: Mapping[str, Any], state: MasterState)
     """Name -> address of all nodes that are registered from this pod. None of them is asked."""
     space = settings.get("space", "").rstrip("/")
     known = ros.addresses([name for name in state.nodes() if name.startswith(f"{space}/")])[0]
-    places = {urlsplit(uri).hostname: uri for uri in known.values()}
-    here = {host for host, uri in places.items() if is_here(uri)}
-    found = {name: uri for name, uri in known.items() if urlsplit(uri).hostname in here}
+    places = {host_of(uri): uri for uri in known.values()}
+    # all at once, and not for ever: a robot that is away from its resolver looks laptops' names up in vain
+    here = in_parallel({host: partial(is_here, uri) for host, uri in places.items()}, ros.timeout, lambda *_: False)
+    found = {name: uri for name, uri in known.items() if here[host_of(uri)]}
     if settings.get("host_network"):  # then the address is that of others, too
         return {name: uri for name, uri in found.items() if listens_here(urlsplit(uri).port or 0)}
     return found

@@ -21,8 +21,8 @@ from .._ros.backend import Backend
 from .._ros.checks import Check
 from .._ros.contract import is_tool
 from .._ros.gate import rate_window
-from .._ros.graph import Graph, MasterState, Node, Questions
-from .._ros.roslaunch import Child, children, crash, host_of
+from .._ros.graph import Graph, MasterState, Node, Questions, host_of
+from .._ros.roslaunch import Child, children, crash
 from .._ros.silence import Silence
 from .command import run_command
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates

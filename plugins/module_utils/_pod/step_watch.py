@@ -20,7 +20,7 @@ from .cluster_api import FLEET, ApiError, Cluster
 from .hung import Silence
 from .keeper_record import Record
 from .open_goals import Goals, open_goals
-from .watchdog import Watchdog
+from .watchdog import Watchdog, left
 from .way_back import (
     HOLDER,
     Object,
@@ -197,7 +197,7 @@ class StepWatch:
         for one in self.watchdog.hung(namespace):
             about, waiting = f"{namespace}/{one.app}", self.watchdog.waits(namespace, one)
             if waiting:
-                self._tell(about, f"node {one.node} does not answer, and its pod is left as it is: {waiting}")
+                self._tell(about, waiting)
                 continue
             claim = self._claim(namespace, seen)
             if claim is not None:
@@ -205,7 +205,7 @@ class StepWatch:
                     claim.renew()
                     self._tell(about, self.watchdog.begin_anew(namespace, one, self._time()))
                 except LostError as error:
-                    self._tell(about, f"node {one.node} does not answer, and its pod is left as it is: {error}")
+                    self._tell(about, left(one, error))
                 finally:
                     claim.release()
             return

@@ -14,7 +14,7 @@ from typing import Callable
 from .._ros.backend import Backend
 from .cluster_api import ApiError, Cluster
 from .hung import AT_MOST, LEAST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, in_no_pod
-from .open_goals import open_goals_at
+from .open_goals import Goals, open_goals_at
 from .way_back import name_of
 
 GRACE = 10  # s for a pod that works on nothing: its node will not end by itself
@@ -43,17 +43,21 @@ class Watchdog:
         return hung_pods(pods, silence)
 
     def waits(self, namespace: str, one: Hung) -> str:
-        """Why the pod is left as it is; nothing where it is to be begun anew."""
+        """Why the pod is left as it is, in whole words; nothing where it is to be begun anew."""
         done = self._done(f"{namespace}/{one.app}")
         if len(done) >= AT_MOST:
-            return f"it was begun anew {AT_MOST} times within {WITHIN / 60:.0f} min"
-        goals = open_goals_at(self.ros, one.pod)
-        patient = one.seconds < UNREADABLE * one.timeout
-        return ", ".join([*goals.busy, *(goals.unknown if patient else ())])
+            return left(one, f"it was begun anew {AT_MOST} times within {WITHIN / 60:.0f} min")
+        return _works(one, open_goals_at(self.ros, one.pod))
 
     def begin_anew(self, namespace: str, one: Hung, at: str) -> str:
-        """Evict it; what was done, or why it could not be. An Event of the pod says so, too."""
+        """Evict it; what was done, or why it could not be. An Event of the pod says so, too.
+
+        A goal that has come since `waits` keeps the pod, as one that was there before does.
+        """
         goals = open_goals_at(self.ros, one.pod)
+        waiting = _works(one, goals)
+        if waiting:
+            return waiting
         at_work = goals.servers and not goals.unknown  # a goal may begin now: its stop hook lets it end
         words = f"node {one.node} has not answered for {one.seconds:.0f} s while its process lives"
         try:
@@ -73,3 +77,14 @@ class Watchdog:
         lately = [at for at in self.restarts.get(about, ()) if self.now() - at < WITHIN]
         self.restarts[about] = lately
         return lately
+
+
+def left(one: Hung, why: object) -> str:
+    return f"node {one.node} does not answer, and its pod is left as it is: {why}"
+
+
+def _works(one: Hung, goals: Goals) -> str:
+    """The goals that the pod is left for, if there are any."""
+    patient = one.seconds < UNREADABLE * one.timeout
+    found = [*goals.busy, *(goals.unknown if patient else ())]
+    return left(one, ", ".join(found)) if found else ""

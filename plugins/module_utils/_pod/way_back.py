@@ -21,6 +21,7 @@ import json
 from dataclasses import dataclass
 from typing import Any, Iterable, Iterator, Mapping, Sequence
 
+from .._ros.graph import host_of
 from .subset import is_in
 
 LEASE = "robot-update"
@@ -49,6 +50,14 @@ def name_of(item: Object) -> str:
 
 def notes_of(item: Object) -> Mapping[str, str]:
     return item["metadata"].get("annotations") or {}
+
+
+def has_node(pod: Object, node: str, uri: str) -> bool:
+    """Whether a node is in a pod: by its address, or where that is its host's, and so everybody's there, by the name
+    that the pod is known by."""
+    if (pod.get("spec") or {}).get("hostNetwork"):
+        return notes_of(pod).get(NODE) == node
+    return bool(host_of(uri)) and (pod.get("status") or {}).get("podIP") == host_of(uri)
 
 
 def node_of(deployment: Object) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any, Iterable, Mapping
+from urllib.parse import urlsplit
 
 ANY_TYPE = "*"  # what a node says that takes any message type
 # s for a peer that does not answer (a laptop asleep, a process that hangs). One that is only slow, or has only just
@@ -340,6 +341,14 @@ def _action_dict(action: Action) -> dict[str, Any]:
 
 
 # ---- what a look asks for, and what registrations show
+
+
+def host_of(uri: str) -> str:
+    """The host of a URI; nothing where it has none."""
+    try:
+        return urlsplit(uri).hostname or ""
+    except ValueError:
+        return ""
 
 
 def everything(state: MasterState) -> Questions:

@@ -7,9 +7,10 @@ Each roslaunch leaves its address on the parameter server under `/roslaunch/uris
 are dead. It answers `list_processes` and `process_info` (roslaunch/server.py, pmon.py). The latter has all environment
 variables of the process in it, too: nothing is taken from it but what `Child` has.
 
-roslaunch forgets a process that has ended and is not started again, a tenth of a second later. Its name stays, its exit
-code does not. So with what code it ended is known in a few cases only, and where it is not, nobody can tell a node that
-has done its work from one that crashed; but for a registration that it has left behind.
+Our own launcher (`_pod/launch.py`, what `ros_apps[].launch` starts) keeps how its processes have ended. Any other
+roslaunch forgets one that has ended and is not started again, a tenth of a second later: its name stays, its exit code
+does not, and nobody can tell a node that has done its work from one that crashed; but for a registration that it has
+left behind.
 """
 
 from __future__ import annotations
@@ -19,9 +20,8 @@ import signal
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, Callable, Container, Iterable, Mapping, Sequence
-from urllib.parse import urlsplit
 
-from .graph import Node
+from .graph import Node, host_of
 from .master import Master
 from .replies import unwrap
 from .rpc import Api, Deadline, in_parallel
@@ -37,7 +37,7 @@ class Child:
 
     `name` is roslaunch's for it, `host` the address of its pod. `exit_code` as of Popen: negative is a signal, None is
     not known. `respawn` and `required` are those of the launch file; both are False of a process that roslaunch has
-    given up. `spawned`: how many times it was started.
+    forgotten. `spawned`: how many times it was started.
     """
 
     name: str
@@ -79,14 +79,6 @@ def crash(child: Child, nodes: Mapping[str, Node] | None = None) -> str:
 def row(child: Child, nodes: Mapping[str, Node]) -> dict[str, Any]:
     """A process as JSON-able data, with its node's name and what is wrong with it."""
     return {**asdict(child), "node": child.node, "crash": crash(child, nodes)}
-
-
-def sentence(child: Child, said: str) -> str:
-    """
-    >>> sentence(Child("lidar-3", "10.42.0.7", False, 1, False, False, 1), "ended with exit code 1")
-    'lidar of the launch file at 10.42.0.7 ended with exit code 1'
-    """
-    return f"{child.node[1:]} of the launch file at {child.host} {said}"
 
 
 def how(exit_code: int) -> str:
@@ -139,14 +131,6 @@ def servers(told: Any, hosts: Container[str] | None = None) -> dict[str, str]:
     uris = {uri for uri in told.values() if isinstance(uri, str)} if isinstance(told, Mapping) else set()
     hosts_of = {uri: host_of(uri) for uri in sorted(uris)}
     return {uri: host for uri, host in hosts_of.items() if host and (hosts is None or host in hosts)}
-
-
-def host_of(uri: str) -> str:
-    """The host of a URI; nothing where it has none."""
-    try:
-        return urlsplit(uri).hostname or ""
-    except ValueError:
-        return ""
 
 
 def _ask(uri: str, host: str, caller: str, seconds: float) -> list[Child]:

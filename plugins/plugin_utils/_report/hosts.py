@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import apps_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Row
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
 
@@ -81,8 +82,11 @@ def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]
     return asked, silent
 
 
-def graphs_to_read(hosts: Iterable[Member], services: Mapping[str, Sequence[Object]]) -> dict[str, Row]:
-    """Which robot reads whose graph, and at which master: `{robot1: {robot: robot1, master_uri: http://..}}`.
+def graphs_to_read(
+    hosts: Iterable[Member], services: Mapping[str, Sequence[Object]], apps: Sequence[Row]
+) -> dict[str, Row]:
+    """Which robot reads whose graph, at which master, and the addresses of the pods that may be in it:
+    `{robot1: {robot: robot1, master_uri: http://.., addresses: [..]}}`.
 
     A shared master's graph is all robots': the first of them that answers reads it. `services` are each cluster's.
     """
@@ -94,7 +98,8 @@ def graphs_to_read(hosts: Iterable[Member], services: Mapping[str, Sequence[Obje
         uri = _master_uri(host.robot, services.get(host.part.cluster, ()))
         if uri:
             taken.add(host.graph)
-            found[host.name] = {"robot": host.graph, "master_uri": uri}
+            pods = {address for row in apps_of(host.graph, apps, SHARED) for address in row["addresses"]}
+            found[host.name] = {"robot": host.graph, "master_uri": uri, "addresses": sorted(pods)}
     return found
 
 

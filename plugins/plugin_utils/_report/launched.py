@@ -15,16 +15,20 @@ Row = dict[str, Any]
 Owner = tuple[str, str]  # robot, app
 
 
+def apps_of(graph: str, apps: Iterable[Row], shared: str) -> list[Row]:
+    """Those whose nodes may be in the graph of a robot, or in that of the name `shared`, which is all robots'."""
+    return [row for row in apps if graph == shared or row["robot"] in (graph, shared)]
+
+
 def launched_rows(
     apps: Iterable[Row], graphs: Mapping[str, Mapping[str, Any]], shared: str
 ) -> tuple[list[Row], list[Row]]:
-    """Problems, and processes that have ended nobody knows how. `graphs` are those of ros_graph_info by robot; that of
-    the name `shared` is all robots'."""
+    """Problems, and processes that have ended nobody knows how. `graphs` are those of ros_graph_info by robot."""
     rows = list(apps)
     problems: list[Row] = []
     ended: list[Row] = []
     for robot, graph in sorted(graphs.items()):
-        owners = _owners(rows if robot == shared else [row for row in rows if row["robot"] in (robot, shared)])
+        owners = _owners(apps_of(robot, rows, shared))
         for child in graph.get("launched") or ():
             of, app = owners.get(child["host"], (robot, ""))
             if child["crash"]:

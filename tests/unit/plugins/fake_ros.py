@@ -9,6 +9,7 @@ import json
 import socket
 import socketserver
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -55,6 +56,14 @@ def frames(part: str, key: str) -> list[bytes]:
 
 
 # ---- peers
+
+
+def until(true: Callable[[], Any]) -> None:
+    """What others do in threads of their own is seen when it is so."""
+    end = time.monotonic() + 10
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.002)
 
 
 def read_request(sock: socket.socket) -> None:

@@ -40,7 +40,7 @@ def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> 
         ("robot2", False),
     ]
     assert [row["name"] for row in found["nodes"]] == ["robot1"]
-    assert found["graphs"] == {"robot1": {"robot": "robot1", "master_uri": "http://10.43.0.1:11311"}}
+    assert found["graphs"] == {"robot1": {"robot": "robot1", "master_uri": "http://10.43.0.1:11311", "addresses": []}}
 
 
 def test_claims_have_their_use(monkeypatch: pytest.MonkeyPatch) -> None:

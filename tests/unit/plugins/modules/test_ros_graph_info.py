@@ -102,6 +102,8 @@ def test_what_launch_files_started(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert (found["node"], found["crash"]) == ("/arm/lidar", "was started again 4 times")
     assert run(monkeypatch, capsys, nodes=["/not_there_yet"])["graph"]["launched"] == []
     assert len(run(monkeypatch, capsys, nodes=["/relay"])["graph"]["launched"]) == 1
+    none_registered = {"nodes": ["/not_there_yet"], "launch_hosts": ["127.0.0.1"]}
+    assert len(run(monkeypatch, capsys, **none_registered)["graph"]["launched"]) == 1
     dead = Child(f"{DEAD[1:]}-1", "127.0.0.1", False, None, False, False, 1)
     monkeypatch.setattr(FakeMaster, "launched", dead)
     assert run(monkeypatch, capsys)["graph"]["launched"][0]["crash"] == "died, as its registration is still there"

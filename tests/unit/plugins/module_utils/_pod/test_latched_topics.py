@@ -7,7 +7,7 @@ from __future__ import annotations
 import queue
 import selectors
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import TopicStream
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import KEEPER, FakeMaster
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
 from ansible_collections.rosops.fleet.tests.unit.plugins.latching import (
     HEADER,
     TOPIC,
@@ -33,13 +33,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.latching import (
 )
 
 OLD, NEW = "/dock_0000000a", "/dock_0000000b"
-
-
-def until(true: Callable[[], Any]) -> None:
-    end = time.monotonic() + 10
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 @pytest.fixture(autouse=True)

@@ -212,8 +212,28 @@ def test_nodes_of_the_pod_are_found_by_its_address(peers: Peers, monkeypatch: py
     assert nodes_here({"host_network": True}) == ([], "no node is registered from this pod's address")
     assert nodes_here({"space": "/robot2"})[0] == []  # several robots share a master: the others' nodes are not asked
     assert nodes_here({"space": "/"})[0]
+    world.address = "http://["  # whatever a stranger has registered
+    assert nodes_here({}) == ([], "no node is registered from this pod's address")
     monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{peers.dead()}/")
     assert "nothing listens" in nodes_here({})[1]
+
+
+def test_a_name_that_nobody_resolves_holds_up_no_probe(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The resolver takes its time where the robot is off the net, and a look-up cannot be interrupted."""
+    answered = threading.Event()
+    resolve = socket.getaddrinfo
+
+    def look_up(host: str, *more: Any, **options: Any) -> Any:
+        if host == "laptop":
+            answered.wait(10)
+        return resolve(host, *more, **options)
+
+    monkeypatch.setattr(own_node.socket, "getaddrinfo", look_up)
+    world.address = "http://laptop:4711/"
+    began = time.monotonic()
+    assert nodes_here({}, 0.2) == ([], "no node is registered from this pod's address")
+    assert time.monotonic() - began < 5
+    answered.set()
 
 
 def test_who_listens() -> None:

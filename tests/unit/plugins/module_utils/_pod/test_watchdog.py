@@ -120,6 +120,25 @@ def test_not_during_a_goal() -> None:
     assert world.done[1] == f"evict {NAMESPACE}/camera-x in its own time"  # a goal that begins now may end
 
 
+def test_a_goal_that_begins_while_the_lease_is_taken_is_waited_for_too() -> None:
+    world = hanging()
+    world.serve("/plan", "/planner")
+    world.uris["/planner"] = f"http://{ADDRESSES['camera']}:4712/"
+    world.goals["/planner"] = busy()
+    write = world.write_lease
+
+    def meanwhile(namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        world.goals["/planner"] = busy(ACTIVE)
+        return write(namespace, body)
+
+    world.write_lease = meanwhile  # type: ignore[method-assign]
+    world.run(LOOK)
+    assert world.done == ["lease ros-keeper", "lease free"]
+    assert world.said == [
+        f"{NAMESPACE}/camera: node /camera does not answer, and its pod is left as it is: /plan ACTIVE"
+    ]
+
+
 def test_goals_elsewhere_are_no_reason() -> None:
     world = hanging()
     world.uris["/planner"] = f"http://{ADDRESSES['arm']}:4712/"

@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import struct
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import pytest
@@ -17,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions impor
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
 
 BATTERY = {"type": "demo/Battery", "md5sum": "0" * 32, "message_definition": "float32 percentage\n"}
 FULL = ValueCondition("/battery", "percentage", above=0.5)
@@ -65,13 +64,6 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
     for node in made.nodes.values():
         node.stop()
     peers.close()
-
-
-def until(true: Callable[[], Any]) -> None:
-    end = time.monotonic() + 5
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def test_nobody_speaks_and_then_somebody_does(stage: Stage) -> None:

@@ -5,16 +5,15 @@
 from __future__ import annotations
 
 import http.client
-import time
 import xmlrpc.client
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import raw_node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Slave
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.streams import TopicStream
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import until
 
 HEADER = {
     "type": "std_msgs/String",
@@ -31,13 +30,6 @@ def slave(monkeypatch: pytest.MonkeyPatch) -> Iterator[Slave]:
     made.start()
     yield made
     made.stop()
-
-
-def until(true: Callable[[], Any]) -> None:
-    end = time.monotonic() + 5
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def test_messages_go_from_publication_to_stream(slave: Slave) -> None:

@@ -20,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import
     children,
     crash,
     processes,
-    sentence,
     servers,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
@@ -72,10 +71,6 @@ def test_who_leaves_its_registration_behind_has_not_done_its_work(
 
 def test_only_of_some_it_is_known_how_they_ended() -> None:
     assert [child.unexplained for child in (GONE, ALIVE, replace(GONE, exit_code=0))] == [True, False, False]
-
-
-def test_a_sentence_says_which_and_where() -> None:
-    assert sentence(GONE, "ended with exit code 1") == f"arm/lidar of the launch file at {POD} ended with exit code 1"
 
 
 def test_whose_servers() -> None:

@@ -87,31 +87,41 @@ def test_every_robot_reads_its_own_masters_graph() -> None:
         "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
         "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
     }
-    assert graphs_to_read(found(), services) == {
-        "robot1": {"robot": "robot1", "master_uri": "http://10.43.0.1:11311"},
-        "robot2": {"robot": "robot2", "master_uri": "http://10.43.0.2:11311"},
-        "lone": {"robot": "lone", "master_uri": "http://10.43.0.3:11311"},
+    apps = [
+        {"robot": "robot1", "addresses": ["10.42.0.7"]},
+        {"robot": "robot2", "addresses": []},
+        {"robot": "(shared)", "addresses": ["10.42.0.9"]},
+    ]
+    assert graphs_to_read(found(), services, apps) == {
+        "robot1": {
+            "robot": "robot1",
+            "master_uri": "http://10.43.0.1:11311",
+            "addresses": ["10.42.0.7", "10.42.0.9"],
+        },
+        "robot2": {"robot": "robot2", "master_uri": "http://10.43.0.2:11311", "addresses": ["10.42.0.9"]},
+        "lone": {"robot": "lone", "master_uri": "http://10.43.0.3:11311", "addresses": ["10.42.0.9"]},
     }
 
 
 def test_a_robot_that_is_off_or_has_no_master_reads_nothing() -> None:
     services = {"edge": [service("robot-robot1", "10.43.0.1")]}
-    assert graphs_to_read(found(off=("robot1",)), services) == {}
+    assert graphs_to_read(found(off=("robot1",)), services, []) == {}
 
 
 def test_a_shared_masters_graph_is_read_by_the_first_robot_that_answers() -> None:
     services = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
     every = {"ros_master_mode": "shared"}
-    lone = {"robot": "lone", "master_uri": "http://10.43.0.8:11311"}  # shares with nobody
-    shared = {"robot": "(shared)", "master_uri": "http://10.43.0.9:11311"}
-    assert graphs_to_read(found(every=every), services) == {"robot1": shared, "lone": lone}
-    assert graphs_to_read(found(every=every, off=("robot1",)), services) == {"robot2": shared, "lone": lone}
+    lone = {"robot": "lone", "master_uri": "http://10.43.0.8:11311", "addresses": []}  # shares with nobody
+    shared = {"robot": "(shared)", "master_uri": "http://10.43.0.9:11311", "addresses": ["10.42.0.7"]}
+    apps = [{"robot": "robot2", "addresses": ["10.42.0.7"]}]
+    assert graphs_to_read(found(every=every), services, apps) == {"robot1": shared, "lone": lone}
+    assert graphs_to_read(found(every=every, off=("robot1",)), services, apps) == {"robot2": shared, "lone": lone}
 
 
 def test_an_external_master_needs_no_service() -> None:
     external = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
-    assert graphs_to_read(found(robot2=external), {}) == {
-        "robot2": {"robot": "robot2", "master_uri": "http://hall:11311"}
+    assert graphs_to_read(found(robot2=external), {}, []) == {
+        "robot2": {"robot": "robot2", "master_uri": "http://hall:11311", "addresses": []}
     }
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import errno
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -28,16 +28,9 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_action import (
     FakeMaster,
     FakeServer,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, until
 
 SERVER = "/worker"
-
-
-def until(true: Callable[[], Any]) -> None:
-    end = time.monotonic() + 10
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 @pytest.fixture(autouse=True)
