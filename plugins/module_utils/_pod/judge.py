@@ -239,21 +239,31 @@ def _was_latched(entry: Mapping[str, Any], publisher: str) -> bool:
 
 
 def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], float]:
-    """Own topic and node -> messages per second that it has to carry; the higher of what is promised and recorded."""
+    """Own topic and node -> messages per second that it has to carry; the higher of what is promised and recorded.
+
+    What is promised of a topic that several of them publish is owed by all together: the node is empty then.
+    """
     found: dict[tuple[str, str], float] = {}
+    publishing: dict[str, list[str]] = {}
     for node in own:
         for topic in node.publications:
-            entry = ((wanted.contract or {}).get("topics") or {}).get(topic)
-            seen = (entry.get("publishers") or {node.name: entry}).get(node.name) if entry else None
-            recorded = least_rate_of(seen, (wanted.contract or {})["tolerance"]) if seen else 0.0
-            least = max(wanted.min_rates.get(topic, 0.0), recorded)
-            if least:
-                found[topic, node.name] = least
-    return found
+            publishing.setdefault(topic, []).append(node.name)
+    for topic, nodes in publishing.items():
+        promised = wanted.min_rates.get(topic, 0.0)
+        found.update({(topic, node): _recorded(wanted.contract, topic, node) for node in nodes})
+        whose = nodes[0] if len(nodes) == 1 else ""
+        found[topic, whose] = max(promised, found.get((topic, whose), 0.0))
+    return {key: hz for key, hz in found.items() if hz}
+
+
+def _recorded(contract: Mapping[str, Any] | None, topic: str, node: str) -> float:
+    entry = contract["topics"].get(topic) if contract else None
+    seen = (entry.get("publishers") or {node: entry}).get(node) if entry else None
+    return least_rate_of(seen, contract["tolerance"]) if contract and seen else 0.0
 
 
 def check_rates(least: Mapping[tuple[str, str], float], rates: Mapping[str, Rate]) -> list[Check]:
     return [
-        check_rate(TopicCondition(topic, min_rate=hz, publisher=node), rates.get(topic))
+        check_rate(TopicCondition(topic, min_rate=hz, publisher=node or None), rates.get(topic))
         for (topic, node), hz in least.items()
     ]

@@ -6,7 +6,7 @@
 It runs on the interpreter of the image's own roslaunch, which may be Python 2.7 (ROS up to Melodic): so it is written
 for both, stands alone, and has its types in comments. In what it adds to roslaunch:
 
-* A node that could not be started ends it, as does one that is `required`, with that one's exit code.
+* A node that could not be started ends it, as does one that is `required`, with that one's exit code, or 1.
 * A node that is deaf to SIGINT is ended after seconds, not after a quarter of a minute.
 * `--overlap`: the version before is still at work. Every node's name gets this version's revision behind it
   (`ROSOPS_REVISION`), private parameters move along, and private topics and services stay under the name that others
@@ -43,8 +43,7 @@ SUFFIX = re.compile(r"_[0-9a-f]{8}(?=/|\Z)")
 
 INTERRUPT, TERMINATE = 5.0, 2.0  # s that a node has to end after SIGINT, and then after SIGTERM
 LOOK = 0.5  # s between two looks at the graph, while there is something to look for
-QUIET = 5.0  # s without any new name, after which no private one is expected any more
-LONGEST = 60.0  # s of looking for private names at the most
+LONGEST = 60.0  # s for nodes to say their private names
 ATTEMPT = 0.5  # s for a connection, which takes milliseconds
 
 
@@ -183,6 +182,9 @@ class Options(object):
         self.revision = environ.get("ROSOPS_REVISION", "") if "--overlap" in said else ""
 
 
+clock = getattr(time, "monotonic", time.time)  # a robot without a battery sets its clock just when pods start
+
+
 def listens(address):
     # type: (Tuple[str, int]) -> bool
     try:
@@ -269,6 +271,14 @@ def launch_of(roslaunch, master, options):
                 self._take_names()
             self.config.nodes = [node for name, node in self.by_name.items() if name not in self.held]
 
+        server_uri = ""  # as long as there was one, which forgets it at its end
+        others = frozenset()  # type: Iterable[str]
+
+        def _start_server(self):
+            # type: () -> None
+            roslaunch.parent.ROSLaunchParent._start_server(self)
+            self.server_uri = self.server.uri
+
         def _start_pm(self):
             # type: () -> None
             """roslaunch forgets how a process ended; whoever asks this one is told (`_ros/roslaunch.py`)."""
@@ -295,8 +305,8 @@ def launch_of(roslaunch, master, options):
         def _take_names(self):
             # type: () -> None
             topics, nodes = master.registered()
-            self.known = set(map(stable, topics))
-            if self.names.before(nodes):
+            self.known, self.others = set(map(stable, topics)), self.names.before(nodes)
+            if self.others:
                 wanted = {name: param.value for name, param in self.config.params.items()}
                 changed = ", ".join(conflicts(wanted, master.params(), self.names))
                 if changed:
@@ -332,18 +342,24 @@ def launch_of(roslaunch, master, options):
                 if added:
                     self.known |= added
                     self._rename(full)
-                    self._end(self.by_name[full])
-                    self.begin(full)
+                    if self._end(self.by_name[full]):
+                        self.begin(full)
                 else:
                     found.pop(full)
             return bool(found)
 
         def _end(self, node):
-            # type: (Any) -> None
-            process = self.pm.get_process(node.process_name)
-            if process is not None:
-                self.pm.unregister(process)  # first, as the end of a required one is everybody's
+            # type: (Any) -> bool
+            """Whether it was there: one that has ended is left so, as roslaunch does."""
+            found = [process for process in self.pm.procs if process.name == node.process_name]
+            for process in found:
+                process.required = process.respawn = False  # this end is nobody's but its own
+                try:
+                    self.pm.unregister(process)
+                except ValueError:  # it ended just now
+                    return False
                 process.stop([])
+            return bool(found)
 
         def begin(self, full):
             # type: (str) -> None
@@ -359,27 +375,28 @@ def launch_of(roslaunch, master, options):
 
 def attend(launch, master, waiting):
     # type: (Any, Master, Waiting) -> None
-    """Until nothing is held any more, and no private name is expected."""
-    began = changed = time.time()
-    before, looking = set(), True  # type: Set[str], bool
+    """Until nothing is held any more, and no private name is expected.
+
+    No node is started once more when it does the work alone: where there was a version before, only beside it.
+    """
+    began, first, looking = clock(), not launch.others, True
+    before = set()  # type: Set[str]
     while (launch.held or looking) and launch.runner.spin_once():
         time.sleep(LOOK)
         try:
             topics, nodes = master.registered()
-            now = time.time()
-            if topics != before:  # a node that registers has not said all yet
-                before, changed = topics, now
-            elif looking and launch.learn(topics):
-                changed = now
-            looking = looking and now - changed < QUIET and now - began < LONGEST
             others = launch.names.before(nodes)
+            looking = clock() - began < LONGEST and (first or bool(others))
+            if topics != before:  # a node that registers has not said all yet
+                before = topics
+            elif looking:
+                launch.learn(topics)
             ready = [full for full in launch.held if waiting.over(full, others)]
         except master.away:  # it is asked again
             continue
         for full in ready:
             launch.held.remove(full)
             launch.begin(full)
-            began, changed, looking = now, now, True
 
 
 def main(words):
@@ -403,6 +420,7 @@ def main(words):
                 self.code = exit_code or 1
 
     options, deaths = Options(words, os.environ), Deaths()
+    launch = None  # type: Any
     os.environ.setdefault("PYTHONUNBUFFERED", "1")  # of the nodes: what they say is the container's log
     os.environ.setdefault("ROSCONSOLE_STDOUT_LINE_BUFFERED", "1")
     while not rosgraph.is_master_online():
@@ -422,13 +440,13 @@ def main(words):
         if options.revision:
             attend(launch, master, Waiting(master.address_of))
         launch.pm.registrations_complete()
-        server = launch.server.uri  # which it forgets when it ends
         launch.spin()
-        own = [launch.names.moved(full) for full in launch.names.nodes] if options.revision else []
-        master.forget(own, server)
     except roslaunch.RLException as error:
         sys.stderr.write("rosops.fleet: %s\n" % error)
-        return 1
+        deaths.code = 1
+    if launch is not None and launch.server_uri:
+        own = [launch.names.moved(full) for full in launch.names.nodes] if options.revision else []
+        master.forget(own, launch.server_uri)
     return deaths.code
 
 

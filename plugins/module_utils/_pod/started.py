@@ -147,12 +147,15 @@ class Starting:
         named = (name for part in (state.publishers, state.subscribers, state.services) for name in part)
         kept = {f"{node}/{word}" for node in renamed for word in MANAGER}
         loose = [name for name in sorted({*named} - kept) if any(name.startswith(f"{node}/") for node in renamed)]
-        return [Check("topic", name, WAIT, "is private to this version, and moves to the name that others know")
+        return [Check("topic", name, WAIT, "is private to this version, and has to move to the name that others know")
                 for name in loose]  # fmt: skip
 
     def _fallen(self, own: Iterable[Node]) -> list[Check]:
         """Processes of the launch file that ended by an error, and are not up again: roslaunch goes on without them."""
-        hosts = {host_of(node.uri) for node in own} if self.settings.get("launch") else set()
+        alone = self.settings.get("launch") and not self.settings.get(
+            "host_network"
+        )  # else the address is others', too
+        hosts = {host_of(node.uri) for node in own} if alone else set()
         ended = [child for child in self.outside.children(hosts) if not child.alive] if hosts else []
         return [Check("node", child.node, WAIT, said) for child in ended if (said := crash(child))]
 

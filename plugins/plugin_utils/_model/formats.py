@@ -163,7 +163,7 @@ FORMS: dict[str, Form] = {
     "image": Form(lambda text: _IMAGE.fullmatch(text) is not None, "an image reference such as ros:noetic-ros-core"),
     "quantity": Form(lambda text: quantity_value(text) is not None, "a Kubernetes quantity such as 500m, 256Mi or 2"),
     "size": Form(_positive_quantity, "a Kubernetes quantity above zero such as 500Mi or 1Gi"),
-    "unicode": Form(lambda text: _parses(str.encode, text), "text that UTF-8 can say, without half of a surrogate pair"),
+    "unicode": Form(lambda text: _parses(str.encode, text), "text that UTF-8 can say, no half of a surrogate pair"),
     "env-name": Form(_matching(r"[A-Za-z_]\w*"), "letters, digits and underscores, not beginning with a digit"),
     "resource-name": Form(
         _matching(rf"(?:{_SUBDOMAIN}/)?[A-Za-z0-9][-\w.]*"), "cpu, memory, ephemeral-storage or <vendor>/<resource>"

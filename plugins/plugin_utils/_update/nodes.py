@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from urllib.parse import urlsplit
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import suffix_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import is_tool
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import node_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
@@ -34,7 +34,7 @@ def own_nodes(named: Mapping[str, str], graph: Graph, pods: Iterable[Object]) ->
         address = (pod.get("status") or {}).get("podIP")
         if address:
             apps_at.setdefault(address, set()).add(pod["metadata"]["labels"].get(names.LABEL_APP, ""))
-    at = {node: urlsplit(entry.get("uri") or "").hostname or "" for node, entry in sorted(graph["nodes"].items())}
+    at = {node: host_of(entry.get("uri") or "") for node, entry in sorted(graph["nodes"].items())}
     found = {}
     for app, name in named.items():
         others = [node for node, address in at.items() if apps_at.get(address) == {app} and not is_tool(node)]

@@ -125,12 +125,23 @@ def _contracts(
 
 def _since(contract: Contract, launch: Launched) -> Succession:
     """From the names in a contract, which are those of the revision that it was made for."""
-    parts = [contract, contract.get("others") or {}]
-    nodes = [node for part in parts for node in part.get("nodes") or ()]
-    there = [name for part in parts for key in ("topics", "services", "subscriptions") for name in part.get(key) or ()]
     revision = f"_{contract.get('revision')}"
-    old = revision if any(node.endswith(revision) for node in nodes) else ""
-    return succession(replace(launch, old=old), nodes, there)
+    suffixed = any(node.endswith(revision) for node in _nodes_in(contract))
+    return _names_in(contract, replace(launch, old=revision if suffixed else ""))
+
+
+def _parts(contract: Contract) -> list[Contract]:
+    return [contract, contract.get("others") or {}]
+
+
+def _nodes_in(contract: Contract) -> list[str]:
+    return [node for part in _parts(contract) for node in part.get("nodes") or ()]
+
+
+def _names_in(contract: Contract, launch: Launched) -> Succession:
+    keys = ("topics", "services", "subscriptions")
+    there = [name for part in _parts(contract) for key in keys for name in part.get(key) or ()]
+    return succession(launch, _nodes_in(contract), there)
 
 
 def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str], follows: Succession) -> Contract:
@@ -296,7 +307,10 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
 
     Rates are left out: there is no third version to go to from an old one that is slower than it was.
     """
-    old = {new: before for before, new in {**step.intended.renamed, **gate.succession.nodes}.items()}
+    old = {new: before for before, new in {**step.intended.renamed, **step.renames}.items()}
+    for app, launch in step.launched.items():
+        contract = gate.contracts.get(app, NO_CONTRACT)
+        old |= _names_in(contract, replace(launch, old=launch.new, new=launch.old)).renames
     found = _united(_conditions([_renamed(one, old) for one in gate.contracts.values()], tolerance))
     found["topics"] = [
         {key: topic[key] for key in topic if key not in ros_contract.STREAMED} for topic in found["topics"]

@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     PATIENCE,
     Handshake,
     MasterState,
+    Node,
     Rate,
     ServiceProbe,
 )
@@ -305,6 +306,20 @@ def test_rates_are_the_higher_of_what_is_promised_and_what_was() -> None:
     }  # it is meant to be slower
     assert least(contract(topics={"/out": {"rate": 100.0, "least": 0}})) == {}
     assert least(contract(tolerance=1)) == {}  # any rate will do
+
+
+def test_what_is_promised_of_a_topic_is_owed_by_all_of_an_apps_nodes_together() -> None:
+    """What was recorded of each it owes by itself."""
+    one, two = (Node(name, publications=("/diagnostics",)) for name in ("/a_0a1b2c3d", "/b_0a1b2c3d"))
+    wanted = probe.Wanted((one.name, two.name), None, {"/diagnostics": 2.0})
+    assert probe.least_rates([one, two], wanted) == {("/diagnostics", ""): 2.0}
+    assert probe.least_rates([one], wanted) == {("/diagnostics", one.name): 2.0}
+    owed = {"/diagnostics": {"publishers": {one.name: {"rate": 10.0}, two.name: {"rate": None}}}}
+    both = probe.least_rates([one, two], probe.Wanted(wanted.nodes, contract(topics=owed), wanted.min_rates))
+    assert both == {("/diagnostics", one.name): 9.0, ("/diagnostics", ""): 2.0}
+    half = Rate(1.0, 9, 1.0)
+    rates = {"/diagnostics": Rate(2.0, 18, 1.0, by={one.name: half, two.name: half})}
+    assert [check.verdict for check in probe.check_rates({("/diagnostics", ""): 2.0}, rates)] == [PASS]
 
 
 @pytest.mark.parametrize(("hz", "verdict"), [(90.0, PASS), (89.5, PASS), (45.0, WAIT), (0.0, WAIT)])

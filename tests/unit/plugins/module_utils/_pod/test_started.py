@@ -328,7 +328,7 @@ def test_what_one_node_had_another_one_does_not_give(two_nodes: World, monkeypat
 def test_private_names_of_this_version_alone_are_on_their_way(two_nodes: World) -> None:
     two_nodes.publishers[f"{OTHER}/status"], two_nodes.subscribers[f"{OTHER}/status"] = [OTHER], []
     two_nodes.services[f"{OTHER}/get_loggers"] = [OTHER]
-    words = f"topic {OTHER}/status: is private to this version, and moves to the name that others know"
+    words = f"topic {OTHER}/status: is private to this version, and has to move to the name that others know"
     assert launched(two_nodes) == f"not ready: {words}"
     assert launched(two_nodes, launch="replace").startswith("not ready: topic") is False
 
@@ -346,6 +346,8 @@ def test_a_process_that_crashed_is_said(two_nodes: World, alive: bool, code: int
     """roslaunch goes on without it, and the graph does not know of it."""
     child = Child("arm/lidar-3", "127.0.0.1", alive, code, False, False, 1)
     assert launched(two_nodes, children=[child]) == words
+    # the address of the host is that of others, too
+    assert launched(two_nodes, children=[child], host_network=True) == ""
 
 
 def test_a_contract_counts_for_whoever_names_his_nodes_himself(

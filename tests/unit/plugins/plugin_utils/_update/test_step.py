@@ -462,3 +462,14 @@ def test_a_pod_that_has_only_just_started_is_no_reason_to_ask_nothing_of_the_nex
 def renamed_contract(contract: Any, old: str, new: str) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(json.dumps(contract).replace(old, new))
     return found
+
+
+def test_a_way_back_to_another_handoff_owes_private_names_where_they_always_were() -> None:
+    before, after = app("nav", "x.org/a:1", launch=LAUNCH), app("nav", "x.org/a:2", launch=LAUNCH, pattern=None)
+    step = step_of(robot(before), robot(after))
+    assert step.launched["nav"].new == ""
+    gate = step_gate(step, overlapping_graph(step), Live(pods=[pod("nav", "10.42.0.8")]))
+    assert set(gate.contracts["nav"]["topics"]) == {"/amcl/pose"}
+    wanted = proof_of_old(step, gate, 0.1)
+    assert [topic["name"] for topic in wanted["topics"]] == ["/amcl/pose"]
+    assert [edge["publisher"] for edge in wanted["edges"]] == [f"/amcl{step.launched['nav'].old}"]
