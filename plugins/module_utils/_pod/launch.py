@@ -333,20 +333,16 @@ def launch_of(roslaunch, master, options):
                     raise RLException(str(error))
 
         def learn(self, topics):
-            # type: (Iterable[str]) -> bool
-            """Start those once more whose private names nobody knew; whether there are any."""
-            found = self.names.misplaced(topics)
-            for full in sorted(found):
-                names = found[full].difference(kept_for_itself(self.by_name[full]))
+            # type: (Iterable[str]) -> None
+            """Start those once more whose private names nobody knew."""
+            for full, found in sorted(self.names.misplaced(topics).items()):
+                names = found.difference(kept_for_itself(self.by_name[full]))
                 added = set(full + "/" + name for name in names).difference(self.known)
                 if added:
                     self.known |= added
                     self._rename(full)
                     if self._end(self.by_name[full]):
                         self.begin(full)
-                else:
-                    found.pop(full)
-            return bool(found)
 
         def _end(self, node):
             # type: (Any) -> bool

@@ -17,6 +17,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import is_tool
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import on_demand
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import node_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
 
@@ -47,13 +49,15 @@ class Launched:
     """An app whose nodes a launch file names: what is behind their names before and after a step.
 
     `held`: nodes, as the launch file calls them, that begin when those of the version before have ended. `overlap`:
-    those of which somebody said that two of them do no harm.
+    those of which somebody said that two of them do no harm. `on_demand`: what they have on the graph is their clients'
+    wish.
     """
 
     old: str
     new: str
     held: tuple[str, ...] = ()
     overlap: tuple[str, ...] = ()
+    on_demand: bool = False
 
     def plain(self, node: str) -> str:
         """What the launch file calls a node of the version before."""
@@ -66,13 +70,14 @@ class Launched:
         return any(named(word, [self.plain(node)]) for word in self.overlap)
 
 
-def launched(before: Object, after: Object, overlap: Sequence[str] = ()) -> Launched | None:
+def launched(before: Object, after: Object, app: App) -> Launched | None:
     """Two versions of an app, of which the later is a launch file; None: it has a node of its own name."""
     if node_of(after):
         return None
     words = [word for one in after["spec"]["template"]["spec"]["containers"] for word in one.get("args") or ()]
     held = tuple(word.removeprefix(_HELD) for word in words if word.startswith(_HELD))
-    return Launched(suffix_of(before), suffix_of(after), held, tuple(overlap))
+    overlap = app.launch.overlap if app.launch else ()
+    return Launched(suffix_of(before), suffix_of(after), held, overlap, on_demand(app))
 
 
 @dataclass(frozen=True)

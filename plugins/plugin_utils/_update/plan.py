@@ -166,7 +166,7 @@ class _Robot:
             old_nodes=old_nodes,
             launched={
                 app: found for app, spec in apps.items() if app in previous
-                if (found := launched(previous[app], first[app], spec.launch.overlap if spec.launch else ()))
+                if (found := launched(previous[app], first[app], spec))
             },
             actions=self._actions(apps.values(), "own"),
             idle=self._actions(apps.values(), "idle"),

@@ -152,7 +152,7 @@ def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str], follows:
         judged = [node for node in nodes if node == first and node in graph["nodes"]] or list(nodes)
     others = [node for node in nodes if node not in judged]
     meant = step.intended
-    if first in meant.on_demand:  # then all that its launch file starts is
+    if first in meant.on_demand or (launch and launch.on_demand):  # then all that its launch file starts is
         meant = replace(meant, on_demand=(*meant.on_demand, *nodes))
     contract = ros_contract.record(graph, judged, follows.renames, intended=meant)
     beside = ros_contract.record(graph, others, follows.renames, intended=meant)
@@ -173,7 +173,8 @@ def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> lis
     """What forbids the step, seen on the graph before anything is touched."""
     problems = []
     for app, launch in step.launched.items():
-        for node in own.get(app, ()) if launch.new and app not in step.unproven else ():
+        judged = launch.new and not launch.on_demand and app not in step.unproven
+        for node in own.get(app, ()) if judged else ():
             why = "" if launch.is_held(node) or launch.may_overlap(node) else obstacle(graph, node)
             if why:
                 problems.append(

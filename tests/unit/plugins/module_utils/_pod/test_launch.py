@@ -181,11 +181,10 @@ class Graph:
     def spin_once(self) -> bool:
         return True
 
-    def learn(self, topics: set[str]) -> bool:
+    def learn(self, topics: set[str]) -> None:
         found = {name for names in NAMES.misplaced(topics).values() for name in names} - self.known
         self.known |= found
         self.log += [(self.clock.at, f"learn {name}") for name in sorted(found)]
-        return bool(found)
 
     def begin(self, full: str) -> None:
         self.log.append((self.clock.at, f"begin {full}"))

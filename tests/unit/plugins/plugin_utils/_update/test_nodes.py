@@ -74,10 +74,10 @@ def test_what_is_held_and_what_may_overlap_is_said_as_the_launch_file_calls_it()
 def test_the_words_of_the_deployment_say_it() -> None:
     launch = {"package": "base", "file": "base.launch", "replace": ["lidar"], "overlap": ["odom"]}
     before, after = deployment(launch=launch, pattern=None), deployment(image="x.org/a:2", launch=launch)
-    found = launched(before, after, ("odom",))
-    assert found == Launched("", f"_{revision_of(after)}", ("lidar",), ("odom",))
-    assert launched(after, before) == Launched(f"_{revision_of(after)}", "", (), ())
-    assert launched(before, deployment()) is None  # a node of the app's own name
+    (spec,) = robot(app("base", launch=launch)).apps
+    assert launched(before, after, spec) == Launched("", f"_{revision_of(after)}", ("lidar",), ("odom",))
+    assert launched(after, before, spec) == Launched(f"_{revision_of(after)}", "", (), ("odom",))
+    assert launched(before, deployment(), spec) is None  # a node of the app's own name
 
 
 def test_successions_of_several_apps_are_one() -> None:

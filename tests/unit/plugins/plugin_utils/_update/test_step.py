@@ -439,6 +439,21 @@ def test_a_node_of_which_two_must_not_be_there_is_refused_with_what_to_write() -
         assert gate.problems == ([words.format(step.launched["nav"].old)] if forbidden else [])
 
 
+def test_what_clients_ask_for_is_held_against_no_version_of_a_launch_file() -> None:
+    """Nor that one of them steers the robot through it."""
+    step = overlapping({"package": "rosbridge_server", "file": "rosbridge_websocket.launch"})
+    graph = overlapping_graph(step)
+    graph["topics"]["/cmd_vel"] = {
+        "type": "geometry_msgs/Twist", "md5sum": "", "publishers": [f"/amcl{step.launched['nav'].old}"],
+        "subscribers": ["/listener"], "connections": [],
+    }  # fmt: skip
+    gate = step_gate(step, graph, Live(pods=[pod("nav", "10.42.0.8")]))
+    assert gate.problems == []
+    contract = gate.contracts["nav"]
+    assert len(contract["nodes"]) == 2
+    assert not any(contract[key] for key in ("topics", "subscriptions", "services", "actions", "edges"))
+
+
 def without(launch: dict[str, Any], key: str) -> dict[str, Any]:
     return {name: value for name, value in launch.items() if name != key}
 
