@@ -386,6 +386,7 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
             ["a:1", "http://a", "http://1.2.3:1", "http://a:0", "http://:1"],
         ),
         ("env-name", ["A", "_a1"], ["", "1A", "A-B", "A B"]),
+        ("unicode", ["", "a: ä\n"], ["\ud800"]),  # half of a surrogate pair
     ],
 )
 def test_forms(form: str, good: list[str], bad: list[str]) -> None:
