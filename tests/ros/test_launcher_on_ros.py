@@ -85,6 +85,11 @@ def nodes(scene: Scene, revision: str) -> set[str]:
     return {name.removesuffix(f"_{revision}") for name in scene.registered() if name.endswith(revision)}
 
 
+def tools(scene: Scene) -> int:
+    """How many have the name that the launch file makes up."""
+    return len([name for name in scene.registered() if name.startswith("/tool_")])
+
+
 def publishers(scene: Scene, topic: str) -> set[str]:
     return {name for name, entry in scene.registered().items() if topic in dict(entry.publications)}
 
@@ -106,13 +111,14 @@ def test_two_versions_side_by_side(scene: Scene) -> None:
     # nobody knows the private name yet: the node is started once more, with it
     until("the private name in its place", lambda: publishers(scene, "/arm/camera/image") == {f"/arm/camera_{ONE}"})
     until("the first version", lambda: nodes(scene, ONE) == {"/arm/camera", "/driver"})
-    assert len([name for name in scene.registered() if name.startswith("/tool_")]) == 1
+    until("its tool", lambda: tools(scene) == 1)
 
     start(scene, TWO, *OVERLAP, "gain:=2")
     until("the second version", lambda: nodes(scene, TWO) == {"/arm/camera"})
-    assert publishers(scene, "/arm/camera/image") == {f"/arm/camera_{ONE}", f"/arm/camera_{TWO}"}
+    both = {f"/arm/camera_{ONE}", f"/arm/camera_{TWO}"}
+    until("both under the name that others know", lambda: publishers(scene, "/arm/camera/image") == both)
     assert (param(scene, f"/arm/camera_{ONE}/gain"), param(scene, f"/arm/camera_{TWO}/gain")) == (1, 2)
-    assert len([name for name in scene.registered() if name.startswith("/tool_")]) == 2  # each has one of its own
+    until("a tool of each one's own", lambda: tools(scene) == 2)
 
     assert end(scene, ONE) == 0
     until("the driver, when the old one has ended", lambda: nodes(scene, TWO) == {"/arm/camera", "/driver"})

@@ -224,7 +224,7 @@ def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
     until("numbers", lambda: len(scene.log("/old_listener")) > 0)
     scene.start("talker", talker.node, "/numbers", "UInt32")
     assert talker.call("started")[1] == (
-        f"not ready: topic /numbers: not connected to {listener.node}, which is updated together with it"
+        f"not ready: topic /numbers: {talker.node} not connected to {listener.node}, which is updated together with it"
     )
     scene.start("listener", listener.node, "/numbers", "UInt32")
     assert listener.call("started") == (0, "")
@@ -291,7 +291,8 @@ def test_servers_that_the_app_names_itself_are_let_finish_and_not_shut_down(scen
     assert (status, line) == (0, "rosops.fleet: goals of /work are not held: there is no keeper")
     assert 1.5 < time.monotonic() - began < 9
     until("the result", lambda: any("goal" in line for line in scene.log("/boss")))
-    assert "/move_base" in scene.registered()
+    assert "/move_base" not in scene.registered()  # it has left the graph, and lives until it gets its signal
+    assert scene.processes["/move_base"].poll() is None
 
 
 def test_a_busy_server_is_let_finish(scene: Scene, pods: Any) -> None:
