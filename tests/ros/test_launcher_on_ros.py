@@ -100,7 +100,8 @@ def param(scene: Scene, name: str) -> Any:
 
 def end(scene: Scene, name: str) -> int:
     scene.kill(name, signal.SIGTERM)
-    return scene.processes[name].wait(20)
+    # a signal that meets roslaunch as it starts a process waits for its lock, for 20 s
+    return scene.processes[name].wait(60)
 
 
 OVERLAP = ("--overlap", "--replace=driver", "--package=made", "two.launch")
