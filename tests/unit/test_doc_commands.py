@@ -8,19 +8,25 @@ A block that is none of commands has `<!-- not commands -->`, or a fence with an
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
+import yaml
 from doc_blocks import CHECKOUT, Block, blocks, blocks_of
 
+TREE = str(CHECKOUT / ".ansible" / "collections")
+HOSTS = {"edge": "192.0.2.10", "robots": "192.0.2.21"}
 SITE = "tests/unit/playbooks/test_site_robots.py"
 UPDATE = "tests/update/test_1_fleet.py"
 # A command, its options and what stands for a name as a regular expression -> the test that runs it.
 RUN = {
-    r"PLAY validate": f"{SITE}::test_who_runs_nothing_comes_first_and_who_works_in_waves",
-    r"PLAY site": "molecule/shared/converge.yml",
-    r"PLAY site LIMIT": "tests/unit/playbooks/test_elsewhere.py"
-    "::test_ten_robots_of_a_limit_fetch_it_once_from_a_living_server_outside_of_it",
+    r"PLAY validate": "tests/unit/test_doc_commands.py::test_a_fleet_is_validated_without_a_host",
+    r"PLAY site": f"{UPDATE}::test_what_site_brought_is_unchanged",
+    r"PLAY site LIMIT": f"{SITE}::test_who_runs_nothing_comes_first_and_who_works_in_waves",
     r"PLAY site --check --diff": f"{SITE}::test_check_mode_shows_what_a_robot_would_get_and_what_its_gate_says",
     r"PLAY site --tags apps,ready": "tests/update/test_2_bad_versions.py::test_bad_and_good_version_by_site",
     r"PLAY site --tags k3s( --check)?": "tests/update/test_4_k3s.py"
@@ -55,11 +61,27 @@ def test_commands_are_run_or_marked(block: Block) -> None:
     assert left or not marked, "a test runs all of it: take the mark away"
 
 
-@pytest.mark.parametrize("by", sorted(set(RUN.values())))
-def test_what_runs_them_is_there(by: str) -> None:
+@pytest.mark.parametrize(("pattern", "by"), RUN.items())
+def test_what_runs_them_is_there(pattern: str, by: str) -> None:
     path, _, name = by.partition("::")
     text = (CHECKOUT / path).read_text("utf-8")
-    assert not name or f"def {name}(" in text
+    assert f"def {name}(" in text
+    playbooks = re.findall(r"\w+", pattern.split()[1])
+    assert [one for one in playbooks if not re.search(rf"\b{one}\b", text)] == []
+
+
+def test_a_fleet_is_validated_without_a_host(tmp_path: Path) -> None:
+    groups = {name: {"hosts": {f"{name}1": {"ansible_host": host}}} for name, host in HOSTS.items()}
+    (tmp_path / "my-fleet").mkdir()
+    (tmp_path / "my-fleet" / "hosts.yml").write_text(yaml.safe_dump({"all": {"children": groups}}))
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("ANSIBLE_")}
+    run = subprocess.run(  # noqa: S603 - our own
+        [sys.executable, "-m", "ansible", "playbook", "-i", "my-fleet", "rosops.fleet.validate"],
+        env={**kept, "ANSIBLE_COLLECTIONS_PATH": TREE, "ANSIBLE_HOME": str(tmp_path / "home")},
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert re.search(r"^edge1 +: ok=2 +changed=0", run.stdout, re.MULTILINE), run.stdout
 
 
 def test_no_pattern_is_left_over() -> None:
