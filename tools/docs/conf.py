@@ -41,7 +41,7 @@ html_show_sphinx = False
 
 LINK = re.compile(r"\]\((?P<path>[\w./-]+)(?P<anchor>#[\w-]+)?\)")
 # a page that begins an item of a list, or a row of a table
-CONTENTS = re.compile(r"^## (?P<heading>.+)$|^[*|] \[[^]]+\]\((?P<page>[\w./-]+\.md)\)", re.MULTILINE)
+CONTENTS = re.compile(r"^## (?P<heading>.+)$|^[*|] \[(?P<title>[^]]+)\]\((?P<page>[\w./-]+\.md)\)", re.MULTILINE)
 PLUGIN = re.compile(r"plugins/(?:modules/(?P<module>\w+)|callback/(?P<callback>\w+))\.py")
 # What the reference refers to in Ansible's documentation, whose inventory of labels is not fetched for it.
 ANSIBLE = "https://docs.ansible.com/ansible/latest"
@@ -67,7 +67,7 @@ def contents(page: str) -> str:
     for found in CONTENTS.finditer(page):
         heading = found["heading"] or heading
         if found["page"]:
-            lists.setdefault(heading, []).append(found["page"])
+            lists.setdefault(heading, []).append(f"{found['title']} <{found['page']}>")
     return "".join(toctree(caption, pages) for caption, pages in lists.items())
 
 
