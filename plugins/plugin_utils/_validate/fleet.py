@@ -51,8 +51,7 @@ class Report(NamedTuple):
 def check_fleet(given: Any, find: Find = unseen) -> Report:
     """`given` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`.
 
-    `find` looks into archives of images. What they show may be refused, but never becomes part of the fleet: another
-    control node may not have them, and has to make the same robots of the same inventory.
+    `find` looks into archives of images: where an app's hooks run, if nobody said it, and what is refused.
     """
     problems: list[Problem] = []
     if not isinstance(given, Mapping):
