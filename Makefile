@@ -61,7 +61,7 @@ status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
 	@ansible-playbook -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
-HOSTLESS := lint test-unit sanity test-bad-input test-go test-browser test-ros
+HOSTLESS := lint test-unit sanity dist test-bad-input test-go test-browser test-ros
 
 .PHONY: test
 test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
@@ -82,7 +82,7 @@ check: ruff mypy ## In seconds, without a host: lint, and the unit tests near wh
 	@python -m pytest -n 2 -q $$(python tests/tools/affected.py tests)
 
 .PHONY: lint
-lint: ruff mypy yamllint shellcheck ansible-lint lint-changelog lint-docs lint-package ## All that reads code and runs none
+lint: ruff mypy yamllint shellcheck ansible-lint lint-changelog lint-docs ## All that reads code and runs none
 
 .PHONY: ruff
 ruff: ## Python: style and mistakes
@@ -118,9 +118,20 @@ lint-docs: ## Documentation of modules, plugins and roles, and all that it refer
 	@# it copies collections that ours needs as git knows them; those in .venv are none of this repository
 	GIT_CEILING_DIRECTORIES=$$(realpath .venv) antsibull-docs lint-collection-docs --plugin-docs .
 
-.PHONY: lint-package
-lint-package: ## The collection can be built (what it holds: tests/unit/test_package.py)
-	ansible-galaxy collection build --force --output-path .cache/package .
+.PHONY: package
+package: ## Build the collection's package into .cache/package (what it holds: tests/unit/test_package.py)
+	@rm -rf .cache/package
+	ansible-galaxy collection build --output-path .cache/package .
+
+.PHONY: dist
+dist: package ## The package through Galaxy's importer, installed into an empty place, and run from there
+	ROSOPS_IMPORTER_PYTHON=$$($(LAB) python importer) python -m pytest -n 0 tests/dist
+
+.PHONY: ee
+ee: package ## The execution environment's image (podman; needs the registries of its base image and of Galaxy)
+	@mkdir -p .cache/ee
+	cp .cache/package/rosops-fleet-*.tar.gz .cache/ee/rosops-fleet.tar.gz
+	ansible-builder build --container-runtime podman --file execution-environment/execution-environment.yml --context .cache/ee/context
 
 .PHONY: test-unit
 test-unit: ## All unit tests, in a minute (TESTS="--lf": those that failed last)
