@@ -17,6 +17,7 @@ from types import FrameType
 from . import k3s, observability, observability_build, state
 from .app_images import app_archives
 from .artifacts import Cache
+from .environments import environment
 from .errors import LabError
 from .go import go_command, go_environment
 from .hosts import HostRunner
@@ -108,6 +109,10 @@ def _parser() -> argparse.ArgumentParser:
     program.add_argument("name")
     program.add_argument("--no-build", action="store_true", help="fail where it is not built yet")
     program.set_defaults(run=_program)
+
+    python = commands.add_parser("python", help="print the path of an environment's Python; makes what is missing")
+    python.add_argument("name", help="as in tests/environments")
+    python.set_defaults(run=lambda options: print(environment(_cache(), options.name).python))
 
     go = commands.add_parser("go", help="run the pinned Go toolchain in tests/lab/labk3s, with the lab's caches")
     go.add_argument("arguments", nargs=argparse.REMAINDER)

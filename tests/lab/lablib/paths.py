@@ -14,6 +14,7 @@ from typing import Any
 LAB = Path(__file__).resolve().parent.parent
 CHECKOUT = LAB.parent.parent
 STATE = CHECKOUT / ".lab"
+LOGS = CHECKOUT / ".cache"
 IMAGES = LAB / "images"
 LABK3S = LAB / "labk3s"
 OBSERVABILITY = LAB / "observability"
