@@ -231,10 +231,11 @@ def test_a_process_of_a_launch_file_that_crashed_stands_beside_its_app() -> None
         "graphs": {"robot1": {"launched": [died, {**died, "node": "/map", "exit_code": None, "crash": ""}]}},
     }
     status = fleet_status(sources)
-    problem = {"where": "app base of robot1", "what": "/lidar ended with exit code 3"}
+    todo = "kubectl -n robot-robot1 logs deploy/base"
+    problem = {"where": "app base of robot1", "what": "/lidar ended with exit code 3", "todo": todo}
     assert status["problems"] == [problem]
     text = status_text(status)
-    assert " ".join(problem.values()) in " ".join(text.split())
+    assert f"{problem['where']} {problem['what']}" in " ".join(text.split())
     assert text.index("PROBLEMS") == 0
     assert status["ended"] == [{"robot": "robot1", "app": "base", "node": "/map", "host": "10.42.0.7"}]
     title, headers, row = text.partition("ENDED")[2].splitlines()[:3]
