@@ -56,9 +56,9 @@ demo: ## From nothing to a fleet: set-up, lab, site.yml, status.yml (OBSERVABILI
 	echo "demo: ready after $$((SECONDS / 60)) min $$((SECONDS % 60)) s"
 
 .PHONY: status
-status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
+status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes, masters, apps, topics and claims)
 	@$(LAB) status
-	@ansible-playbook -i $(INVENTORY) playbooks/status.yml
+	@ansible-playbook $(if $(TABLES),-v) -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
 HOSTLESS := lint test-unit sanity test-bad-input test-go test-browser test-ros

@@ -154,6 +154,6 @@ def _path(points: Sequence[Point]) -> str:
         if y == to_y and to_x > x:
             parts.append(f"L{to_x:.1f} {to_y:.1f}")
         else:
-            bend = max(abs(to_x - x) / 2, 24)
+            bend = min(max(abs(to_x - x) / 2, 24), 90)  # one that leads back makes no great bow
             parts.append(f"C{x + bend:.1f} {y:.1f} {to_x - bend:.1f} {to_y:.1f} {to_x:.1f} {to_y:.1f}")
     return "".join(parts)

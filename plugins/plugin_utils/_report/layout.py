@@ -9,6 +9,7 @@ several layers gets a place in each of them, and what is connected is brought cl
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -22,6 +23,7 @@ BAND_HEAD = 24
 ROW_GAP = 8
 THROUGH = 10  # the height of an edge that passes
 SWEEPS = 6
+END: V = ()  # no vertex
 
 
 @dataclass(frozen=True)
@@ -55,19 +57,21 @@ def layout(vertices: Mapping[V, Vertex], edges: Sequence[tuple[V, V]], bands: Se
     return _measured(placed, edges, chains, columns, bands)
 
 
-def _acyclic(vertices: Iterable[V], edges: Iterable[tuple[V, V]]) -> list[tuple[V, V]]:
+def _acyclic(vertices: Iterable[V], edges: Sequence[tuple[V, V]]) -> list[tuple[V, V]]:
     """The edges without those that would lead back."""
     following: dict[V, list[V]] = {vertex: [] for vertex in vertices}
     for tail, head in edges:
         following[tail].append(head)
     kept, state = [], dict.fromkeys(following, 0)  # 1: on the way down, 2: done
-    for root, heads in following.items():
+    led_to = Counter(head for _tail, head in edges)
+    # from where more leads away than comes in: then what is cut is what leads back
+    for root, heads in sorted(following.items(), key=lambda item: led_to[item[0]] - len(item[1])):
         way = [] if state[root] else [(root, iter(heads))]
         state[root] = state[root] or 1
         while way:
             vertex, rest = way[-1]
-            head = next(rest, None)
-            if head is None:
+            head = next(rest, END)
+            if head == END:
                 state[vertex] = 2
                 way.pop()
                 continue
