@@ -56,9 +56,9 @@ demo: ## From nothing to a fleet: set-up, lab, site.yml, status.yml (OBSERVABILI
 	echo "demo: ready after $$((SECONDS / 60)) min $$((SECONDS % 60)) s"
 
 .PHONY: status
-status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
+status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes, masters, apps, topics and claims)
 	@$(LAB) status
-	@ansible-playbook -i $(INVENTORY) playbooks/status.yml
+	@ansible-playbook $(if $(TABLES),-v) -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
 HOSTLESS := lint test-unit sanity dist test-bad-input test-go test-browser test-ros
@@ -95,7 +95,7 @@ mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the 
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
-	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tools mypy tests/observability
+	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tests/browser:tools mypy tests/observability
 
 .PHONY: yamllint
 yamllint: ## YAML: style
@@ -208,6 +208,11 @@ test-faults: artifacts ## As molecule-update and molecule-observability, with th
 	@$(LAB) artifacts --observability
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name update
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name observability
+
+.PHONY: screens
+screens: ## Put the pictures that the scenario observability has taken of its fleet into docs/screens
+	@mkdir -p docs/screens
+	cp reports/observability/screens/*.svg reports/observability/screens/fleet-status.png docs/screens/
 
 .PHONY: dashboards
 dashboards: ## Write the shipped Grafana dashboards anew from tools/dashboards
