@@ -61,7 +61,7 @@ status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes,
 	@ansible-playbook $(if $(TABLES),-v) -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
-HOSTLESS := lint test-unit sanity dist test-bad-input test-go test-browser test-ros
+HOSTLESS := lint docs test-unit sanity dist test-bad-input test-go test-browser test-ros
 
 .PHONY: test
 test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
@@ -117,6 +117,14 @@ lint-changelog: ## The fragments of the changelog
 lint-docs: ## Documentation of modules, plugins and roles, and all that it refers to
 	@# it copies collections that ours needs as git knows them; those in .venv are none of this repository
 	GIT_CEILING_DIRECTORIES=$$(realpath .venv) antsibull-docs lint-collection-docs --plugin-docs .
+
+.PHONY: docs
+docs: ## All pages as HTML, with the reference of modules and roles: .cache/docs/html
+	rm -rf .cache/docs
+	mkdir -p .cache/docs/source/reference
+	cp --parents -r README.md CONTRIBUTING.md CHANGELOG.md docs roles/*/README.md tests/apps/README.md tests/lab/README.md .cache/docs/source
+	antsibull-docs collection --use-current --fail-on-error --squash-hierarchy --dest-dir .cache/docs/source/reference rosops.fleet
+	sphinx-build --fail-on-warning --keep-going --quiet -c tools/docs -d .cache/docs/doctrees .cache/docs/source .cache/docs/html
 
 .PHONY: lint-workflows
 lint-workflows: ## What GitHub runs (that the targets it names exist: tests/unit/test_workflows.py)

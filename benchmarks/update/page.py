@@ -42,6 +42,8 @@ A sensor publishes at 500 Hz; a service is asked 20 times a second; goals of an 
 
 AGAIN = """## Run it again
 
+<!-- not run: hours, and each needs a lab -->
+
     make bench                      # goes on where the last run was cut off; a lab of its own, removed at the end
     make bench MINUTES=30           # begins no trial that would not be over by then
     make bench BENCH="--cases pubsub/minor --data /tmp/mine.jsonl"

@@ -10,10 +10,9 @@ import re
 import shlex
 import subprocess
 import sys
-import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 import yaml
@@ -21,48 +20,17 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
+from doc_blocks import CHECKOUT, PAGES, Block, blocks
 
-CHECKOUT = Path(__file__).resolve().parents[2]
-PAGES = [CHECKOUT / name for name in ("README.md", "CONTRIBUTING.md")]
-PAGES += sorted([*CHECKOUT.glob("docs/**/*.md"), *CHECKOUT.glob("roles/*/README.md")])
-FIRST_KEY = re.compile(r"(- )?[A-Za-z_][\w.]*:( |$)")
 FOR_HOSTS = re.compile(r"# (?:group|host)_vars/(\w+)\.yml")
 # What an app has to have, where a page shows another part of it.
 APP = {"name": "app", "image": "registry.example.org/app:1.0", "command": ["run"]}
 
 
-class Block(NamedTuple):
-    where: str
-    text: str
-
-    @property
-    def value(self) -> Any:
-        return yaml.safe_load(self.text)
-
-
-def blocks() -> Iterator[Block]:
-    """Text that is set off by four columns."""
-    for page in PAGES:
-        lines = ["", *page.read_text("utf-8").splitlines(), ""]
-        starts = [n for n, line in enumerate(lines) if line.startswith("    ") and not lines[n - 1].strip()]
-        last = 0
-        for start in starts:
-            if start >= last:
-                last = start + next((n for n, line in enumerate(lines[start:]) if line[:4].strip()), len(lines) - start)
-                text = textwrap.dedent("\n".join(lines[start:last])).rstrip() + "\n"
-                yield Block(f"{page.relative_to(CHECKOUT)}:{start}", text)
-
-
-def _is_yaml(block: Block) -> bool:
-    first = next(line for line in block.text.splitlines() if not line.startswith("#"))
-    return bool(FIRST_KEY.match(first))
-
-
-YAML = [block for block in blocks() if _is_yaml(block)]
+YAML = [block for block in blocks() if block.is_yaml]
 VARIABLES = [block for block in YAML if not block.text.startswith("- ")]
 PLAYS = [block for block in YAML if block not in VARIABLES]
-COMMANDS = [Block(block.where, line) for block in blocks() if block not in YAML
-            for line in block.text.replace("\\\n", " ").splitlines()]  # fmt: skip
+COMMANDS = [Block(block.where, line) for block in blocks() if block.is_shell for line in block.commands]
 
 
 def apps_before(block: Block) -> dict[str, Any]:

@@ -1,0 +1,115 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every command of README, docs and the roles' READMEs is run by a test, or marked as one that is not.
+
+The mark is a comment right above the block, which readers do not see: `<!-- not run: needs real hosts -->`.
+A block that is none of commands has `<!-- not commands -->`, or a fence with another language.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from doc_blocks import CHECKOUT, Block, blocks, blocks_of
+
+TREE = str(CHECKOUT / ".ansible" / "collections")
+HOSTS = {"edge": "192.0.2.10", "robots": "192.0.2.21"}
+SITE = "tests/unit/playbooks/test_site_robots.py"
+UPDATE = "tests/update/test_1_fleet.py"
+# A command, its options and what stands for a name as a regular expression -> the test that runs it.
+RUN = {
+    r"PLAY validate": "tests/unit/test_doc_commands.py::test_a_fleet_is_validated_without_a_host",
+    r"PLAY site": f"{UPDATE}::test_what_site_brought_is_unchanged",
+    r"PLAY site LIMIT": f"{SITE}::test_who_runs_nothing_comes_first_and_who_works_in_waves",
+    r"PLAY site --check --diff": f"{SITE}::test_check_mode_shows_what_a_robot_would_get_and_what_its_gate_says",
+    r"PLAY site --tags apps,ready": "tests/update/test_2_bad_versions.py::test_bad_and_good_version_by_site",
+    r"PLAY site --tags k3s( --check)?": "tests/update/test_4_k3s.py"
+    "::test_another_configuration_goes_from_the_server_to_the_robots",
+    r"PLAY site --tags observability": "tests/observability/test_8_shippers.py::test_the_other_shipper",
+    r"PLAY status( LIMIT)?": "tests/update/test_5_doors.py::test_from_an_empty_home",
+    r"PLAY update": f"{UPDATE}::test_what_site_brought_is_unchanged",
+    r"PLAY update --check --diff": f"{UPDATE}::test_check_mode_says_what_would_change_and_changes_nothing",
+    r"PLAY update -e '\{\"update_waves\": [^']*\}' -e update_failure_budget=0": "tests/update/test_2_bad_versions.py"
+    "::test_crashing_version_ends_the_waves",
+    r"PLAY update -e '\{\"update_remove_apps\": \[\"\w+\"\]\}'( --check)?": "tests/update/test_9_taken_out.py"
+    "::test_an_app_that_was_taken_out_goes_when_that_is_asked_for",
+    r"PLAY (update|rollback) LIMIT( -e '\{\"update_apps\": \[\"\w+\"\]\}')?": f"{UPDATE}"
+    "::test_rollback_to_the_previous_and_to_a_named_revision",
+    r"PLAY guarded -e guarded_tasks=\$PWD/\w+\.yml": "tests/unit/playbooks/test_guarded_tasks.py"
+    "::test_they_run_once_and_change_nothing_the_second_time",
+}
+WORDS = {"PLAY ": r"ansible-playbook -i my-fleet rosops\.fleet\.", "LIMIT": r"--limit robot\d"}
+PATTERNS = [re.compile(re.sub("|".join(WORDS), lambda word: WORDS[word[0]], pattern)) for pattern in RUN]
+SHELL = [block for block in blocks() if block.is_shell]
+
+
+def not_run(block: Block) -> list[str]:
+    """Its commands that nothing runs."""
+    return [one for one in block.commands if not any(pattern.fullmatch(one) for pattern in PATTERNS)]
+
+
+@pytest.mark.parametrize("block", SHELL, ids=lambda block: block.where)
+def test_commands_are_run_or_marked(block: Block) -> None:
+    marked, left = block.mark.startswith("not run: "), not_run(block)
+    assert marked or left == [], "add a test that runs it (RUN), or a mark above the block that says why none does"
+    assert left or not marked, "a test runs all of it: take the mark away"
+
+
+@pytest.mark.parametrize(("pattern", "by"), RUN.items())
+def test_what_runs_them_is_there(pattern: str, by: str) -> None:
+    path, _, name = by.partition("::")
+    text = (CHECKOUT / path).read_text("utf-8")
+    assert f"def {name}(" in text
+    playbooks = re.findall(r"\w+", pattern.split()[1])
+    assert [one for one in playbooks if not re.search(rf"\b{one}\b", text)] == []
+
+
+def test_a_fleet_is_validated_without_a_host(tmp_path: Path) -> None:
+    groups = {name: {"hosts": {f"{name}1": {"ansible_host": host}}} for name, host in HOSTS.items()}
+    (tmp_path / "my-fleet").mkdir()
+    (tmp_path / "my-fleet" / "hosts.yml").write_text(yaml.safe_dump({"all": {"children": groups}}))
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("ANSIBLE_")}
+    run = subprocess.run(  # noqa: S603 - our own
+        [sys.executable, "-m", "ansible", "playbook", "-i", "my-fleet", "rosops.fleet.validate"],
+        env={**kept, "ANSIBLE_COLLECTIONS_PATH": TREE, "ANSIBLE_HOME": str(tmp_path / "home")},
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert re.search(r"^edge1 +: ok=2 +changed=0", run.stdout, re.MULTILINE), run.stdout
+
+
+def test_no_pattern_is_left_over() -> None:
+    said = [one for block in SHELL for one in block.commands]
+    assert [pattern.pattern for pattern in PATTERNS if not any(pattern.fullmatch(one) for one in said)] == []
+
+
+def test_a_new_command_is_found_wherever_it_stands() -> None:
+    page = """
+    ansible-playbook -i my-fleet rosops.fleet.site    # known
+
+* an item
+
+      frobnicate --all \\
+        -v
+
+```bash
+curl http://192.0.2.1
+```
+
+<!-- not run: needs a moon -->
+
+    launch
+
+<!-- not commands -->
+
+    a b
+"""
+    found = [block for block in blocks_of("page", page) if block.is_shell]
+    assert [not_run(block) for block in found] == [[], ["frobnicate --all -v"], ["curl http://192.0.2.1"], ["launch"]]
+    assert [block.mark for block in found] == ["", "", "", "not run: needs a moon"]
