@@ -41,9 +41,9 @@ class Stage(Scene):
         self.node("robot", "0.5")
         self._start("/hearer", str(RELAY), "/work/status", "/heard", "__name:=hearer")
 
-    def play(self, recording: Recording, *nodes: str) -> None:
+    def play(self, recording: Recording, *nodes: str, asks: tuple[str, ...] = ()) -> None:
         path = self.directory / "plan.json"
-        path.write_text(json.dumps(plan(recording, nodes).as_dict()), "utf-8")
+        path.write_text(json.dumps(plan(recording, nodes, asks).as_dict()), "utf-8")
         self._start("stand-in", PYTHON, stand_in.__file__, str(path))
 
     def record(self, seconds: float = 0.1) -> Recording:
@@ -143,6 +143,25 @@ def test_stand_ins_among_real_nodes(stages: tuple[Stage, Stage]) -> None:
     account = until("messages of the next version", lambda: heard(before["messages"] + 10))
     assert (account["missing"], account["publishers"]) == (0, ["/worker"])
     assert max(seconds for _at, seconds in account["gaps"]) > 0.4  # there was nobody for as long as rospy starts
+
+
+def test_a_service_that_goes_is_seen_by_who_greets_it(stages: tuple[Stage, Stage]) -> None:
+    robot, rehearsal = stages
+    robot.nodes()
+    rehearsal.play(recorded(robot), "/talker", asks=("/trigger", "/asked"))
+    rehearsal.start("service", "/real", "/asked")
+
+    def counts(service: str) -> tuple[int, int]:
+        told = rehearsal.account("/talker")[service]
+        return told["asked"] - told["refused"], told["refused"]
+
+    until("answers of a real service", lambda: counts("/asked")[0] > 3)
+    until("answers of a stand-in", lambda: counts("/trigger")[0] > 3)
+    rehearsal.kill("/real")
+    before = counts("/asked")[1]
+    until("refusals", lambda: counts("/asked")[1] > before + 3)
+    answered = counts("/trigger")[0]
+    until("answers of who is still there", lambda: counts("/trigger")[0] > answered)
 
 
 def test_a_publisher_of_another_definition_is_not_taken(stages: tuple[Stage, Stage]) -> None:

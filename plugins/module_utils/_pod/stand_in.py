@@ -6,26 +6,36 @@
 It stands alone, and runs on the rospy of an image. Each node of the plan is a process. It publishes messages of zeros
 under the recorded type and md5sum at the recorded rate, numbered where the type has a place for that; it keeps account
 of what it gets (`Account`), once a second as the parameter /rehearsal/<node>; its services shake hands and refuse
-calls, as nobody recorded what they answer. No package of messages is needed: rospy takes a class that hands bytes on.
+calls, as nobody recorded what they answer. It greets services of others, and counts who answers (`Greetings`). No
+package of messages is needed: rospy takes a class that hands bytes on.
 """
 
 from __future__ import annotations
 
 import contextlib
 import heapq
+import http.client
 import json
 import os
 import signal
+import socket
 import struct
 import subprocess
 import sys
 import threading
 import time
+import xmlrpc.client
 from pathlib import Path
 from typing import Any, Mapping
+from urllib.parse import urlsplit
 
 ACCOUNTS = "/rehearsal"
+AWAY = (OSError, http.client.HTTPException, xmlrpc.client.Error)  # what a master that is away raises
 KEPT = 20  # gaps
+SECONDS = 2.0  # for a service to answer
+PAUSE = 0.1  # s between two greetings of a service
+LONGEST = 65536  # bytes of a service's header
+LOGS = "/tmp/ros-log"  # noqa: S108 - rospy wants a home directory, a container has none
 QUEUE = 1000  # messages
 PERIOD = 1.0  # s between accounts, and between looks at the other nodes
 
@@ -94,6 +104,37 @@ class Account:
             }
 
 
+class Greetings:
+    """How often a service was greeted, and how often nobody answered."""
+
+    def __init__(self) -> None:
+        self.asked = self.refused = 0
+
+    def take(self, answered: bool) -> None:
+        self.asked += 1
+        self.refused += not answered
+
+    def told(self) -> dict[str, int]:
+        return {"asked": self.asked, "refused": self.refused}
+
+
+def greet(service: str, uri: str, caller: str) -> bool:
+    """Whether a service shakes hands as with a client before a call; it is not called."""
+    fields = {"callerid": caller, "service": service, "md5sum": "*", "probe": "1"}
+    items = [f"{name}={value}".encode() for name, value in fields.items()]
+    header = b"".join(struct.pack("<I", len(item)) + item for item in items)
+    where = urlsplit(uri)
+    try:
+        with socket.create_connection((where.hostname or "", where.port or 0), SECONDS) as sock, sock.makefile(
+            "rb"
+        ) as said:
+            sock.sendall(struct.pack("<I", len(header)) + header)
+            reply = said.read(min(struct.unpack("<I", said.read(4))[0], LONGEST))
+    except (OSError, struct.error):
+        return False
+    return b"callerid=" in reply and b"error=" not in reply
+
+
 def number_at(body: bytes, place: Mapping[str, Any]) -> int | None:
     """The number in a message; None where it is too short for one."""
     at = 0
@@ -121,6 +162,7 @@ class Node:
     def __init__(self, rospy: Any, plan: Mapping[str, Any]) -> None:
         self.rospy, self.plan = rospy, plan
         self.accounts = {topic["name"]: Account(topic["place"]) for topic in plan["subscribes"]}
+        self.greetings = {service: Greetings() for service in plan["asks"]}
 
     def play(self) -> None:
         """Until it is told to end."""
@@ -131,9 +173,12 @@ class Node:
             self._serve(service)
         for topic in self.plan["publishes"]:
             self._publish(topic)
+        for service in self.greetings:
+            threading.Thread(target=self._ask, args=(service,), daemon=True).start()
         while not self.rospy.is_shutdown():
             told = {name: account.told() for name, account in self.accounts.items()}
-            with contextlib.suppress(OSError):  # a master that is away misses one account
+            told.update({name: greetings.told() for name, greetings in self.greetings.items()})
+            with contextlib.suppress(*AWAY):  # a master that is away misses one account
                 self.rospy.set_param(ACCOUNTS + self.plan["name"], json.dumps(told, sort_keys=True))
             time.sleep(PERIOD)
 
@@ -158,6 +203,15 @@ class Node:
         kind = self.kind(service)
         names = {"_type": kind._type, "_md5sum": kind._md5sum, "_request_class": kind, "_response_class": kind}
         self.rospy.Service(service["name"], type("Calls", (), names), refuse)
+
+    def _ask(self, service: str) -> None:
+        while not self.rospy.is_shutdown():
+            answered = False
+            with contextlib.suppress(*AWAY):
+                code, _said, uri = self.rospy.get_master().lookupService(service)
+                answered = code == 1 and greet(service, uri, self.plan["name"])
+            self.greetings[service].take(answered)
+            time.sleep(PAUSE)
 
     def _publish(self, topic: Mapping[str, Any]) -> None:
         kind = self.kind(topic)
@@ -196,7 +250,7 @@ def play_all(path: str) -> int:
         signal.signal(word, lambda _word, _frame: told.set())
     processes = []
     for number, node in enumerate(nodes):
-        space = {"ROS_NAMESPACE": node["name"].rpartition("/")[0] or "/"}
+        space = {"ROS_NAMESPACE": node["name"].rpartition("/")[0] or "/", "ROS_LOG_DIR": LOGS}
         words = [sys.executable, os.path.abspath(__file__), path, str(number)]  # noqa: PTH100 - as everywhere in pods
         processes.append(subprocess.Popen(words, env={**os.environ, **space}))  # noqa: S603 - ourselves
     while not told.is_set() and all(process.poll() is None for process in processes):

@@ -52,9 +52,12 @@ def cast(recording: Recording, items: Sequence[Mapping[str, Any]], changes: Mapp
     placements = {name: app.placement for name, app in recording.apps.items()}
     if recording.others:
         parts[OTHERS] = recording.others
-    extras = [
-        _stand_in(name, plan(recording, nodes), placements.get(name, "local"), stage) for name, nodes in parts.items()
-    ]
+    changed = {node for name in changes if name in recording.apps for node in recording.apps[name].nodes}
+    asks = [name for name, service in recording.services.items() if service.provider in changed]
+    extras: list[Item] = []
+    for name, nodes in parts.items():
+        part = plan(recording, nodes, () if extras else asks)
+        extras.append(_stand_in(name, part, placements.get(name, "local"), stage))
     for item in extras[:1]:
         item.update(_parameters(recording))
     before = [dict(item) for name, item in own.items() if name in changes]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -35,6 +36,16 @@ class Received:
 
 
 @dataclass(frozen=True)
+class Asked:
+    """How often a stand-in greeted a service of the changed apps during the update, and how often nobody answered."""
+
+    service: str
+    client: str
+    asked: int
+    refused: int
+
+
+@dataclass(frozen=True)
 class Review:
     robot: str
     recorded: str  # whose graph it was
@@ -44,6 +55,7 @@ class Review:
     seconds: float
     steps: tuple[Mapping[str, Any], ...]
     received: tuple[Received, ...]
+    asked: tuple[Asked, ...]
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -56,6 +68,7 @@ class Review:
             phases = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in step["phases"].items())
             told.append(f"{step['name']}: {step['outcome']} by {step['handoff']}: {phases or 'not begun'}")
         told += [_line(one) for one in self.received]
+        told += [f"{one.service} by {one.client}: asked {one.asked} times, {one.refused} refused" for one in self.asked]
         return told
 
 
@@ -76,19 +89,34 @@ def received(before: Accounts, after: Accounts, since: float, topics: Iterable[s
     return tuple(one for one in _received(before, after, since) if one.topic in wanted or one.missing)
 
 
-def _received(before: Accounts, after: Accounts, since: float) -> Iterator[Received]:
+def asked(before: Accounts, after: Accounts) -> Iterator[Asked]:
+    """What became of the greetings between two looks."""
+    for node, service, then, now in _pairs(before, after, "asked"):
+        yield Asked(service, node, now["asked"] - then["asked"], now["refused"] - then["refused"])
+
+
+def _pairs(
+    before: Accounts, after: Accounts, key: str
+) -> Iterator[tuple[str, str, Mapping[str, Any], Mapping[str, Any]]]:
+    """Node, topic or service, and its account then and now; all zeros for a stand-in that has begun since."""
     for node, own in sorted(after.items()):
-        for topic, now in sorted(own.items()):
-            then = {"messages": 0, "missing": 0, "twice": 0, **before.get(node, {}).get(topic, {})}
-            yield Received(
-                topic,
-                node,
-                tuple(now["publishers"]),
-                now["messages"] - then["messages"],
-                None if now["missing"] is None else now["missing"] - (then["missing"] or 0),
-                now["twice"] - then["twice"],
-                max((seconds for ended, seconds in now["gaps"] if ended >= since), default=0.0),
-            )
+        for name, now in sorted(own.items()):
+            then = before.get(node, {}).get(name)
+            if key in now:
+                yield node, name, then if then and then[key] <= now[key] else defaultdict(int), now
+
+
+def _received(before: Accounts, after: Accounts, since: float) -> Iterator[Received]:
+    for node, topic, then, now in _pairs(before, after, "messages"):
+        yield Received(
+            topic,
+            node,
+            tuple(now["publishers"]),
+            now["messages"] - then["messages"],
+            None if now["missing"] is None else now["missing"] - (then["missing"] or 0),
+            now["twice"] - then["twice"],
+            max((seconds for ended, seconds in now["gaps"] if ended >= since), default=0.0),
+        )
 
 
 def review(  # noqa: PLR0913 - all that was seen, by name
@@ -113,4 +141,5 @@ def review(  # noqa: PLR0913 - all that was seen, by name
         round(sum(sum(step["phases"].values()) for step in steps), 1),
         steps,
         received(before, after, since, topics),
+        tuple(asked(before, after)),
     )

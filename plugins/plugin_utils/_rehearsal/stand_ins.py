@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
@@ -49,10 +49,13 @@ class Served:
 
 @dataclass(frozen=True)
 class Node:
+    """`asks`: services of others that it greets all the time."""
+
     name: str
     publishes: tuple[Published, ...] = ()
     subscribes: tuple[Subscribed, ...] = ()
     services: tuple[Served, ...] = ()
+    asks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,11 @@ class Plan:
         return asdict(self)
 
 
-def plan(recording: Recording, nodes: Iterable[str]) -> Plan:
-    """The part of these nodes."""
+def plan(recording: Recording, nodes: Iterable[str], asks: Iterable[str] = ()) -> Plan:
+    """The part of these nodes; the first one greets the services `asks`."""
     silent = {f"{action}/{word}" for action in recording.actions for word in COMMANDS}
-    return Plan(tuple(_node(recording, name, silent) for name in nodes))
+    first, *others = [_node(recording, name, silent) for name in nodes]
+    return Plan((replace(first, asks=tuple(asks)), *others))
 
 
 def _node(recording: Recording, node: str, silent: set[str]) -> Node:

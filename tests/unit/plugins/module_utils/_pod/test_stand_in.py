@@ -5,13 +5,18 @@
 from __future__ import annotations
 
 import itertools
+import json
+import socket
 import struct
 import threading
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import stand_in
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import decode_header, encode_header
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -120,12 +125,21 @@ class Rospy:
         self.kinds: dict[str, Any] = {}
         self.params: dict[str, str] = {}
         self.enough = threading.Event()
+        self.uris: dict[str, str] = {}
 
     def init_node(self, name: str) -> None:
         self.node = name
 
     def is_shutdown(self) -> bool:
         return self.enough.is_set()
+
+    def get_master(self) -> Any:
+        return SimpleNamespace(lookupService=self._look_up)
+
+    def _look_up(self, service: str) -> tuple[int, str, str]:
+        if service == "/away":
+            raise ConnectionRefusedError
+        return (1, "", self.uris[service]) if service in self.uris else (-1, "no provider", "")
 
     def set_param(self, name: str, value: str) -> None:
         self.params[name] = value
@@ -153,6 +167,7 @@ PLAN = {
         {**TOPIC, "name": "/silent", "latched": False, "rate": 0.0},
     ],
     "subscribes": [{"name": "/odd", "type": "", "md5sum": "", "place": None}],
+    "asks": [],
     "services": [{"name": "/arm/home", "type": "demo/Home", "md5sum": "bb"}],
 }
 
@@ -185,3 +200,58 @@ def test_the_account_is_a_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
     node.play()
     assert list(rospy.params) == ["/rehearsal/arm/driver"]
     assert '"messages": 1' in rospy.params["/rehearsal/arm/driver"]
+
+
+def header(**fields: str) -> bytes:
+    return encode_header(fields)
+
+
+@pytest.fixture
+def peers() -> Iterator[Peers]:
+    found = Peers()
+    yield found
+    found.close()
+
+
+@pytest.mark.parametrize(
+    ("reply", "answered"),
+    [
+        (header(callerid="/adder", md5sum="aa"), True),
+        (header(error="not mine", callerid="/adder"), False),
+        (b"", False),
+        (b"\x05", False),
+    ],
+)
+def test_a_greeting(peers: Peers, reply: bytes, answered: bool) -> None:
+    asked: list[dict[str, str]] = []
+
+    def talk(sock: socket.socket) -> None:
+        size = struct.unpack("<I", sock.recv(4, socket.MSG_WAITALL))[0]
+        asked.append(decode_header(sock.recv(size, socket.MSG_WAITALL)))
+        sock.sendall(reply)
+
+    uri = f"rosrpc://127.0.0.1:{peers.tcp(talk)}"
+    assert stand_in.greet("/sum", uri, "/stats") is answered
+    assert asked == [{"callerid": "/stats", "service": "/sum", "md5sum": "*", "probe": "1"}]
+
+
+@pytest.mark.parametrize("uri", ["rosrpc://127.0.0.1:9", "nonsense"])
+def test_nobody_to_greet(uri: str) -> None:
+    assert stand_in.greet("/sum", uri, "/stats") is False
+
+
+def test_greetings_are_part_of_the_account(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stand_in, "PERIOD", 0.02)
+    monkeypatch.setattr(stand_in, "PAUSE", 0.001)
+    monkeypatch.setattr(
+        stand_in, "greet", lambda service, uri, caller: (service, uri, caller) == ("/sum", "u", "/arm/driver")
+    )
+    rospy = Rospy(10)
+    rospy.uris["/sum"] = "u"
+    node = stand_in.Node(rospy, {**PLAN, "asks": ["/sum", "/nobody", "/away"]})
+    node.play()
+    told = json.loads(rospy.params["/rehearsal/arm/driver"])
+    assert told["/sum"]["asked"] > 0
+    assert told["/sum"]["refused"] == 0
+    for service in ("/nobody", "/away"):
+        assert told[service]["refused"] == told[service]["asked"] > 0

@@ -90,6 +90,16 @@ def test_both_are_valid_and_are_what_a_robot_can_run() -> None:
     assert stand_in.__file__.endswith("stand_in.py")
 
 
+def test_services_of_what_is_changed_are_greeted() -> None:
+    found = by_name(cast(RECORDING, ITEMS, {"temperature-stats": {"image": "x:2"}}, STAGE).before)
+    asks = {
+        name: [node["asks"] for node in json.loads(item["files"][1]["content"])["nodes"]]
+        for name, item in found.items()
+        if "files" in item
+    }
+    assert asks == {"temperature": [["/home"]], OTHERS: [[]]}
+
+
 def test_a_robot_without_nodes_of_its_own() -> None:
     assert OTHERS not in by_name(cast(replace(RECORDING, others=()), ITEMS, NEW, STAGE).before)
 

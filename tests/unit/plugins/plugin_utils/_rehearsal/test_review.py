@@ -7,7 +7,13 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.review import accounts, received, review
+from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.review import (
+    Asked,
+    accounts,
+    asked,
+    received,
+    review,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._rehearsal.recordings import RECORDING
 
 BEGAN = 1000.0
@@ -45,6 +51,23 @@ def test_what_came_between() -> None:
     assert (temperature.messages, temperature.missing, temperature.twice) == (5000, 3, 3)
     assert temperature.silence == 0.25
     assert (holes.topic, holes.missing) == ("/holes", 2)  # not the changed app's, but something is missing
+
+
+def test_greetings_between_two_looks() -> None:
+    then = {"/stats": {"/sum": {"asked": 100, "refused": 2}, "/topic": account(7)}}
+    now = {"/stats": {"/sum": {"asked": 150, "refused": 5}, "/topic": account(9)}}
+    assert [*asked(then, now)] == [Asked("/sum", "/stats", 50, 3)]
+    found = review("robot2", RECORDING, {"temperature": {}}, {}, then, now)
+    assert found.asked == (Asked("/sum", "/stats", 50, 3),)
+    assert found.lines()[-1] == "/sum by /stats: asked 50 times, 3 refused"
+
+
+def test_a_stand_in_that_began_anew_meanwhile_counts_from_there() -> None:
+    then = {"/stats": {"/temperature": account(500, 7), "/sum": {"asked": 100, "refused": 50}}}
+    now = {"/stats": {"/temperature": account(20, 1), "/sum": {"asked": 10, "refused": 1}}}
+    [one] = received(then, now, BEGAN, [])
+    assert (one.messages, one.missing) == (20, 1)
+    assert [*asked(then, now)] == [Asked("/sum", "/stats", 10, 1)]
 
 
 def test_a_stand_in_that_is_new() -> None:

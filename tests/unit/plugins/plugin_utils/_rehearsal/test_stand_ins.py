@@ -35,6 +35,11 @@ def test_subscribers_services_and_what_is_latched() -> None:
     assert helper.publishes == ()
 
 
+def test_the_first_node_greets_what_is_to_be_greeted() -> None:
+    stats, helper = plan(RECORDING, ["/temperature_stats", "/arm/helper"], ["/sum"]).nodes
+    assert (stats.asks, helper.asks) == (("/sum",), ())
+
+
 def test_nobody_sends_goals_of_zeros() -> None:
     [loner] = plan(RECORDING, ["/loner"]).nodes
     rates = {one.name: one.rate for one in loner.publishes}
