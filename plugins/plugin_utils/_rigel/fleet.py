@@ -145,9 +145,9 @@ def _told_update(job: Job, notes: Notes) -> None:
     """A job that updates says again what the one that deploys says: an update is the inventory, changed."""
     part = Part(job.given, f"{job.path}.with", notes)
     orchestration = part.part("orchestration")
-    orchestration.leave("rolling_update", "handoff of the app, as the job that deploys has it", CHANGED)
+    orchestration.leave("rolling_update", "an app has one handoff: that of the job that deploys is taken", CHANGED)
     for one in (orchestration, part):
-        one.leave("readiness", "readiness of the app, as the job that deploys has it", CHANGED)
+        one.leave("readiness", "an app has one readiness: that of the job that deploys is taken", CHANGED)
     if inside(orchestration.value, "additional_k8s_params", "application"):
         orchestration.leave("additional_k8s_params", "change the app in ros_apps, then ansible-playbook rosops.fleet.update", OPEN)
     orchestration.end("an update is a change of the inventory, then ansible-playbook rosops.fleet.update")
