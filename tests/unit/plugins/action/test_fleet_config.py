@@ -188,7 +188,7 @@ def test_another_server_may_be_the_first(tmp_path: Path, first: str) -> None:
     assert "hosts.edge3.k3s_first_server" in one_alone["msg"]
 
 
-@pytest.mark.parametrize("apps", ["camera", "camera, lidar", ["camera"], "", []])
+@pytest.mark.parametrize("apps", ["camera", "camera, lidar", ["camera"], "", None, []])
 def test_names_may_come_as_text(tmp_path: Path, apps: Any) -> None:
     robot = {**GOOD["hosts"]["robot1"], "update_apps": apps, "update_remove_apps": apps}
     assert run(tmp_path, {**GOOD, "hosts": {**GOOD["hosts"], "robot1": robot}})["valid"]
