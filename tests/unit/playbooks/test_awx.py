@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.controller_access import allows
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import SUDO, Control
 from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import APP, path_of, runs
 from ansible_collections.rosops.fleet.tests.unit.playbooks.test_outcomes import until
@@ -19,6 +21,10 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
 from awx_job import Ended, Job, Template
 
 LEASE = "/apis/coordination.k8s.io/v1/namespaces/robot-{}/leases/robot-update"
+PATH = re.compile(
+    r"/api(s/(?P<group>[^/]+))?/v1(/namespaces/[^/]+(?=/))?/(?P<resource>[a-z]+)(/(?P<name>[^/]+)(?P<part>/[a-z]+)?)?"
+)
+VERBS = {"PATCH": ("patch", "create"), "PUT": ("update",), "POST": ("create",), "DELETE": ("delete",)}
 Launch = Callable[..., Job]
 
 
@@ -139,6 +145,23 @@ def test_become_does_not_reach_the_control_node(control: Control, launch: Launch
     assert (control.folder / "page.html").stat().st_uid == Path(control.folder).stat().st_uid
 
 
+def asked(server: Server) -> set[tuple[str, str, str]]:
+    """Verb, group and resource of all that was asked of the API."""
+    found = []
+    while not server.requests.empty():
+        path, query, _headers = server.requests.get()
+        found.append((path, ("watch",) if "watch" in query else ()))
+    for method, path in (line.split() for line in server.writes):
+        found.append((path, VERBS[method]))
+    places = [(PATH.fullmatch(path), verbs) for path, verbs in found]
+    return {
+        (verb, place["group"] or "", place["resource"] + (place["part"] or ""))
+        for place, verbs in places
+        if place
+        for verb in verbs or (("get",) if place["name"] else ("list",))
+    }
+
+
 def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(server: Server, control: Control, launch: Launch) -> None:
     """No kubeconfig, no server that could be asked over SSH."""
     for name in ("robot1", "robot2"):
@@ -148,5 +171,8 @@ def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(server: Server, c
     ended = launch("update", credential=credential).finish()
     assert words(ended) == {"robot1": "updated", "robot2": "updated"}  # what no pod notices
     assert "192.0.2.2" not in control.asked
+    seen = asked(server)
+    assert {("list", "apps", "deployments"), ("update", "coordination.k8s.io", "leases")} <= seen
+    assert [one for one in seen if not allows(*one)] == []
     assert "very-secret" not in ended.output
     assert "very-secret" not in json.dumps(ended.artifacts)
