@@ -15,7 +15,7 @@ from pathlib import Path
 from .artifacts import Cache
 from .errors import LabError
 from .names import checkout_id
-from .paths import CHECKOUT
+from .paths import CHECKOUT, INSTALLED
 from .run import Job, build, run, say
 
 # Each with what it is for. Commands are looked for, too: they may come from elsewhere than Debian's packages.
@@ -57,8 +57,9 @@ def setup(cache: Cache, tests: bool = False) -> None:
     LOGS.mkdir(exist_ok=True)
     with cache.lock(f"setup-{checkout_id(str(CHECKOUT))}", "another set-up of this checkout"):
         _packages(cache, PACKAGES | TEST_PACKAGES if tests else PACKAGES)
-        _venv()
-        _link()
+        if not INSTALLED:
+            _venv()
+            _link()
 
 
 # --- Debian packages -----------------------------------------------------------------------------------------------
