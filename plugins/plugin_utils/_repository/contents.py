@@ -31,11 +31,13 @@ ansible-core{core}
 def contents(collection: Path, fleet: str) -> dict[str, str]:
     """Path -> text, of the collection in that directory for a fleet of that name."""
     found = {name: _text(collection / name) for name in PLAYBOOKS}
+    version = _version(collection)
     for path, text in _tree(collection / "playbooks" / "files" / "repository"):
-        found["/".join(re.sub(f"^{HIDDEN}", ".", part) for part in path.parts)] = text.replace("@fleet@", fleet)
+        name = "/".join(re.sub(f"^{HIDDEN}", ".", part) for part in path.parts)
+        found[name] = text.replace("@fleet@", fleet).replace("@version@", version)
     for path, text in _tree(collection / "inventories" / "example"):
         found[f"inventory/{path}"] = text.replace(EXAMPLE_NAME, f"fleet_name: {fleet}")
-    found["collections/requirements.yml"] = COLLECTIONS.format(version=_version(collection))
+    found["collections/requirements.yml"] = COLLECTIONS.format(version=version)
     core = yaml.safe_load(_text(collection / "meta" / "runtime.yml"))["requires_ansible"]
     found["requirements.txt"] = PACKAGES.format(core=core) + _text(collection / "meta" / "ee-requirements.txt")
     return dict(sorted(found.items()))

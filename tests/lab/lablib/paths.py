@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where things are: the checkout, its lab state, the user's cache, and the pins.
 
-Installed with pip, the lab belongs to the directory that it is called in, or to ROSOPS_LAB_HOME: state is kept and labs are
-named by that, as by a checkout.
+Installed with pip, the lab belongs to the directory that it is called in, or to ROSOPS_LAB_HOME: state is kept and labs
+are named by that, as by a checkout.
 """
 
 from __future__ import annotations

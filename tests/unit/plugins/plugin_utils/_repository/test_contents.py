@@ -47,6 +47,7 @@ def test_hidden_files_are_hidden_there_and_the_name_is_put_in() -> None:
     assert [path for path in found if "dot-" in path] == []
     assert yaml.safe_load(found["inventory/group_vars/all.yml"]) == {"fleet_name": "mine"}
     assert "@fleet@" not in "".join(found.values())
+    assert "@version@" not in "".join(found.values())
 
 
 @pytest.mark.parametrize(
