@@ -34,6 +34,7 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_images": ("_model",),
     "_k3s": ("_model",),
     "_preflight": ("_model",),
+    "_repository": (),
     "_objects": ("_model",),
     "_collect": ("_model",),
     "_observability": ("_model", "_objects"),

@@ -13,7 +13,7 @@ from .artifacts import Cache
 from .environments import tools_environment
 from .errors import LabError
 from .names import checkout_id
-from .paths import CHECKOUT, LOGS
+from .paths import CHECKOUT, INSTALLED, LOGS
 from .run import Job, build, run, say
 
 # Each with what it is for. Commands are looked for, too: they may come from elsewhere than Debian's packages.
@@ -52,8 +52,9 @@ def setup(cache: Cache, tests: bool = False) -> None:
     LOGS.mkdir(exist_ok=True)
     with cache.lock(f"setup-{checkout_id(str(CHECKOUT))}", "another set-up of this checkout"):
         _packages(cache, PACKAGES | TEST_PACKAGES if tests else PACKAGES)
-        tools_environment().ensure()
-        _link()
+        if not INSTALLED:
+            tools_environment().ensure()
+            _link()
 
 
 # --- Debian packages -----------------------------------------------------------------------------------------------
