@@ -56,12 +56,12 @@ demo: ## From nothing to a fleet: set-up, lab, site.yml, status.yml (OBSERVABILI
 	echo "demo: ready after $$((SECONDS / 60)) min $$((SECONDS % 60)) s"
 
 .PHONY: status
-status: ## Hosts, nodes, masters, apps, topics and claims of the demo's fleet
+status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes, masters, apps, topics and claims)
 	@$(LAB) status
-	@ansible-playbook -i $(INVENTORY) playbooks/status.yml
+	@ansible-playbook $(if $(TABLES),-v) -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
-HOSTLESS := lint docs test-unit sanity test-bad-input test-go test-browser test-ros
+HOSTLESS := lint docs test-unit sanity dist test-bad-input test-go test-browser test-ros
 
 .PHONY: test
 test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
@@ -73,7 +73,7 @@ test: ## What CI runs: everything that needs no host, and on hosts one case for 
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
 	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
 	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
-	    --lane $(HOSTLESS) units
+	    --lane $(subst sanity,sanity-all,$(HOSTLESS)) units-all
 
 .PHONY: check
 check: ruff mypy ## In seconds, without a host: lint, and the unit tests near what changed since main
@@ -82,7 +82,7 @@ check: ruff mypy ## In seconds, without a host: lint, and the unit tests near wh
 	@python -m pytest -n 2 -q $$(python tests/tools/affected.py tests)
 
 .PHONY: lint
-lint: ruff mypy yamllint shellcheck ansible-lint lint-changelog lint-docs lint-package ## All that reads code and runs none
+lint: ruff mypy yamllint shellcheck ansible-lint lint-changelog lint-docs lint-workflows ## All that reads code and runs none
 
 .PHONY: ruff
 ruff: ## Python: style and mistakes
@@ -95,7 +95,7 @@ mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the 
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
-	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tools mypy tests/observability
+	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tests/browser:tools mypy tests/observability
 
 .PHONY: yamllint
 yamllint: ## YAML: style
@@ -126,9 +126,29 @@ docs: ## All pages as HTML, with the reference of modules and roles: .cache/docs
 	antsibull-docs collection --use-current --fail-on-error --squash-hierarchy --dest-dir .cache/docs/source/reference rosops.fleet
 	sphinx-build --fail-on-warning --keep-going --quiet -c tools/docs -d .cache/docs/doctrees .cache/docs/source .cache/docs/html
 
-.PHONY: lint-package
-lint-package: ## The collection can be built (what it holds: tests/unit/test_package.py)
-	ansible-galaxy collection build --force --output-path .cache/package .
+.PHONY: lint-workflows
+lint-workflows: ## What GitHub runs (that the targets it names exist: tests/unit/test_workflows.py)
+	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	check-jsonschema --builtin-schema vendor.github-actions .github/actions/*/action.yml
+
+.PHONY: package
+package: ## Build the collection's package into .cache/package (what it holds: tests/unit/test_package.py)
+	@rm -rf .cache/package
+	ansible-galaxy collection build --output-path .cache/package .
+
+.PHONY: dist
+dist: package ## The package through Galaxy's importer, installed into an empty place, and run from there
+	ROSOPS_IMPORTER_PYTHON=$$($(LAB) python importer) python -m pytest -n 0 tests/dist
+
+.PHONY: release-notes
+release-notes: ## The changelog's part of the latest release, into .cache/release-notes.md
+	antsibull-changelog generate --only-latest --output .cache/release-notes.md --output-format md
+
+.PHONY: ee
+ee: package ## The execution environment's image (podman; needs the registries of its base image and of Galaxy)
+	@mkdir -p .cache/ee
+	cp .cache/package/rosops-fleet-*.tar.gz .cache/ee/rosops-fleet.tar.gz
+	ansible-builder build --container-runtime podman --file execution-environment/execution-environment.yml --context .cache/ee/context
 
 .PHONY: test-unit
 test-unit: ## All unit tests, in a minute (TESTS="--lf": those that failed last)
@@ -156,12 +176,23 @@ mutation: ## What mistakes in the code that decides would its tests not notice? 
 	python tests/tools/mutation.py $(FILES)
 
 .PHONY: sanity
-sanity: ## ansible-test sanity
+sanity: ## ansible-test sanity on what the package holds (CORE=2.21: by another ansible-core than .venv's)
 	@tests/ansible_test.sh sanity
 
 .PHONY: units
-units: ## ansible-test units: the plugins' tests, as Ansible runs them
+units: ## ansible-test units: the plugins' tests, as Ansible runs them (CORE=2.21)
 	@tests/ansible_test.sh units tests/unit/plugins/
+
+# The ansible-cores that are supported beside that of .venv.
+CORES := 2.20 2.21
+
+.PHONY: sanity-all
+sanity-all: sanity ## On every ansible-core that is supported (others than .venv's need Python 3.12)
+	@for core in $(CORES); do echo "ansible-core $$core"; CORE=$$core tests/ansible_test.sh sanity; done
+
+.PHONY: units-all
+units-all: units ## The same
+	@for core in $(CORES); do echo "ansible-core $$core"; CORE=$$core tests/ansible_test.sh units tests/unit/plugins/; done
 
 .PHONY: molecule-default
 molecule-default: artifacts ## Molecule: one host, from bare to ready
@@ -185,6 +216,11 @@ test-faults: artifacts ## As molecule-update and molecule-observability, with th
 	@$(LAB) artifacts --observability
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name update
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name observability
+
+.PHONY: screens
+screens: ## Put the pictures that the scenario observability has taken of its fleet into docs/screens
+	@mkdir -p docs/screens
+	cp reports/observability/screens/*.svg reports/observability/screens/fleet-status.png docs/screens/
 
 .PHONY: dashboards
 dashboards: ## Write the shipped Grafana dashboards anew from tools/dashboards

@@ -16,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
+    cluster_problems,
     clusters_of,
     graphs_to_read,
     members,
@@ -53,10 +54,7 @@ class ActionModule(ClusterAction):
             "hosts": [host.row() for host in hosts],
             "graphs": graphs_to_read(hosts, services, rows["apps"]),
             "problems": [
-                *(
-                    {"where": f"cluster {cluster}", "what": f"does not answer: {why}"}
-                    for cluster, why in problems.items()
-                ),
+                *cluster_problems(problems, hosts),
                 *unmeasured(results),
             ],
             "runs": [run for answer in answers.values() for run in answer.runs],

@@ -13,10 +13,13 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.plugins.loader import callback_loader
 from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import logs_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import TABLES, summary_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 
 display = Display()
@@ -35,26 +38,28 @@ class ActionModule(FleetAction):
         fleet = params["fleet"]
         results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in fleet["graphs"]}
         graphs = {fleet["graphs"][host]["robot"]: one["graph"] for host, one in results.items() if "graph" in one}
-        problems = [*fleet["problems"], *graph_problems(results)]
+        problems = [*fleet["problems"], *graph_problems(results, fleet["graphs"])]
         status = status_rows({**fleet, "problems": problems}, graphs, report_texts(callback_path()))
-        text = status_text(status)
+        now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        text = summary_text(status, now) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
         display.display(f"\n{text}")
-        result: dict[str, Any] = {"status": status, "text": text}
+        # what -v would print of the result is what has just been shown
+        result: dict[str, Any] = {"status": status, "text": text, "_ansible_verbose_override": True}
         try:
             result["changed"] = self._write(
-                status, params["page"], params["mode"], str(known.get("ansible_limit") or "")
+                status, now, params["page"], params["mode"], str(known.get("ansible_limit") or "")
             )
         except OSError as error:
             result.update(failed=True, msg=f"the page cannot be written: {error}")
         return result
 
-    def _write(self, status: Mapping[str, Any], given: str, mode: str, limit: str) -> bool:
+    def _write(self, status: Mapping[str, Any], now: str, given: str, mode: str, limit: str) -> bool:
         """Whether the page says, or in check mode would say, something new."""
         path = placed(given)
         if path is None:
             return False
         before = text_of(path)
-        page = status_page(status, time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), before, limit)
+        page = status_page(status, now, before, limit)
         if page != before and not self._task.check_mode:
             write(path, page, int(mode, 8))
         return page != before
@@ -66,10 +71,17 @@ def callback_path() -> str:
     return str(C.config.get_config_value("path", plugin_type="callback", plugin_name=callback._load_name) or "")
 
 
-def graph_problems(results: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
+def graph_problems(
+    results: Mapping[str, Mapping[str, Any]], graphs: Mapping[str, Mapping[str, Any]]
+) -> list[dict[str, str]]:
     """Which robots' graphs could not be read; a robot that went away meanwhile shows as such."""
     return [
-        {"where": f"ROS graph of {host}", "what": message_of(result)}
+        {
+            "where": f"ROS graph of {host}",
+            "what": message_of(result),
+            "todo": logs_of(str(graphs[host]["robot"]), names.MASTER_NAME),
+            "graph": str(graphs[host]["robot"]),
+        }
         for host, result in results.items()
         if "graph" not in result and not result.get("unreachable")
     ]

@@ -21,6 +21,8 @@ description:
     C(failed), C(rolled-back), C(deferred-busy), C(deferred-offline).
   - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails ends the
     run for all hosts of its play, so all of them are C(failed).
+  - While a task runs for long and nothing is printed, says so every 15 seconds, as tools that run playbooks (AWX) may end a
+    silent one.
   - Results under C(no_log) are neither printed nor written.
   - An error in the report itself is a warning and never ends the run.
   - The last run of each playbook that was not in check mode stays in a file of its own,
@@ -53,6 +55,7 @@ requirements:
   - enable in configuration, C(callbacks_enabled = rosops.fleet.fleet_report)
 """
 
+import contextlib
 import functools
 import json
 import time
@@ -81,6 +84,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
     screen,
     word_of,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import LOOK, Silence
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 
 COLOURS = {
     UPDATED: C.COLOR_CHANGED,
@@ -148,12 +153,15 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.report = RunReport(time.monotonic())
         self.started = time.time()
         self.playbook = ""
+        self.silence = Silence(self._display.display, time.monotonic)
+        self.beside = contextlib.ExitStack()
 
     # --- what happens -----------------------------------------------------------------------------------------------
 
     @harmless
     def v2_playbook_on_start(self, playbook: Any) -> None:
         self.playbook = Path(str(playbook._file_name)).name
+        self.beside.enter_context(ticking(LOOK, self.silence.look))
 
     @harmless
     def v2_playbook_on_play_start(self, play: Any) -> None:
@@ -171,12 +179,14 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self._begin(task)
 
     def _begin(self, task: Any) -> None:
+        self.silence.begins(name_of(task), str(task.action))
         for_all = task.run_once is True or task.any_errors_fatal is True
         self.report.task(
             task._uuid, TaskInfo(name_of(task), str(task.action), stage_of(task), for_all), time.monotonic()
         )
 
     def _host(self, result: Any) -> str:
+        self.silence.heard()
         name = str(result.host.get_name())
         self.report.host(name, [group.get_name() for group in result.host.get_groups()])
         return name
@@ -201,6 +211,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     @harmless
     def v2_playbook_on_stats(self, stats: Any) -> None:
+        self.beside.close()
         report = self.report.finish(
             {host: stats.summarize(host) for host in stats.processed},
             time.monotonic(),

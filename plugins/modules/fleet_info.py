@@ -60,7 +60,7 @@ hosts:
   type: list
   elements: dict
 nodes:
-  description: "Name, ready, reason, version, address, roles, placement, robot, labels (those that somebody chose)."
+  description: "Name, ready, reason, since (when it is not ready), version, address, roles, placement, robot, labels (those that somebody chose)."
   returned: success
   type: list
   elements: dict
@@ -71,7 +71,7 @@ placement:
   elements: dict
 masters:
   description: "ROS masters: name, namespace, robot, placement, ready, wanted, nodes, addresses, images,
-    restarts, note."
+    restarts, since (when it is not ready), note."
   returned: success
   type: list
   elements: dict
@@ -88,7 +88,7 @@ went_back:
   type: list
   elements: dict
 claims:
-  description: "Name, namespace, robot, bound, phase, storage_class, size, used_bytes."
+  description: "Name, namespace, robot, bound, since (when it waits), phase, storage_class, size, used_bytes."
   returned: success
   type: list
   elements: dict
@@ -116,10 +116,13 @@ apis:
   returned: when a cluster answered
   type: dict
 problems:
-  description: "What could not be looked at: where, what."
+  description: "What could not be looked at: where, what, todo, and C(cluster) where it is a cluster."
   returned: success
   type: list
   elements: dict
   sample:
-    - {where: cluster edge, what: "does not answer: its servers are unreachable"}
+    - where: cluster edge
+      what: "does not answer: its servers are unreachable"
+      todo: "ansible edge1 -b -a 'systemctl status k3s'"
+      cluster: edge
 """

@@ -157,7 +157,7 @@ options:
     type: str
     default: /var/lib/rancher/rosops-fleet-images
 extends_documentation_fragment:
-  - kubernetes.core.k8s_auth_options
+  - rosops.fleet._k8s_auth
 attributes:
   check_mode:
     description: Says what would change, and whether the robot could go now. Nothing is written, and nobody waits.
@@ -168,9 +168,7 @@ attributes:
 """
 
 EXAMPLES = r"""
-- name: The inventory makes sense
-  ansible.builtin.import_playbook: rosops.fleet.validate
-
+# after the playbook rosops.fleet.validate, which is imported first
 - name: Robots are updated, a tenth at a time
   hosts: robots
   serial: 10%

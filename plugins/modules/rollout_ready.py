@@ -63,7 +63,7 @@ options:
     type: bool
     default: false
 extends_documentation_fragment:
-  - kubernetes.core.k8s_auth_options
+  - rosops.fleet._k8s_auth
 attributes:
   check_mode:
     description: Looks once, and does neither wait nor fail because of a verdict.

@@ -17,6 +17,7 @@ import chromium
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
 
 HERE = Path(__file__).resolve().parent
 SHOTS = HERE.parent / "output" / "browser"
@@ -59,9 +60,13 @@ FAINT = """
 """
 
 
+# The drawn graph is a made-up robot's, with one connection that is missing and a node that is down.
+GRAPH = a_robot.row(broken=(("/merger", "/amcl"),), down=("/joystick",))
+
+
 def recorded() -> dict[str, Any]:
     found: dict[str, Any] = json.loads((HERE / "fleet.json").read_text("utf-8"))
-    return found
+    return {**found, "graphs": [GRAPH]}
 
 
 def hostile(value: Any) -> Any:
@@ -92,6 +97,7 @@ def large(robots: int = 60, topics: int = 12) -> dict[str, Any]:
         for name, rate in zip(names, [1.0, 0.5, *[0.98, 1.02] * robots])
         for number in range(topics)
     ]
+    found["graphs"] = [{**GRAPH, "robot": name} for name in names]
     found["steps"] = [{**row, "robot": name} for name in names for row in base["steps"]]
     return found
 

@@ -38,13 +38,17 @@ class Block(NamedTuple):
 
     @property
     def is_yaml(self) -> bool:
+        if self.mark == "not a fleet":  # of another program, or with words of ours that are no inventory
+            return False
         first = next((line for line in self.text.splitlines() if not line.startswith("#")), "")
         return self.language in ("yaml", "yml") or (not self.language and bool(FIRST_KEY.match(first)))
 
     @property
     def is_shell(self) -> bool:
         """Whatever is not said to be something else: `<!-- not commands -->`."""
-        return self.language in SHELLS or not (self.language or self.is_yaml or self.mark == "not commands")
+        return self.language in SHELLS or not (
+            self.language or self.is_yaml or self.mark in ("not commands", "not a fleet")
+        )
 
     @property
     def commands(self) -> list[str]:

@@ -21,6 +21,7 @@ from doc_blocks import CHECKOUT, Block, blocks, blocks_of
 TREE = str(CHECKOUT / ".ansible" / "collections")
 HOSTS = {"edge": "192.0.2.10", "robots": "192.0.2.21"}
 SITE = "tests/unit/playbooks/test_site_robots.py"
+REHEARSAL = "tests/update/test_5_rehearsal.py::test_rehearsal_and_reality_agree"
 UPDATE = "tests/update/test_1_fleet.py"
 # A command, its options and what stands for a name as a regular expression -> the test that runs it.
 RUN = {
@@ -43,6 +44,8 @@ RUN = {
     "::test_rollback_to_the_previous_and_to_a_named_revision",
     r"PLAY guarded -e guarded_tasks=\$PWD/\w+\.yml": "tests/unit/playbooks/test_guarded_tasks.py"
     "::test_they_run_once_and_change_nothing_the_second_time",
+    r"PLAY record LIMIT": REHEARSAL,
+    r"ansible-playbook -i my-lab rosops\.fleet\.rehearse --limit lab1,edge1 .*": REHEARSAL,
 }
 WORDS = {"PLAY ": r"ansible-playbook -i my-fleet rosops\.fleet\.", "LIMIT": r"--limit robot\d"}
 PATTERNS = [re.compile(re.sub("|".join(WORDS), lambda word: WORDS[word[0]], pattern)) for pattern in RUN]
@@ -66,7 +69,7 @@ def test_what_runs_them_is_there(pattern: str, by: str) -> None:
     path, _, name = by.partition("::")
     text = (CHECKOUT / path).read_text("utf-8")
     assert f"def {name}(" in text
-    playbooks = re.findall(r"\w+", pattern.split()[1])
+    playbooks = re.findall(r"\w+", pattern.partition("PLAY ")[2].split(" ")[0])
     assert [one for one in playbooks if not re.search(rf"\b{one}\b", text)] == []
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import PLAYBOOKS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
@@ -120,6 +121,7 @@ def _options(words: list[str], *names: str) -> list[str]:
 def test_playbooks_tags_and_variables_of_commands_are_there(command: Block) -> None:
     words = shlex.split(command.text, comments=True)
     named = [word.removeprefix("rosops.fleet.") for word in words if word.startswith("rosops.fleet.")]
+    named += [word.removesuffix(".yml") for word in words if word in PLAYBOOKS]
     assert [name for name in named if (CHECKOUT / "playbooks" / f"{name}.yml").is_file()] == named != []
     plays = [yaml.safe_load(path.read_text("utf-8")) for path in CHECKOUT.glob("playbooks/**/*.yml")]
     there = {*PARTS, *(tag for play in plays for tag in _tags(play))}

@@ -5,9 +5,33 @@
 
 from __future__ import annotations
 
-from .page import CARDS, DISKS, ONE_ROBOT, ROBOTS, SENT, page
+from .page import CARDS, DISKS, ONE_ROBOT, ROBOTS, SENT, TO_ROBOT, TO_RUNBOOK, page
 from .page import OF_ROBOT as R
-from .panels import GREEN_ABOVE, RED_ABOVE, Json, graph, latest, log_query, logs, query, stat, states, table
+from .panels import RED_ABOVE, Json, graph, latest, log_query, logs, query, share, stat, states, table
+from .updates import latest_updates
+
+NODES_UP, NODES = f"sum(ros_node_up{{{R}}})", f"count(ros_node_up{{{R}}})"
+MASTERS_UP, MASTERS = f"sum(ros_master_up{{{R}}})", f"count(ros_master_up{{{R}}})"
+ANSWER = f"robot:up:max{{{R}}}"
+KNOWN = f"max_over_time({ANSWER}[6h])"  # a hub hears nothing at all of a robot that is away, not even that it is
+
+
+def alerts_now() -> Json:
+    """The alerts that fire."""
+    return table(
+        "Alerts now",
+        {
+            "alertname": ("Alert", ""),
+            "severity": ("Severity", ""),
+            "robot": ("Robot", ""),
+            "node": ("Node", ""),
+            "topic": ("Topic", ""),
+            "namespace": ("Namespace", ""),
+        },
+        latest(f'ALERTS{{alertstate="firing", {R}}}'),
+        about="A click on an alert opens its runbook: what it means, what to look at, what to do.",
+        links={"Alert": TO_RUNBOOK, "Robot": TO_ROBOT},
+    )
 
 
 def fleet() -> Json:
@@ -20,12 +44,13 @@ def fleet() -> Json:
             "Value #A": ("Answers", "yes/no"),
             "Value #B": ("ROS master", "yes/no"),
             "Value #C": ("Nodes up", "none"),
+            "Value #H": ("of", "none"),
             "Value #D": ("Messages/s", "cps"),
             "Value #E": ("Processor", "percentunit"),
             "Value #F": ("Memory", "percentunit"),
             "Value #G": ("Alerts", "none"),
         },
-        latest(f"max by (robot) ({up})"),
+        latest(f"{ANSWER} or {KNOWN} * 0"),
         latest(f"min by (robot) (ros_master_up{{{R}}})"),
         latest(f"sum by (robot) (ros_node_up{{{R}}})"),
         latest(f"sum by (robot) (rate({SENT}[$__rate_interval]))"),
@@ -35,32 +60,22 @@ def fleet() -> Json:
             f' / max by (robot) (node_memory_MemTotal_bytes{{{R}, robot!=""}})'
         ),
         latest(f'count by (robot) (ALERTS{{{R}, robot!="", alertstate="firing"}})'),
-        about="A robot that is off has no figures, only its last words in the logs.",
-    )
-    alerts = table(
-        "Alerts now",
-        {
-            "alertname": ("Alert", ""),
-            "severity": ("Severity", ""),
-            "robot": ("Robot", ""),
-            "node": ("Node", ""),
-            "topic": ("Topic", ""),
-            "namespace": ("Namespace", ""),
-        },
-        latest(f'ALERTS{{alertstate="firing", {R}}}'),
-        about="Each has a page in docs/runbooks that says what to do.",
+        latest(f"count by (robot) (ros_node_up{{{R}}})"),
+        about="A robot that is off has no figures, only last words in the logs. A click on one opens its dashboard.",
+        links={"Robot": TO_ROBOT},
     )
     rows = [
         [
+            share("Robots that answer", f"count({ANSWER} == 1) or vector(0)", f"count({KNOWN})"),
+            share("ROS masters that answer", MASTERS_UP, MASTERS),
+            share("ROS nodes up", NODES_UP, NODES),
             stat(
-                "Robots that answer",
+                "Robots away",
                 "none",
-                query(f"count(max by (robot) ({up}) == 1) or vector(0)"),
-                steps=GREEN_ABOVE,
+                query(f"count({KNOWN} unless {ANSWER} == 1) or vector(0)"),
+                about="Heard of within the last 6 hours.",
+                steps=RED_ABOVE,
             ),
-            stat("Robots away", "none", query(f"count(max by (robot) ({up}) == 0) or vector(0)"), steps=RED_ABOVE),
-            stat("Masters down", "none", query(f"count(ros_master_up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
-            stat("ROS nodes down", "none", query(f"count(ros_node_up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
             stat(
                 "Updates running",
                 "none",
@@ -73,7 +88,8 @@ def fleet() -> Json:
                 steps=RED_ABOVE,
             ),
         ],
-        [robots, alerts],
+        [alerts_now()],
+        [robots],
         [
             states("Robots that answered", query(f"max by (robot) ({up})", "{{robot}}")),
             graph("Messages sent", "cps", query(f"sum by (robot) (rate({SENT}[$__rate_interval]))", "{{robot}}")),
@@ -101,18 +117,42 @@ def fleet() -> Json:
     return page("fleet", "Fleet", "All robots at a glance", rows, [ROBOTS])
 
 
+def claims() -> Json:
+    """How full a robot's claims are."""
+    used, asked = (f"max by (namespace, claim) (rosops_claim_{what}_bytes{{{R}}})" for what in ("used", "capacity"))
+    return table(
+        "Claims",
+        {
+            "claim": ("Claim", ""),
+            "Value #A": ("Used", "bytes"),
+            "Value #B": ("of", "bytes"),
+            "Value #C": ("Part", "percentunit"),
+        },
+        latest(used),
+        latest(asked),
+        latest(f"{used} / {asked}"),
+        about="A directory of the local-path storage has no limit of its own: these are the claims' promises.",
+    )
+
+
 def robot() -> Json:
     """One robot: its ROS graph, its apps' pods, its host."""
     pods = 'namespace="robot-$robot", pod!=""'
     rows = [
         [
-            stat("ROS master answers", "none", query(f"min(ros_master_up{{{R}}})"), steps=GREEN_ABOVE),
-            stat("Nodes up", "none", query(f"sum(ros_node_up{{{R}}})"), steps=GREEN_ABOVE),
-            stat("Nodes down", "none", query(f"count(ros_node_up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
+            share("ROS master answers", MASTERS_UP, MASTERS),
+            share("ROS nodes up", NODES_UP, NODES),
+            stat(
+                "Alerts",
+                "none",
+                query(f'count(ALERTS{{alertstate="firing", severity!="info", {R}}}) or vector(0)'),
+                steps=RED_ABOVE,
+            ),
             stat("Topics", "none", query(f"count(ros_topic_publishers{{{R}}})")),
             stat("Messages sent", "cps", query(f"sum(rate({SENT}[$__rate_interval]))")),
             stat("Host runs since", "s", query(f"max(node_time_seconds{{{R}}} - node_boot_time_seconds{{{R}}})")),
         ],
+        [alerts_now(), latest_updates(), claims()],
         [
             states("ROS nodes", query(f"max by (node) (ros_node_up{{{R}}})", "{{node}}")),
             graph(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from .page import CARDS, DISKS, ROBOTS, page
-from .panels import Json, graph, label_variable, query, stat
+from .panels import Json, graph, label_variable, query, share, stat
 
 N = 'node=~"$node"'
 NODES = label_variable("node", "label_values(node_time_seconds, node)")
@@ -21,9 +21,10 @@ def hosts() -> Json:
     def rate(metric: str, *matchers: str) -> str:
         return f"rate({metric}{{{', '.join([N, *matchers])}}}[$__rate_interval])"
 
+    answer = f'up{{job="node-exporter", {N}}}'
     rows = [
         [
-            stat("Hosts that answer", "none", query(f'sum(up{{job="node-exporter", {N}}})')),
+            share("Hosts that answer", f"sum({answer})", f"count({answer})"),
             stat("Pods running", "none", query(f"sum(kubelet_running_pods{{{N}}})")),
             stat(
                 "Fullest disk",

@@ -25,6 +25,11 @@ SENT = f'ros_topic_messages_total{{{OF_ROBOT}, direction="out"}}'
 DISKS = 'fstype!~"tmpfs|ramfs|squashfs"'
 CARDS = 'device!~"lo|veth.*"'
 
+# Where cells of tables lead. What an alert's rule says of its runbook is no label, but its page has the alert's name.
+VALUE = "${__value.raw}"
+TO_ROBOT = ("This robot", f"/d/{PREFIX}robot?var-robot={VALUE}&${{__url_time_range}}")
+TO_RUNBOOK = ("Runbook", f"https://github.com/rosops/fleet/blob/main/docs/runbooks/{VALUE}.md")
+
 ROBOTS = label_variable("robot", 'label_values(up{robot!=""}, robot)')
 ONE_ROBOT = label_variable("robot", 'label_values(up{robot!=""}, robot)', many=False)
 

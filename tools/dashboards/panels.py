@@ -90,6 +90,16 @@ def stat(title: str, unit: str, *targets: Json, about: str = "", steps: Steps = 
     return _panel("stat", title, targets, about, fieldConfig={"defaults": defaults, "overrides": []}, options=options)
 
 
+def share(title: str, good: str, total: str, about: str = "") -> Json:
+    """`2 of 3`, green only when it is all of them. The numbers are labels, so that the text can have both."""
+    names = f'count_values("good", {good}) * on () group_left (total) count_values("total", {total})'
+    target = query(f"({good}) / ({total}) * on () group_left (good, total) ({names})", "{{good}} of {{total}}")
+    # the last value alone: each number that there has been is a series of its own
+    target = {**target, "instant": True, "range": False}
+    panel = stat(title, "percentunit", target, about=about, steps=(("red", None), ("orange", 0.5), ("green", 1)))
+    return {**panel, "options": {**panel["options"], "graphMode": "none", "textMode": "name"}}
+
+
 def states(title: str, *targets: Json, about: str = "", texts: Mapping[str, tuple[str, str]] | None = None) -> Json:
     """A band per series: when it was up and when it was not."""
     custom = {"fillOpacity": 80, "lineWidth": 0}
@@ -105,15 +115,23 @@ def states(title: str, *targets: Json, about: str = "", texts: Mapping[str, tupl
     return _panel("state-timeline", title, targets, about, fieldConfig=config, options=options)
 
 
-def table(title: str, columns: Mapping[str, tuple[str, str]], *targets: Json, about: str = "") -> Json:
+def table(
+    title: str,
+    columns: Mapping[str, tuple[str, str]],
+    *targets: Json,
+    about: str = "",
+    links: Mapping[str, tuple[str, str]] | None = None,
+) -> Json:
     """The last values, a row per set of labels. `columns`: field of the answer -> (heading, unit); others are left out.
 
     With several queries the answer's fields are `Value #A`, `Value #B`, with one it is `Value`.
+    `links`: heading -> title and URL of where a click on a cell leads.
     """
+    led = links or {}
     overrides = [
-        {"matcher": {"id": "byName", "options": heading}, "properties": _column(unit)}
+        {"matcher": {"id": "byName", "options": heading}, "properties": [*_column(unit), *_link(*led.get(heading, ()))]}
         for heading, unit in columns.values()
-        if unit
+        if unit or heading in led
     ]
     shown = {field: heading for field, (heading, _unit) in columns.items()}
     transformations = [
@@ -128,7 +146,13 @@ def table(title: str, columns: Mapping[str, tuple[str, str]], *targets: Json, ab
     return _panel("table", title, targets, about, fieldConfig=config, transformations=transformations, options={})
 
 
+def _link(title: str = "", url: str = "") -> list[Json]:
+    return [{"id": "links", "value": [{"title": title, "url": url, "targetBlank": False}]}] if url else []
+
+
 def _column(unit: str) -> list[Json]:
+    if not unit:
+        return []
     if unit != "yes/no":
         return [{"id": "unit", "value": unit}]
     cell = {"id": "custom.cellOptions", "value": {"type": "color-text"}}

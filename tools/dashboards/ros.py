@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from .page import OF_ROBOT as R
 from .page import ROBOTS, SENT, page
-from .panels import GREEN_ABOVE, RED_ABOVE, Json, graph, label_variable, latest, query, stat, states, table
+from .panels import Json, graph, label_variable, latest, query, share, stat, states, table
 
 TOPICS = label_variable("topic", f"label_values(ros_topic_publishers{{{R}}}, topic)")
 RECORDED = "robot_topic:ros_topic_messages_out:rate1m"
@@ -42,9 +42,8 @@ def ros_graph() -> Json:
     )
     rows = [
         [
-            stat("Masters that answer", "none", query(f"sum(ros_master_up{{{R}}})"), steps=GREEN_ABOVE),
-            stat("Nodes up", "none", query(f"sum(ros_node_up{{{R}}})"), steps=GREEN_ABOVE),
-            stat("Nodes down", "none", query(f"count(ros_node_up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
+            share("Masters that answer", f"sum(ros_master_up{{{R}}})", f"count(ros_master_up{{{R}}})"),
+            share("Nodes up", f"sum(ros_node_up{{{R}}})", f"count(ros_node_up{{{R}}})"),
             stat(
                 "Topics nobody publishes",
                 "none",
@@ -52,7 +51,7 @@ def ros_graph() -> Json:
                 about="Somebody has subscribed to them.",
                 steps=(("green", None), ("orange", 1)),
             ),
-            stat("Services away", "none", query(f"count(ros_service_up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
+            share("Services there", f"sum(ros_service_up{{{R}}})", f"count(ros_service_up{{{R}}})"),
         ],
         [nodes, services],
         [per_topic],

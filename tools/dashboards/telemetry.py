@@ -15,6 +15,7 @@ from .panels import (
     log_query,
     logs,
     query,
+    share,
     stat,
     states,
     table,
@@ -68,7 +69,7 @@ def telemetry() -> Json:
 
     rows = [
         [
-            stat("Targets that answer", "none", query(f"sum(up{{{R}}})")),
+            share("Targets that answer", f"sum(up{{{R}}})", f"count(up{{{R}}})"),
             stat("Targets away", "none", query(f"count(up{{{R}}} == 0) or vector(0)"), steps=RED_ABOVE),
             stat(
                 "Samples stored",

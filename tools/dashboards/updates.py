@@ -6,15 +6,14 @@
 from __future__ import annotations
 
 from .page import OF_ROBOT as R
-from .page import ROBOTS, SENT, UPDATE_LINES, page
+from .page import ROBOTS, SENT, TO_ROBOT, UPDATE_LINES, page
 from .panels import RED_ABOVE, Json, graph, latest, log_query, logs, query, stat, states, table
 
 
-def updates() -> Json:
-    """What updates did, how long they took, and what they did to the apps."""
+def latest_updates() -> Json:
+    """What became of each app's latest update."""
     info = f"robot_update_info{{{R}}}"
-    by = "by (robot, app)"
-    outcomes = table(
+    return table(
         "Latest update of each app",
         {
             "robot": ("Robot", ""),
@@ -26,8 +25,14 @@ def updates() -> Json:
             "id": ("Id", ""),
         },
         latest(f"max by (robot, app, outcome, handoff, previous, revision, id) ({info})"),
+        links={"Robot": TO_ROBOT},
         about="The id is the same in the logs and in the report of the run.",
     )
+
+
+def updates() -> Json:
+    """What updates did, how long they took, and what they did to the apps."""
+    by = "by (robot, app)"
     took = (
         f"max {by} (robot_update_finished_timestamp_seconds{{{R}}})"
         f" - max {by} (robot_update_started_timestamp_seconds{{{R}}})"
@@ -48,7 +53,7 @@ def updates() -> Json:
                 ("failed", RED_ABOVE),
             )
         ],
-        [outcomes],
+        [latest_updates()],
         [
             graph("How long it took", "s", query(took, "{{robot}} {{app}}")),
             graph(

@@ -32,7 +32,7 @@ Edge = Tuple[str, str, str]  # publisher, topic, subscriber
 TOLERANCE = 0.1
 STREAMED = ("min_rate", "latched")  # of a topic's conditions, those for which streams are opened
 
-_LOGGERS = ("/get_loggers", "/set_logger_level")
+LOGGERS = ("/get_loggers", "/set_logger_level")
 ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
 _TOOL = re.compile(ANONYMOUS + r"\Z")
 _TOOL_NAMES = ("rqt", "rosops_fleet", KEEPER)
@@ -219,7 +219,7 @@ class _Recorder:
             if entry["up"]
             and self.own([entry["provider"]] if entry["provider"] else entry["providers"])
             and not self.ignored(name)
-            and not name.endswith(_LOGGERS)
+            and not name.endswith(LOGGERS)
         }
 
     def actions(self) -> list[str]:

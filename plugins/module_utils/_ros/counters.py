@@ -34,7 +34,7 @@ def sent(
     seconds: float,
     sleep: Callable[[float], None] = time.sleep,
 ) -> dict[str, Rate]:
-    """The rates of topics, each with the publishers to ask, over so many seconds.
+    """The rates of topics, each with the publishers to ask, over so many seconds, and of each publisher that tells.
 
     A topic that nobody listens to is not in it: its publishers count nothing then.
     """
@@ -45,21 +45,25 @@ def sent(
     counted = {name: _grown(before[name], after[name]) for name in nodes}
     found = {}
     for topic, names in publishers.items():
-        rate = _rate(topic, [counted[name] for name in names if name in counted])
+        rate = _rate(topic, {name: counted[name] for name in names if name in counted})
         if rate is not None:
             found[topic] = rate
     return found
 
 
-def _rate(topic: str, counted: Sequence[_Counted]) -> Rate | None:
+def _rate(topic: str, counted: Mapping[str, _Counted]) -> Rate | None:
     """The sum of what a topic's publishers sent."""
-    telling = [one for one in counted if topic in one.messages]
-    if not telling:
-        errors = [one.error for one in counted if one.error]
+    by = {name: _rate_of(one.messages[topic], one.seconds) for name, one in counted.items() if topic in one.messages}
+    if not by:
+        errors = [one.error for one in counted.values() if one.error]
         return Rate(error="; ".join(errors)) if errors else None
-    messages = [one.messages[topic] for one in telling]
-    hz = sum(one.messages[topic] / one.seconds for one in telling)
-    return Rate(hz, sum(messages), max(one.seconds for one in telling), few=max(messages) < LEAST_COUNT)
+    told = list(by.values())
+    hz, messages = sum(one.hz for one in told), sum(one.messages for one in told)
+    return Rate(hz, messages, max(one.seconds for one in told), by=by, few=all(one.few for one in told))
+
+
+def _rate_of(messages: int, seconds: float) -> Rate:
+    return Rate(messages / seconds, messages, seconds, few=messages < LEAST_COUNT)
 
 
 def _grown(before: Any, after: Any) -> _Counted:

@@ -137,6 +137,7 @@ class Handshake:
     publisher: str
     md5sum: str = ""
     latching: bool = False
+    definition: str = field(default="", compare=False)  # the text of its type and of those within it
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ class Settings:
     timeout: float = 300.0
     grace: float = 10.0
     fail_on_restart: bool = False
-    begun: bool = False  # enough that the new pods run, or have no place before the old ones have gone
+    begun: bool = False  # enough that the new pods run, or have no place yet; with minReadySeconds, that they are Ready
     say: Callable[[str], None] = say_nothing
     now: Callable[[], float] = time.monotonic
     watch: Callable[[Any, Iterable[Target]], Stream] = Watch
@@ -201,13 +201,19 @@ class _Wait:
                 verdict = Verdict(WAIT, self.unreachable() or "is being looked up")
             elif verdict.verdict != FAIL:
                 verdict = self._with_pods(pods, verdict)
-                if self.settings.begun and verdict.verdict == WAIT and self._have_begun(pods, verdict, now):
+                if self.settings.begun and verdict.verdict == WAIT and self._have_begun(ref, pods, verdict, now):
                     verdict = Verdict(PASS, verdict.reason)
             rows.append(Row(ref, self.tracker.settle(ref, verdict, now)))
         return rows
 
-    def _have_begun(self, pods: Sequence[Object], verdict: Verdict, now: float) -> bool:
-        """Whether they run, and not only until they see that they cannot; or have no place yet."""
+    def _have_begun(self, ref: Ref, pods: Sequence[Object], verdict: Verdict, now: float) -> bool:
+        """Whether they run, and not only until they see that they cannot; or have no place yet.
+
+        Those that have to be Ready for a while before the old ones go (minReadySeconds) have begun when they are.
+        """
+        wanted = self.view.get(ref.kind, ref.namespace, ref.name) or {}
+        if (wanted.get("spec") or {}).get("minReadySeconds"):
+            return any(map(is_ready, pods))
         up = [self.up.setdefault(uid_of(pod), now) for pod in pods if is_up(pod)]
         return verdict.suspect in NO_PLACE or any(now - since >= BEGUN_SECONDS for since in up)
 

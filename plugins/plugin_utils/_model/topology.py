@@ -4,6 +4,7 @@
 """Which host plays which part, from the inventory's groups alone.
 
 Neither reachability nor --limit may enter here: a host that is off today must not make another one the first server.
+Nor may the order of hosts: an inventory of AWX has another one in every job.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def fleet_topology(
 
     `groups` is `{edge: [..], robots: [..], k3s_server: [..]}` (other groups are ignored); `robot_modes` maps a robot to
     `agent` or `standalone`, or to a mapping that holds `robot_mode` (a host's variables). Without `k3s_server` all edge
-    hosts are servers. The first server in the inventory's order starts the cluster. `nodes` are the names of hosts that
+    hosts are servers. The first of them starts the cluster (`edge_ordered`). `nodes` are the names of hosts that
     are called otherwise in their cluster.
     """
     modes = {robot: mode_of(robot, robot_modes) for robot in members(groups, "robots")}
@@ -62,8 +63,18 @@ def fleet_topology(
     return hosts
 
 
+def edge_ordered(groups: Mapping[str, Any], first: str = "") -> dict[str, Any]:
+    """The groups with the edge's hosts by name, after the one that is named as the first."""
+    ordered = {
+        name: sorted(members(groups, name), key=lambda host: (host != first, host))
+        for name in ("edge", "k3s_server")
+        if isinstance(groups.get(name), list)
+    }
+    return {**groups, **ordered}
+
+
 def members(groups: Mapping[str, Any], group: str) -> list[str]:
-    """The hosts of a group in the inventory's order; none if the group is missing or is no list."""
+    """The hosts of a group in the groups' order; none if the group is missing or is no list."""
     hosts = groups.get(group)
     return [str(host) for host in hosts] if isinstance(hosts, Sequence) and not isinstance(hosts, str) else []
 

@@ -1,15 +1,17 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A fleet's status at a glance: how good each row is, counts, a line per host, and what needs attention. Pure."""
+"""A fleet's status at a glance: how good each row is, how many of each kind, and a line per host. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED
 
 Row = dict[str, Any]
 Rows = Sequence[Mapping[str, Any]]
@@ -17,6 +19,7 @@ Status = Mapping[str, Rows]  # by section
 
 OK, WARN, BAD = "ok", "warn", "bad"
 NEARLY_FULL = 0.9
+NAMED = 6  # a line has no room for the names of a whole fleet
 _OUTCOMES = {FAILED: BAD, ROLLED_BACK: BAD, OFFLINE: WARN, BUSY: WARN}
 
 
@@ -77,12 +80,18 @@ def level(section: str, row: Mapping[str, Any], off: Collection[str] = ()) -> st
     """
     judge = _JUDGES.get(section)
     found = judge(row) if judge else ""
-    return WARN if found == BAD and because_off(section, row, off) else found
+    unknown = bool(off) and section == "claims" and found == OK and is_unknown(section, row, off)
+    return WARN if unknown or (found == BAD and because_off(section, row, off)) else found
 
 
 def hosts_off(status: Status) -> frozenset[str]:
     """Robots that are off. An edge host that is off is a fault, and so is all that it takes with it."""
     return frozenset(str(row.get("name")) for row in status.get("hosts") or [] if level("hosts", row) == WARN)
+
+
+def hosts_away(status: Status) -> frozenset[str]:
+    """All hosts that do not answer, of whatever group."""
+    return frozenset(str(row.get("name")) for row in status.get("hosts") or [] if level("hosts", row) != OK)
 
 
 def because_off(section: str, row: Mapping[str, Any], off: Collection[str]) -> bool:
@@ -95,35 +104,90 @@ def because_off(section: str, row: Mapping[str, Any], off: Collection[str]) -> b
     return section in ("ros_nodes", "claims") and row.get("robot") in off
 
 
-# What is counted: its words, and where it comes from.
+# What is counted: its words, where it comes from, and the word for one that is in order.
 _COUNTED = (
-    ("Hosts up", "hosts"),
-    ("Nodes ready", "nodes"),
-    ("ROS masters ready", "masters"),
-    ("Apps ready", "apps"),
-    ("ROS nodes up", "ros_nodes"),
-    ("Claims in order", "claims"),
-    ("Last outcomes good", "outcomes"),
+    ("Hosts", "hosts", "up"),
+    ("Nodes", "nodes", "ready"),
+    ("ROS masters", "masters", "ready"),
+    ("Apps", "apps", "ready"),
+    ("ROS nodes", "ros_nodes", "up"),
+    ("Claims", "claims", "in order"),
+    ("Last outcomes", "outcomes", "good"),
 )
 
 
-def counts(status: Status) -> list[Row]:
-    """`{label, section, good, total, level}` of everything of which there is something."""
-    found, off = [], hosts_off(status)
-    for label, section in _COUNTED:
-        levels = [level(section, row, off) for row in status.get(section) or []]
-        if levels:
-            worst = next((one for one in (BAD, WARN) if one in levels), OK)
-            found.append(
-                {
-                    "label": label,
-                    "section": section,
-                    "good": levels.count(OK),
-                    "total": len(levels),
-                    "level": worst,
-                }
-            )
-    return found
+@dataclass(frozen=True)
+class Count:
+    """How many of a kind are in order. `unknown` are those that nobody can tell of, `of` whose they are.
+
+    `untold` are hosts of which not even the number is known: no total has them.
+    """
+
+    label: str
+    section: str
+    word: str
+    good: int
+    total: int
+    unknown: int = 0
+    of: tuple[str, ...] = ()
+    untold: tuple[str, ...] = ()
+    level: str = OK
+
+    @property
+    def words(self) -> str:
+        """`5 of 7 up, 2 unknown (robot2)`: what is not known never looks as if it were in order."""
+        bad = self.total - self.good - self.unknown
+        parts = [f"{self.good} of {self.total} {self.word}"] if self.total else []
+        parts += [f"{bad} not"] if bad else []
+        parts += [f"{self.unknown} unknown ({some(self.of)})"] if self.unknown else []
+        parts += [f"{some(self.untold)} unknown"] if self.untold else []
+        return ", ".join(parts)
+
+
+def some(given: Sequence[str]) -> str:
+    """A few names, and how many there are beside them."""
+    rest = len(given) - NAMED
+    return ", ".join(given[:NAMED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def counts(status: Status) -> list[Count]:
+    """Of everything of which there is something, or may be."""
+    found = [_count(label, section, word, status) for label, section, word in _COUNTED]
+    return [count for count in found if count.total or count.untold]
+
+
+def _count(label: str, section: str, word: str, status: Status) -> Count:
+    rows, off, away = list(status.get(section) or []), hosts_off(status), hosts_away(status)
+    levels = [level(section, row, off) for row in rows]
+    unknown = [row for row in rows if is_unknown(section, row, away)]
+    of = {str(row.get("name" if section == "nodes" else "robot")) for row in unknown}
+    untold = _untold(section, status, away)
+    worst = next((one for one in (BAD, WARN) if one in levels), WARN if unknown or untold else OK)
+    return Count(
+        label, section, word, levels.count(OK), len(rows), len(unknown), tuple(sorted(of)), tuple(sorted(untold)), worst
+    )
+
+
+def _untold(section: str, status: Status, away: Collection[str]) -> set[str]:
+    """Hosts that may have some of these, and nobody could look."""
+    hosts, problems = status.get("hosts") or [], status.get("problems") or []
+    robots = {str(row.get("name")) for row in hosts if row.get("group") == "robots"}
+    if section == "ros_nodes":
+        read = {str(row.get("robot")) for row in status.get("ros_nodes") or []}
+        failed = {str(row["graph"]) for row in problems if row.get("graph")}
+        return failed | (set() if SHARED in read else robots & set(away) - read)
+    if section in ("nodes", "masters", "apps", "claims"):
+        silent = {row["cluster"] for row in problems if row.get("cluster")}
+        there = {str(row.get("name")) for row in hosts if row.get("cluster") in silent}
+        return there if section == "nodes" else there & robots
+    return set()
+
+
+def is_unknown(section: str, row: Mapping[str, Any], off: Collection[str]) -> bool:
+    """Its host does not answer, so what was last said of it says nothing now."""
+    if section == "claims":  # that it is there is known, what it holds is not
+        return row.get("used_bytes") is None and row.get("robot") in off
+    return section in ("nodes", "masters", "apps") and level(section, row) == BAD and because_off(section, row, off)
 
 
 def host_lines(status: Status) -> list[Row]:
@@ -170,50 +234,3 @@ def _share(section: str, status: Status, host: Mapping[str, Any]) -> str:
 
 def _ready_word(node: Mapping[str, Any] | None) -> str:
     return "" if node is None else "Ready" if node.get("ready") else "NotReady"
-
-
-def attention(status: Status) -> list[Row]:
-    """`{level, where, what}` of all that is not as it should be, the worst first."""
-    found, off = [], hosts_off(status)
-    for section, told in _TOLD.items():
-        for row in status.get(section) or []:
-            found_level = level(section, row)
-            if found_level in (WARN, BAD) and not because_off(section, row, off):  # the host is told already
-                where, what = told(row)
-                found.append({"level": found_level, "section": section, "where": where, "what": what})
-    return sorted(found, key=lambda row: row["level"] != BAD)
-
-
-def _with(words: str, more: Any) -> str:
-    return f"{words}: {more}" if more else words
-
-
-def _ready_of(row: Mapping[str, Any]) -> str:
-    return _with(f"{row.get('ready', 0)} of {row.get('wanted', 1)} ready", row.get("note"))
-
-
-def _claim_words(row: Mapping[str, Any]) -> str:
-    return f"{used_share(row) or 0:.0%} used" if row.get("bound") else str(row.get("phase") or "not bound")
-
-
-_TOLD: Mapping[str, Callable[[Mapping[str, Any]], tuple[str, str]]] = {
-    "problems": lambda row: (str(row.get("where", "")), str(row.get("what", ""))),
-    "hosts": lambda row: (f"host {row.get('name')}", _with("offline", row.get("reason"))),
-    "nodes": lambda row: (f"node {row.get('name')}", _with("Ready" if row.get("ready") else "NotReady", row["reason"])),
-    "masters": lambda row: (f"ROS master of {row.get('robot')}", _ready_of(row)),
-    "apps": lambda row: (f"app {row.get('name')} of {row.get('robot')}", _ready_of(row)),
-    "went_back": lambda row: (
-        f"app {row.get('name')} of {row.get('robot')}",
-        _with(f"taken back by the keeper at {row['at']}, from {row['from']} to {row['to']}", row["reason"]),
-    ),
-    "ended": lambda row: (
-        f"app {row['app']} of {row['robot']}" if row["app"] else f"launch file at {row['host']} of {row['robot']}",
-        f"{row['node']} has ended; its exit code is in the pod's log alone",
-    ),
-    "ros_nodes": lambda row: (f"ROS node {row.get('name')} of {row.get('robot')}", _with("down", row.get("error"))),
-    "claims": lambda row: (f"claim {row.get('name')} of {row.get('robot')}", _claim_words(row)),
-    "outcomes": lambda row: (
-        f"last {row.get('playbook')} on {row.get('host')}",
-        _with(str(row["outcome"]), row.get("note")),
-    ),
-}

@@ -15,8 +15,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import apps_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Row
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED, apps_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
 
 Variables = Mapping[str, Any]
@@ -82,6 +82,21 @@ def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]
     return asked, silent
 
 
+def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list[Row]:
+    """What is told of clusters that do not answer; `cluster` says which hosts' being off explains it."""
+    servers = {server for host in hosts for server in host.part.servers}
+    by_cluster = {host.part.cluster: host.name for host in hosts if host.name in servers}
+    return [
+        {
+            "where": f"cluster {cluster}",
+            "what": f"does not answer: {why}",
+            "todo": f"ansible {by_cluster.get(cluster, cluster)} -b -a 'systemctl status k3s'",
+            "cluster": cluster,
+        }
+        for cluster, why in silent.items()
+    ]
+
+
 def graphs_to_read(
     hosts: Iterable[Member], services: Mapping[str, Sequence[Object]], apps: Sequence[Row]
 ) -> dict[str, Row]:
@@ -98,7 +113,7 @@ def graphs_to_read(
         uri = _master_uri(host.robot, services.get(host.part.cluster, ()))
         if uri:
             taken.add(host.graph)
-            pods = {address for row in apps_of(host.graph, apps, SHARED) for address in row["addresses"]}
+            pods = {address for row in apps_of(host.graph, apps) for address in row["addresses"]}
             found[host.name] = {"robot": host.graph, "master_uri": uri, "addresses": sorted(pods)}
     return found
 
@@ -115,7 +130,11 @@ def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
 def unmeasured(results: Mapping[str, Variables]) -> list[dict[str, str]]:
     """Hosts whose volumes took longer to measure than `timeout` gave them: what is known of them is not all."""
     return [
-        {"where": f"volumes of {host}", "what": "measuring what they hold took too long; some have no number"}
+        {
+            "where": f"volumes of {host}",
+            "what": "measuring what they hold took too long; some have no number",
+            "todo": "ansible-playbook rosops.fleet.status -e status_storage_seconds=120",
+        }
         for host, result in results.items()
         if result.get("rc") in TIMED_OUT
     ]

@@ -16,10 +16,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.drawing import drawing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
     Rows,
     Status,
-    attention,
     counts,
     host_lines,
     hosts_off,
@@ -30,6 +31,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import S
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+OPENED = 4  # graphs that are drawn unfolded; more of them are, once somebody wants them
 UNFOLDED = 40  # a table of more rows is folded until somebody wants it
 LONG = 28  # characters of a word from which it may be broken anywhere
 NUMBERS = frozenset({
@@ -100,6 +102,8 @@ def _rendered(status: Status, made: str, limit: str) -> str:
         attention=attention(status),
         hosts=_section("glance", "By host", HOST_COLUMNS, hosts, [str(line["level"]) for line in hosts]),
         plots=plots(status),
+        graphs=[drawing(graph) for graph in status.get("graphs") or []],
+        opened=OPENED,
         sections=sections,
         numbers=NUMBERS,
         unfolded=UNFOLDED,

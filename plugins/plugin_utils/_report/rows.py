@@ -24,7 +24,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     why_not_ready,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import launched_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED, launched_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import PLUMBING_TOPICS, Places, drawn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import note_of
 
 Row = dict[str, Any]
@@ -32,8 +33,6 @@ Row = dict[str, Any]
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
 BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.kubernetes.io")
 ROLE_LABEL = "node-role.kubernetes.io/"
-PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
-SHARED = "(shared)"
 _OF_CLUSTERS = ("hosts", "nodes", "placement", "masters", "apps", "went_back", "claims")
 # Runs that only look. Whoever looks twice still wants to know what became of the last change.
 LOOKING = frozenset({"status.yml", "validate.yml"})
@@ -76,6 +75,7 @@ def node_rows(nodes: Iterable[Mapping[str, Any]]) -> list[Row]:
                 "reason": ("cordoned" if cordoned else "")
                 if ready.get("status") == "True"
                 else str(ready.get("reason") or "unknown"),
+                "since": "" if ready.get("status") == "True" else str(ready.get("lastTransitionTime") or ""),
                 "version": (status.get("nodeInfo") or {}).get("kubeletVersion", ""),
                 "address": addresses[0] if addresses else "",
                 "roles": sorted(key[len(ROLE_LABEL) :] for key in labels if key.startswith(ROLE_LABEL)),
@@ -97,6 +97,13 @@ def _restarts(pods: Iterable[Mapping[str, Any]]) -> int:
     return sum(int(one.get("restartCount") or 0) for one in statuses)
 
 
+def _unready_since(deployment: Mapping[str, Any], open_pods: Sequence[Mapping[str, Any]]) -> str:
+    """The Deployment's own word outlives its pods, so it comes first. Empty where nobody says."""
+    known = [condition(deployment, "Available"), *(condition(pod, "Ready") for pod in open_pods)]
+    times = (str(one.get("lastTransitionTime") or "") for one in known if one.get("status") not in (None, "True"))
+    return next((time for time in times if time), "")
+
+
 def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any]]) -> Row:
     spec, status = deployment.get("spec") or {}, deployment.get("status") or {}
     pod_spec = (spec.get("template") or {}).get("spec") or {}
@@ -115,6 +122,7 @@ def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any
         "addresses": sorted({str(address) for pod in live if (address := (pod.get("status") or {}).get("podIP"))}),
         "images": [str(one.get("image", "")) for one in pod_spec.get("containers") or []],
         "restarts": _restarts(pods),
+        "since": _unready_since(deployment, open_pods),
         "note": why.partition(": ")[2] or why,  # the row itself says whose pod it is
     }
 
@@ -172,6 +180,7 @@ def claim_rows(claims: Iterable[Mapping[str, Any]], usage: Mapping[str, int]) ->
                 "namespace": namespace,
                 "robot": _robot(claim),
                 "bound": status.get("phase") == "Bound",
+                "since": "" if status.get("phase") == "Bound" else str(meta(claim).get("creationTimestamp") or ""),
                 "phase": str(status.get("phase") or "Pending"),
                 "storage_class": spec.get("storageClassName") or "",
                 "size": (status.get("capacity") or {}).get("storage") or asked,
@@ -181,7 +190,7 @@ def claim_rows(claims: Iterable[Mapping[str, Any]], usage: Mapping[str, int]) ->
     return _sorted(rows)
 
 
-def graph_rows(graphs: Mapping[str, Mapping[str, Any]]) -> tuple[list[Row], list[Row]]:
+def graph_rows(graphs: Mapping[str, Mapping[str, Any]], places: Places) -> tuple[list[Row], list[Row]]:
     """ROS nodes, and topics; of each robot, as ros_graph_info returns its graph."""
     nodes, topics = [], []
     for robot, graph in sorted(graphs.items()):
@@ -190,6 +199,7 @@ def graph_rows(graphs: Mapping[str, Mapping[str, Any]]) -> tuple[list[Row], list
                 {
                     "robot": robot,
                     "name": name,
+                    **places.of(robot, node),
                     "reachable": bool(node.get("reachable")),
                     "error": node.get("error") or "",
                     "publications": len(node.get("publications") or []),
@@ -227,7 +237,13 @@ def read_reports(texts: Mapping[str, str]) -> tuple[list[Row], list[Row]]:
             kept = {"playbook": str(report["playbook"]), "started": str(report["started"]), "hosts": hosts}
             _rows = outcome_rows([kept]), step_rows([kept])  # one that cannot be shown must not keep the others from it
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            problems.append({"where": name, "what": f"not a report of fleet_report ({type(error).__name__})"})
+            problems.append(
+                {
+                    "where": name,
+                    "what": f"not a report of fleet_report ({type(error).__name__})",
+                    "todo": "take the file away from the reports",
+                }
+            )
             continue
         if not looking:
             found.append(kept)
@@ -315,8 +331,9 @@ def status_rows(
 
     Outcomes are those that the clusters keep (`runs`, `updates`) and those of reports: the newer one of each host.
     """
-    ros_nodes, topics = graph_rows(graphs)
-    crashes, ended = launched_rows(fleet.get("apps", ()), graphs, SHARED)
+    places = Places(fleet.get("apps", ()), fleet.get("nodes", ()))
+    ros_nodes, topics = graph_rows(graphs, places)
+    crashes, ended = launched_rows(fleet.get("apps", ()), graphs)
     found, unreadable = read_reports(reports)
     return {
         "problems": [*fleet.get("problems", ()), *crashes, *unreadable],
@@ -324,6 +341,7 @@ def status_rows(
         "ended": ended,
         "ros_nodes": ros_nodes,
         "topics": topics,
+        "graphs": [drawn(robot, graph, places) for robot, graph in sorted(graphs.items())],
         "outcomes": outcome_rows(_by_time([*found, *fleet.get("runs", ())])),
         "steps": step_rows(_by_time([*fleet.get("updates", ()), *found])),
     }

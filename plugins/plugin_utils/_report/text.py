@@ -14,7 +14,7 @@ WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
 UNCUT = 10_000
-WHOLE = frozenset({"problems", "went_back"})  # what keeps a part from being looked at, or changed it, is said whole
+WHOLE = frozenset({"problems", "went_back", "outcomes"})  # what kept or changed something is said whole
 Columns = Sequence[tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
 
 
@@ -159,7 +159,7 @@ def _section(title: str, columns: Columns, rows: Sequence[Mapping[str, Any]], wi
 
 
 def status_text(status: Mapping[str, Any], width: int = WIDTH) -> str:
-    """The page. A section whose key is missing is left out, one without rows says so."""
+    """All tables. A section whose key is missing is left out, one without rows says so."""
     lines: list[str] = []
     for title, key, columns in SECTIONS:
         if status.get(key) or (status.get(key) is not None and key not in ONLY_WITH_ROWS):

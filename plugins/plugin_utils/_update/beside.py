@@ -6,7 +6,10 @@
 Where two versions cannot work at once (`drain`, `replace`) the app is away for as long as the change takes. What needs
 no such change, a pod with its place, its volumes and its image, is made before, while the old version works: so it is
 away for less long, and not at all for one that cannot even be started. The pod waits by itself (`_pod/namesake.py`).
-Pure.
+
+A launch file of which only some nodes wait for the old ones' end (`launch.replace`) gets Ready with the others. So that
+the old pod does not go by that alone, while goals of its action servers are not held yet, the Deployment asks for more
+seconds of being Ready than a step lasts. Pure.
 """
 
 from __future__ import annotations
@@ -18,14 +21,27 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import new_containers, with_strategy
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object
 
 
-def early(step: Step) -> list[Object]:
-    """The step's Deployments that can start so; none of a step that was cut off, or of which somebody changed one."""
+def early(step: Step, calm: Calm) -> list[Object]:
+    """The step's Deployments that can start so; none of a step that was cut off, or of which somebody changed one.
+
+    What is `calm` are the actions whose goals the step holds: without any a launch file has nothing to wait for.
+    """
     if step.kind != "app" or step.unproven or step.drifted:
         return []
-    return [item for item in step.workloads if _keeps_its_name(step, app_of(item)) and waits_for_the_old(item)]
+    return [
+        item
+        for item in step.workloads
+        for app in [app_of(item)]
+        if (_keeps_its_name(step, app) and waits_for_the_old(item)) or (calm.actions and _holds_nodes(step, app))
+    ]
+
+
+def _holds_nodes(step: Step, app: str) -> bool:
+    launch = step.launched.get(app)
+    return app in step.previous and launch is not None and bool(launch.new and launch.held)
 
 
 def _keeps_its_name(step: Step, app: str) -> bool:
@@ -41,7 +57,16 @@ def beside(objects: Iterable[Object], chosen: Iterable[Object]) -> list[Object]:
         for item in objects
         if item["kind"] == "ConfigMap" or (item["kind"] == "Deployment" and app_of(item) in apps)
     )
-    return with_strategy(first, OVERLAP_STRATEGY)
+    return [
+        item if item["kind"] != "Deployment" or waits_for_the_old(item) else _patient(item)
+        for item in with_strategy(first, OVERLAP_STRATEGY)
+    ]
+
+
+def _patient(deployment: Object) -> Object:
+    """Not available for as long as the API allows; once it is applied without, its pod is available at once."""
+    spec = deployment["spec"]
+    return {**deployment, "spec": {**spec, "minReadySeconds": spec.get("progressDeadlineSeconds", 600) - 1}}
 
 
 def took_over(step: Step, pods: Iterable[Object]) -> bool:

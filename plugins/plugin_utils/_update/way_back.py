@@ -27,7 +27,7 @@ def hold_new(turn: Turn, now: Now) -> None:
     actions = decide.new_actions(now.step, _graph(turn, now), pods)
     if actions:
         seen = turn.rest(now, Calm(actions), "its new version is idle, to take it back")
-        if seen.verdict == WAIT:
+        if seen.verdict == WAIT and not decide.is_dead(now.step, turn.read().pods):  # one that crashes tells nothing
             raise BusyError(f"the new version is at work, so it was not taken back: {seen.reason}")
         if seen.verdict == FAIL:
             raise NotReadyError(f"{UNKNOWN}: {seen.reason}")

@@ -72,7 +72,10 @@ class Cluster(Protocol):
         """What is not there is no error."""
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError."""
+        """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.
+
+        With minReadySeconds: until these are Ready.
+        """
 
     def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
         """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""

@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hooks import no_python
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import launch_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
@@ -368,18 +369,11 @@ def _hooks(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
 
 
 def _python(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
-    """The default needs one in the image. Where its archive shows none, the way has to be said.
-
-    It is not chosen here: a run without the archive would choose another one, and so change every such app.
-    """
-    inside = None if raw.get("hooks") or "PATH" in app.env else draft.inside(app)
-    version = inside.python if inside else None
-    if inside is None or version is None or (version and int(version.partition(".")[2]) >= 8):
-        return
-    has = f"has Python {version}, which is older than 3.8" if version else "has no python3"
-    way = "none, as host_network forbids sidecar" if app.host_network else "sidecar"
-    found = f"is missing, and the image {app.image} in {inside.archive} {has}"
-    yield Problem(f"{path}.hooks", found, f"hooks: {way}, or hooks: app where it gets one in another way")
+    """The default needs one in the image; elsewhere a sidecar was chosen."""
+    lacks = "" if raw.get("hooks") or app.hooks != "app" else no_python(app, draft.inside)
+    if lacks:
+        allowed = "hooks: none, as host_network forbids sidecar, or hooks: app where it gets one in another way"
+        yield Problem(f"{path}.hooks", f"is missing, and {lacks}", allowed)
 
 
 def _resources(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:

@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hooks import with_hooks
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.images import Inside
 
 
@@ -57,10 +58,13 @@ def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem], in
     kept["persistent_storage"] = {
         "volumes": [item for index, item in enumerate(volumes) if sound("persistent_storage", "volumes", index)]
     }
+    declared = tuple(app if isinstance(app, dict) else {} for app in apps)
+    found = Robot.from_variables(kept, robot)
+    hooked = tuple(with_hooks(app, declared[position], inside) for app, position in zip(found.apps, positions))
     return Draft(
-        Robot.from_variables(kept, robot),
+        replace(found, apps=hooked),
         positions,
-        tuple(app if isinstance(app, dict) else {} for app in apps),
+        declared,
         tuple(item.get("name") for item in volumes if isinstance(item, dict)),
         inside,
     )

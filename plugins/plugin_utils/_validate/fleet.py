@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
     EDGE_CLUSTER,
+    edge_ordered,
     edge_servers,
     fleet_topology,
     members,
@@ -51,8 +52,7 @@ class Report(NamedTuple):
 def check_fleet(given: Any, find: Find = unseen) -> Report:
     """`given` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`.
 
-    `find` looks into archives of images. What they show may be refused, but never becomes part of the fleet: another
-    control node may not have them, and has to make the same robots of the same inventory.
+    `find` looks into archives of images: where an app's hooks run, if nobody said it, and what is refused.
     """
     problems: list[Problem] = []
     if not isinstance(given, Mapping):
@@ -64,6 +64,8 @@ def check_fleet(given: Any, find: Find = unseen) -> Report:
         name: layered(item, join_path("hosts", name), problems) if isinstance(item, dict) else {}
         for name, item in _mapping(value, "hosts").items()
     }
+    problems += _first_server_problems(groups, hosts)
+    groups = edge_ordered(groups, next(filter(None, _first_servers(groups, hosts).values()), ""))
     modes = {robot: mode_of(robot, hosts) for robot in members(groups, "robots")}
     problems += topology_problems(groups, modes)
     problems += _name_problems(groups)
@@ -189,6 +191,19 @@ def _version_problems(
                 f"is {hosts[host]['k3s_version']}, newer than {hosts[older]['k3s_version']} of the server {older}",
                 "servers that are as new as their agents, or newer",
             )
+
+
+def _first_servers(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]) -> dict[str, str]:
+    """The first server by the word of each of them; mostly none says anything."""
+    return {host: str(hosts.get(host, {}).get("k3s_first_server") or "") for host in edge_servers(groups)}
+
+
+def _first_server_problems(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
+    said = _first_servers(groups, hosts)
+    allowed = f"the same for all servers: one of {', '.join(sorted(said))}, or nothing"
+    for host, first in said.items():
+        if first and (first not in said or set(said.values()) != {first}):
+            yield Problem(f"hosts.{host}.k3s_first_server", f"is {first}", allowed)
 
 
 def _fleet_name_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:

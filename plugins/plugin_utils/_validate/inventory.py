@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.listed import wrong_waves
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import is_ours, variables_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
@@ -22,10 +23,10 @@ WAVES, GIVEN = "update_waves", '-e \'{"update_waves": [1, "25%", "100%"]}\''
 HostVars = Mapping[str, Mapping[str, Any]]
 
 
-def inventory_problems(hostvars: HostVars, names: Iterable[str], given: Collection[str]) -> list[Problem]:
-    """Of these hosts; `given` are the names of what was given with `-e`."""
+def inventory_problems(hostvars: HostVars, names: Iterable[str], given: Mapping[str, Any]) -> list[Problem]:
+    """Of these hosts; `given` is what was given with `-e`."""
     listed = list(names)
-    return [*_waves(hostvars, listed, given), *_addresses(hostvars, listed)]
+    return [*_slice(given), *_waves(hostvars, listed, given), *_given_waves(given), *_addresses(hostvars, listed)]
 
 
 def near_misses(hostvars: HostVars, names: Iterable[str]) -> list[Problem]:
@@ -50,6 +51,23 @@ def _waves(hostvars: HostVars, names: list[str], given: Collection[str]) -> Iter
     for host in names:
         if WAVES in variables_of(hostvars, host) and WAVES not in given:
             yield Problem(f"hosts.{host}.{WAVES}", "has no effect in an inventory", GIVEN)
+
+
+def _slice(given: Mapping[str, Any]) -> Iterator[Problem]:
+    """A sliced job template of AWX is a workflow of the template's own name, each job with some of the hosts alone."""
+    template = given.get("awx_job_template_name")
+    if template and given.get("awx_workflow_job_name") == template:
+        yield Problem(
+            "groups",
+            f"have only some of the hosts, as AWX slices the job template {template}; a slice would make other hosts servers",
+            "1 for the template's job slicing (job_slice_count); update_waves says how many hosts are changed at a time",
+        )
+
+
+def _given_waves(given: Mapping[str, Any]) -> Iterator[Problem]:
+    wrong = wrong_waves(given.get(WAVES))
+    if wrong:
+        yield Problem(WAVES, wrong, "numbers above 0 and percentages, such as 1, 25%, 100%")
 
 
 def _addresses(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:

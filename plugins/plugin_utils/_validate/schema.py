@@ -70,6 +70,13 @@ COMMAND: Schema = either(
     {"type": "array", "items": {"type": "string"}, "minItems": 1},
 )
 
+# An empty answer of AWX's survey is nothing to ansible-core.
+NAMES: Schema = either(
+    "a list of names, also as a text such as 'camera, lidar'",
+    {"type": "array", "items": {"type": "string"}},
+    {"type": ["string", "null"]},
+)
+
 # What messages must say; the rest of it is for `when`.
 VALUE: Schema = {
     "type": "object",
@@ -154,6 +161,9 @@ FORMS: dict[str, Schema] = {
     "ros_apps[].update.group": text("app-name"),
     "ros_apps[].update.idle[]": text("graph-name"),
     "ros_apps[].update.when[]": VALUE,
+    "update_apps": NAMES,
+    "update_remove_apps": NAMES,
+    "update_to": {"type": ["string", "number", "null"]},
     "update_when[]": VALUE,
     "update_windows[].days": {"minItems": 1},
     "update_windows[].from": text("time-of-day"),

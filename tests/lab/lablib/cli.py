@@ -17,6 +17,7 @@ from types import FrameType
 from . import k3s, observability, observability_build, state
 from .app_images import app_archives
 from .artifacts import Cache
+from .environments import environment
 from .errors import LabError
 from .go import go_command, go_environment
 from .hosts import HostRunner
@@ -24,7 +25,7 @@ from .images import host_image
 from .inventory import host_variables, inventory
 from .lab import Lab, labs_of_checkout
 from .names import DEFAULT_HOSTS
-from .paths import LABK3S, cache_dir
+from .paths import COMMAND, LABK3S, cache_dir
 from .podman import cgroups, podman_try
 from .run import interrupt_all, say
 from .setup import setup
@@ -57,7 +58,7 @@ def _interrupted(_number: int, _frame: FrameType | None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="tests/lab/lab", description="Hosts, images and artifacts of the test lab.")
+    parser = argparse.ArgumentParser(prog=COMMAND, description="Hosts, images and artifacts of the test lab.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     lab = argparse.ArgumentParser(add_help=False)
     name = os.environ.get("ROSOPS_LAB") or "demo"
@@ -95,6 +96,7 @@ def _parser() -> argparse.ArgumentParser:
     listing.set_defaults(run=_inventory)
 
     artifacts = commands.add_parser("artifacts", help="build what is missing: images, k3s, archives")
+    artifacts.add_argument("--no-ros", action="store_true", help="hosts and k3s only: ROS and apps come from elsewhere")
     artifacts.add_argument("--next-k3s", action="store_true", help="also labk3s's second version, for upgrades")
     artifacts.add_argument(
         "--observability",
@@ -108,6 +110,10 @@ def _parser() -> argparse.ArgumentParser:
     program.add_argument("name")
     program.add_argument("--no-build", action="store_true", help="fail where it is not built yet")
     program.set_defaults(run=_program)
+
+    python = commands.add_parser("python", help="print the path of an environment's Python; makes what is missing")
+    python.add_argument("name", help="as in tests/environments")
+    python.set_defaults(run=lambda options: print(environment(_cache(), options.name).python))
 
     go = commands.add_parser("go", help="run the pinned Go toolchain in tests/lab/labk3s, with the lab's caches")
     go.add_argument("arguments", nargs=argparse.REMAINDER)
@@ -142,7 +148,7 @@ def _runner(options: argparse.Namespace) -> HostRunner:
 def _host(options: argparse.Namespace) -> None:
     runner = _runner(options)
     if not runner.status():
-        raise LabError(f"host {options.name} has no container", todo=f"run tests/lab/lab up --lab {options.lab}")
+        raise LabError(f"host {options.name} has no container", todo=f"run {COMMAND} up --lab {options.lab}")
     if options.action == "reboot":
         runner.stop()
         runner.start()
@@ -196,15 +202,14 @@ def _artifacts(options: argparse.Namespace) -> None:
     # The Go build and the Debian trees use the machine in turns: one computes while the other downloads.
     with ThreadPoolExecutor(2) as pool:
         k3s_dir = pool.submit(k3s.airgap, cache, choice)
-        archives = pool.submit(lambda: (host_image(cache), app_archives(cache))[1])
-        built = archives.result()
+        archives = pool.submit(lambda: (host_image(cache), {} if options.no_ros else app_archives(cache))[1])
+        built = list(archives.result().values())
         directory = k3s_dir.result()
-    first, *later = built.values()
     values = {
         "k3s": choice,
         "airgap_dir": str(directory),
-        "image_archives": [str(first)],
-        "update_archives": [str(path) for path in later],
+        "image_archives": [str(path) for path in built[:1]],
+        "update_archives": [str(path) for path in built[1:]],
     }
     if options.next_k3s and choice == "labk3s":
         values["next_airgap_dir"] = str(k3s.airgap(cache, choice, following=True))
@@ -219,7 +224,7 @@ def _program(options: argparse.Namespace) -> None:
     part = observability.part_with(options.name)
     artifact = cache.path(observability.recipe(part))
     if options.no_build and not artifact.is_dir():
-        raise LabError(f"{options.name} is not built", todo=f"run tests/lab/lab artifacts --observability {part.name}")
+        raise LabError(f"{options.name} is not built", todo=f"run {COMMAND} artifacts --observability {part.name}")
     print(observability.program_path(observability_build.ensure(cache, part), part, options.name))
 
 

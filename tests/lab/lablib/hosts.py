@@ -15,6 +15,7 @@ from pathlib import Path
 from .errors import LabError
 from .keys import Keys
 from .names import container_name, volume_name
+from .paths import COMMAND
 from .podman import limits, podman, podman_try
 from .poll import wait_for
 from .run import run, say
@@ -168,7 +169,7 @@ class HostRunner:
     def _in_network(self, *command: str) -> str:
         pid = podman("container", "inspect", "--format", "{{.State.Pid}}", self.container).strip()
         if pid in ("", "0"):
-            raise LabError(f"host {self.host.name} is not running", todo=f"tests/lab/lab host {self.host.name} up")
+            raise LabError(f"host {self.host.name} is not running", todo=f"{COMMAND} host {self.host.name} up")
         return run(["nsenter", f"--net=/proc/{pid}/ns/net", *command]).stdout
 
     # --- waiting ---------------------------------------------------------------------------------------------------

@@ -1,7 +1,11 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where things are: the checkout, its lab state, the user's cache, and the pins."""
+"""Where things are: the checkout, its lab state, the user's cache, and the pins.
+
+Installed with pip, the lab belongs to the directory that it is called in, or to ROSOPS_LAB_HOME: state is kept and labs
+are named by that, as by a checkout.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,15 @@ from pathlib import Path
 from typing import Any
 
 LAB = Path(__file__).resolve().parent.parent
-CHECKOUT = LAB.parent.parent
+INSTALLED = not (LAB / "pyproject.toml").is_file()
+CHECKOUT = Path(os.environ.get("ROSOPS_LAB_HOME") or Path.cwd()).resolve() if INSTALLED else LAB.parent.parent
+COMMAND = "rosops-lab" if INSTALLED else "tests/lab/lab"
 STATE = CHECKOUT / ".lab"
+LOGS = CHECKOUT / ".cache"
 IMAGES = LAB / "images"
 LABK3S = LAB / "labk3s"
 OBSERVABILITY = LAB / "observability"
-APPS = CHECKOUT / "tests" / "apps"
+APPS = LAB / "apps" if INSTALLED else CHECKOUT / "tests" / "apps"
 
 
 def cache_dir() -> Path:

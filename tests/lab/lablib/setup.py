@@ -5,17 +5,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
-import sys
-import time
 from pathlib import Path
 
 from .artifacts import Cache
+from .environments import tools_environment
 from .errors import LabError
 from .names import checkout_id
-from .paths import CHECKOUT
+from .paths import CHECKOUT, INSTALLED, LOGS
 from .run import Job, build, run, say
 
 # Each with what it is for. Commands are looked for, too: they may come from elsewhere than Debian's packages.
@@ -46,9 +44,6 @@ TEST_PACKAGES = {
     "shellcheck": "",  # ansible-test sanity
     "topic-tools": "",
 }
-VENV = CHECKOUT / ".venv"
-STAMP = VENV / ".requirements"
-LOGS = CHECKOUT / ".cache"
 LINK = CHECKOUT / ".ansible" / "collections" / "ansible_collections" / "rosops" / "fleet"
 
 
@@ -57,8 +52,9 @@ def setup(cache: Cache, tests: bool = False) -> None:
     LOGS.mkdir(exist_ok=True)
     with cache.lock(f"setup-{checkout_id(str(CHECKOUT))}", "another set-up of this checkout"):
         _packages(cache, PACKAGES | TEST_PACKAGES if tests else PACKAGES)
-        _venv()
-        _link()
+        if not INSTALLED:
+            tools_environment().ensure()
+            _link()
 
 
 # --- Debian packages -----------------------------------------------------------------------------------------------
@@ -96,32 +92,6 @@ def _require_commands() -> None:
             where="this is no Debian system, so nothing is installed for you",
             todo="install them; the lab is made for Debian 12",
         )
-
-
-# --- Python --------------------------------------------------------------------------------------------------------
-
-
-def fingerprint(requirements: bytes, python: str, version: str) -> str:
-    """What the environment was made of; it stands in the stamp that is written last."""
-    return hashlib.sha256(requirements + f"\0{python}\0{version}".encode()).hexdigest()
-
-
-def _venv() -> None:
-    requirements = CHECKOUT / "requirements.txt"
-    wanted = fingerprint(requirements.read_bytes(), sys.executable, sys.version)
-    if STAMP.exists() and STAMP.read_text() == wanted and (VENV / "bin" / "python").exists():
-        return
-    log = LOGS / "pip.log"
-    log.unlink(missing_ok=True)
-    started = time.monotonic()
-    say(f"making .venv from requirements.txt (log {log})")
-    STAMP.unlink(missing_ok=True)
-    build(Job([sys.executable, "-m", "venv", "--clear", str(VENV)], ".venv", log))
-    pip = [str(VENV / "bin" / "python"), "-m", "pip", "--disable-pip-version-check", "--no-input"]
-    install = [*pip, "install", "--retries", "5", "--requirement", str(requirements)]
-    build(Job(install, "Python packages of .venv", log))
-    STAMP.write_text(wanted)
-    say(f"made .venv in {time.monotonic() - started:.0f} s")
 
 
 # --- the collection's place in a collections tree ------------------------------------------------------------------

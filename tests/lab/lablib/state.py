@@ -14,7 +14,7 @@ from typing import Any
 
 from .errors import LabError
 from .names import HostSpec
-from .paths import STATE, state_dir
+from .paths import COMMAND, STATE, state_dir
 
 ARTIFACTS = STATE / "artifacts.json"
 
@@ -63,7 +63,7 @@ def load(lab: str) -> LabState | None:
 def require(lab: str) -> LabState:
     found = load(lab)
     if found is None:
-        raise LabError(f"lab {lab} is not up", where=str(state_dir(lab)), todo=f"run tests/lab/lab up --lab {lab}")
+        raise LabError(f"lab {lab} is not up", where=str(state_dir(lab)), todo=f"run {COMMAND} up --lab {lab}")
     return found
 
 

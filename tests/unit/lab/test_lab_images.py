@@ -17,7 +17,6 @@ from lablib.app_images import Version, versions
 from lablib.errors import LabError
 from lablib.k3s import parse_sums
 from lablib.oci import Image, Layer, write_archive, write_difference, write_layer, write_removal, write_update
-from lablib.setup import fingerprint
 
 
 def read_json(tar: tarfile.TarFile, name: str) -> Any:
@@ -137,13 +136,3 @@ def test_checksum_files_are_read() -> None:
         "k3s": "aa",
         "k3s-airgap-images-amd64.tar": "bb",
     }
-
-
-def test_the_environment_is_remade_for_new_requirements_or_another_python() -> None:
-    marks = {
-        fingerprint(b"a==1", "/usr/bin/python3", "3.11.2"),
-        fingerprint(b"a==2", "/usr/bin/python3", "3.11.2"),
-        fingerprint(b"a==1", "/opt/python3", "3.11.2"),
-        fingerprint(b"a==1", "/usr/bin/python3", "3.12.0"),
-    }
-    assert len(marks) == 4

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import dashboards as _dashboards
 from dashboards import build
 from dashboards.lint import fleet_findings, logql_findings, page_findings, promql_findings
@@ -108,6 +109,53 @@ def test_what_is_asked_for_is_kept_when_it_is_scraped(job: str, lists: str) -> N
         lost -= set(listed("kubelet"))  # k3s serves its own metric in both places
     assert asked
     assert lost == set()
+
+
+def links() -> list[tuple[str, str]]:
+    """Dashboard and panel -> where a click on a cell leads."""
+    return [
+        (f"{page['uid']}: {panel['title']}", link["url"])
+        for page in pages()
+        for panel in page["panels"]
+        for override in panel.get("fieldConfig", {}).get("overrides", [])
+        for one in override["properties"]
+        if one["id"] == "links"
+        for link in one["value"]
+    ]
+
+
+def test_a_row_of_a_robot_leads_to_its_dashboard_and_that_takes_the_name() -> None:
+    led = {where: url for where, url in links() if url.startswith("/d/")}
+    assert {"rosops-fleet: Robots", "rosops-fleet: Alerts now", "rosops-updates: Latest update of each app"} <= set(led)
+    by_uid = {page["uid"]: page for page in pages()}
+    for url in led.values():
+        found = re.fullmatch(r"/d/([a-z-]+)\?var-(\w+)=\$\{__value\.raw\}&\$\{__url_time_range\}", url)
+        assert found, url
+        assert found[2] in {variable["name"] for variable in by_uid[found[1]]["templating"]["list"]}
+
+
+def test_an_alert_leads_to_its_runbook() -> None:
+    """The link is made of the alert's name, as ALERTS has no annotations: it has to be what each rule says itself."""
+    [url] = {url for _where, url in links() if not url.startswith("/d/")}
+    rules = [
+        rule
+        for path in (FILES / "rules").glob("*.yml")
+        for group in yaml.safe_load(path.read_text("utf-8"))["groups"]
+        for rule in group["rules"]
+        if "alert" in rule
+    ]
+    assert len(rules) > 10
+    for rule in rules:
+        assert url.replace("${__value.raw}", rule["alert"]) == rule["annotations"]["runbook_url"]
+
+
+def test_a_share_is_green_when_it_is_all_and_says_of_how_many() -> None:
+    shares = [panel for page in pages() for panel in page["panels"] if "of {{total}}" in json.dumps(panel)]
+    assert len(shares) >= 8
+    for panel in shares:
+        steps = panel["fieldConfig"]["defaults"]["thresholds"]["steps"]
+        assert steps[-1] == {"color": "green", "value": 1} and panel["options"]["textMode"] == "name"
+        assert [target["instant"] for target in panel["targets"]] == [True]
 
 
 def broken(**changes: Any) -> dict[str, Any]:

@@ -137,6 +137,63 @@ def test_waves_of_an_inventory_are_none(tmp_path: Path, monkeypatch: pytest.Monk
     assert run(tmp_path, fleet)["valid"]
 
 
+@pytest.mark.parametrize("waves", ["1, all", [0]])
+def test_waves_that_ansible_would_stumble_over_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waves: Any
+) -> None:
+    monkeypatch.setattr(fleet_config, "load_extra_vars", lambda _loader: {"update_waves": waves})
+    result = run(tmp_path, GOOD)
+    assert "update_waves: has" in result["msg"]
+    assert "allowed: numbers above 0 and percentages, such as 1, 25%, 100%" in result["msg"]
+
+
+@pytest.mark.parametrize(("workflow", "valid"), [("update", False), ("night", True), (None, True)])
+def test_a_slice_of_an_awx_job_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workflow: str | None, valid: bool
+) -> None:
+    given = {"awx_job_template_name": "update", **({"awx_workflow_job_name": workflow} if workflow else {})}
+    monkeypatch.setattr(fleet_config, "load_extra_vars", lambda _loader: given)
+    result = run(tmp_path, GOOD)
+    assert result["valid"] == valid
+    assert ("AWX slices the job template update" in result.get("msg", "")) != valid
+
+
+def test_no_part_of_the_fleet_depends_on_the_order_of_hosts(tmp_path: Path) -> None:
+    """An inventory of AWX has another one in every job."""
+    names = ["edge1", "edge2", "edge3", "robot1", "robot2"]
+
+    def fleet(order: list[str]) -> dict[str, Any]:
+        groups = {kind: [name for name in order if name.startswith(kind[:4])] for kind in ("edge", "robots")}
+        hosts = {name: {"ros_apps": [table.GOOD_APP]} for name in names if name.startswith("robot")}
+        return run(tmp_path, {"groups": {**groups, "all": order}, "hosts": hosts})
+
+    found = fleet(names)
+    assert [name for name, host in found["hosts"].items() if host["init"]] == ["edge1"]
+    assert fleet(names[::-1]) == found == fleet(["edge2", "robot2", "edge1", "robot1", "edge3"])
+    assert fleet(names[::-1])["edge_nodes"] == found["edge_nodes"] == ["edge1", "edge2", "edge3"]
+
+
+@pytest.mark.parametrize("first", ["edge2", "robot1", "edge9"])
+def test_another_server_may_be_the_first(tmp_path: Path, first: str) -> None:
+    groups = {"edge": ["edge1", "edge2", "edge3"], "robots": ["robot1"], "all": ["edge1", "edge2", "edge3", "robot1"]}
+    said = {name: {"k3s_first_server": first} for name in groups["edge"]}
+    found = run(tmp_path, {"groups": groups, "hosts": said})
+    assert found["valid"] == (first == "edge2")
+    if found["valid"]:
+        assert [name for name, host in found["hosts"].items() if host["init"]] == [first]
+        assert tuple(found["hosts"]["robot1"]["servers"]) == ("edge2", "edge1", "edge3")
+    else:
+        assert f"k3s_first_server: is {first}; allowed: the same for all servers: one of edge1, " in found["msg"]
+    one_alone = run(tmp_path, {"groups": groups, "hosts": {"edge3": {"k3s_first_server": "edge2"}}})
+    assert "hosts.edge3.k3s_first_server" in one_alone["msg"]
+
+
+@pytest.mark.parametrize("apps", ["camera", "camera, lidar", ["camera"], "", None, []])
+def test_names_may_come_as_text(tmp_path: Path, apps: Any) -> None:
+    robot = {**GOOD["hosts"]["robot1"], "update_apps": apps, "update_remove_apps": apps}
+    assert run(tmp_path, {**GOOD, "hosts": {**GOOD["hosts"], "robot1": robot}})["valid"]
+
+
 @pytest.mark.parametrize(
     ("name", "meant"),
     [

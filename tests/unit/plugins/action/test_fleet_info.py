@@ -61,7 +61,9 @@ def test_a_cluster_that_does_not_answer_is_a_problem(
     monkeypatch: pytest.MonkeyPatch, off: dict[str, Any], answer: Answer, asked: list[str], why: str
 ) -> None:
     found = info(monkeypatch, {"edge": answer}, edge1=off)
-    assert found["problems"] == [{"where": "cluster edge", "what": f"does not answer: {why}"}]
+    todo = "ansible edge1 -b -a 'systemctl status k3s'"
+    what = f"does not answer: {why}"
+    assert found["problems"] == [{"where": "cluster edge", "what": what, "todo": todo, "cluster": "edge"}]
     assert found["asked"] == asked
     assert len(found["nodes"]) == len(asked)  # what it did answer is shown
 

@@ -44,7 +44,14 @@ def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
     assert (first["changed"], second["changed"]) == (True, False)
     assert "/sensor" in page.read_text()
     assert said == [f"\n{one['text']}" for one in (first, second)]
-    assert "(shared)  /t     a/B" in said[0]
+    assert "(shared)  /t     a/B" not in said[0] and "All tables" in said[0]
+
+
+def test_tables_are_for_those_who_ask_for_more(monkeypatch: pytest.MonkeyPatch, said: list[str]) -> None:
+    monkeypatch.setattr(fleet_status.display, "verbosity", 1)
+    found = show("", {"graph": GRAPH})
+    assert "(shared)  /t     a/B" in said[0] and "All tables" not in said[0]
+    assert found["_ansible_verbose_override"] is True  # Ansible's own print of it would be the same once more
 
 
 def test_check_mode_writes_nothing(tmp_path: Path, said: list[str]) -> None:
@@ -86,10 +93,18 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
     found = show("", result)["status"]
     assert found["problems"] == [
         *FLEET["problems"],
-        *({"where": "ROS graph of robot1", "what": what} for what in problems),
+        *(
+            {
+                "where": "ROS graph of robot1",
+                "what": what,
+                "todo": "kubectl -n fleet logs deploy/ros-master",
+                "graph": "(shared)",
+            }
+            for what in problems
+        ),
     ]
     assert len(found["ros_nodes"]) == ("graph" in result)
-    assert said[0].startswith("\nPROBLEMS")
+    assert said[0].startswith("\nNEEDS ATTENTION")
 
 
 def test_the_last_outcomes_are_those_of_the_reports(tmp_path: Path, said: list[str]) -> None:

@@ -57,6 +57,8 @@ def test_a_publisher_with_two_subscribers(peers: Peers, library: Any) -> None:
     assert (rate.messages, rate.few, rate.known) == (10, False, None)
     assert rate.seconds >= WINDOW
     assert rate.hz == pytest.approx(10 / rate.seconds)
+    assert {name: one.messages for name, one in rate.by.items()} == {"/lidar": 10}
+    assert rate.by["/lidar"].hz == rate.hz
 
 
 def test_two_publishers_are_summed(peers: Peers) -> None:

@@ -462,6 +462,13 @@ def test_a_new_pod_that_runs_beside_the_old_one_is_enough() -> None:
     assert (done.error, done.took) == (None, pytest.approx(2.0 + BEGUN_SECONDS))
 
 
+def test_one_that_is_to_be_ready_for_a_while_before_the_old_one_goes_has_begun_when_it_is() -> None:
+    runs = pod("talker-new-1", NEW, [app()])
+    steps = [(0.1, lists(old_pod, minReadySeconds=299)), (0.5, [changed(PODS, runs)]), (9.0, [changed(PODS, new_pod)])]
+    done = Run(*steps, begun=True)
+    assert (done.error, done.took) == (None, pytest.approx(9.0))
+
+
 def test_one_that_ends_at_once_has_not_begun() -> None:
     runs, ended = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW, [app(state=CRASHED)])
     steps = [(0.1, lists(old_pod)), (0.5, [changed(PODS, runs)]), (1.2, [changed(PODS, ended)])]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host, fleet_topology
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host, edge_ordered, fleet_topology
 
 
 def agent(host: str, *servers: str) -> Host:
@@ -31,6 +31,15 @@ def test_all_edge_hosts_are_servers_and_the_first_starts_the_cluster() -> None:
     found = fleet_topology({"edge": ["e2", "e1", "e3"], "robots": []})
     assert found == {host: server(host, "e2", "e1", "e3") for host in ("e2", "e1", "e3")}
     assert [host for host, part in found.items() if part.init] == ["e2"]
+
+
+@pytest.mark.parametrize("first", ["", "e2"])
+def test_the_edge_s_order_is_that_of_names(first: str) -> None:
+    """But for the server that is named as the first; robots stay as they are."""
+    groups = {"edge": ["e4", "e2", "e1", "e3"], "k3s_server": ["e3", "e2", "e1"], "robots": ["r2", "r1"]}
+    servers = [*filter(None, [first]), *(name for name in ("e1", "e2", "e3") if name != first)]
+    assert edge_ordered(groups, first) == {**groups, "edge": [*servers, "e4"], "k3s_server": servers}
+    assert edge_ordered({"edge": "e1", "robots": ["r1"]}) == {"edge": "e1", "robots": ["r1"]}
 
 
 def test_named_servers_make_the_other_edge_hosts_agents() -> None:

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
-    attention,
     counts,
     host_lines,
     hosts_off,
     level,
+    some,
     used_share,
 )
 
@@ -54,34 +54,9 @@ def test_how_good_a_row_is(section: str, row: dict[str, Any], expected: str) -> 
     assert level(section, row) == expected
 
 
-def test_what_goes_with_a_robot_that_is_off_is_no_fault_of_its_own() -> None:
-    status = {
-        "hosts": [UP, OFF],
-        "nodes": [{"name": "robot2", "ready": False, "reason": "NodeStatusUnknown"}],
-        "apps": [app("robot1", 0, note="CrashLoopBackOff"), app("robot2", 0), app("robot2", 0, nodes=["edge1"])],
-        "outcomes": [{"host": "robot2", "outcome": "deferred-offline", "playbook": "update.yml"}],
-    }
-    assert [(row["level"], row["where"], row["what"]) for row in attention(status)] == [
-        ("bad", "app sensor of robot1", "0 of 1 ready: CrashLoopBackOff"),
-        ("bad", "app sensor of robot2", "0 of 1 ready"),  # the one on edge1
-        ("warn", "host robot2", "offline: timed out"),
-    ]
+def test_what_goes_with_a_robot_that_is_off_is_no_worse_than_the_robot() -> None:
+    status = {"hosts": [UP, OFF], "apps": [app("robot1", 0), app("robot2", 0), app("robot2", 0, nodes=["edge1"])]}
     assert [level("apps", row, hosts_off(status)) for row in status["apps"]] == ["bad", "warn", "bad"]
-
-
-def test_who_has_ended_in_a_launch_file_is_for_a_person_to_judge() -> None:
-    known = {"robot": "robot1", "app": "base", "node": "/map", "host": "10.42.0.7"}
-    status = {"hosts": [UP], "ended": [known, {**known, "app": ""}]}
-    what = "/map has ended; its exit code is in the pod's log alone"
-    assert [(row["level"], row["where"], row["what"]) for row in attention(status)] == [
-        ("warn", "app base of robot1", what),
-        ("warn", "launch file at 10.42.0.7 of robot1", what),
-    ]
-
-
-def test_what_an_edge_host_takes_with_it_is_told() -> None:
-    status = {"hosts": [EDGE_OFF], "apps": [app("robot1", 0, nodes=["edge1"])]}
-    assert [row["where"] for row in attention(status)] == ["host edge1", "app sensor of robot1"]
 
 
 def test_a_pod_that_is_on_no_node_is_nobodys_absence() -> None:
@@ -90,9 +65,46 @@ def test_a_pod_that_is_on_no_node_is_nobodys_absence() -> None:
 
 def test_counts_leave_out_what_there_is_nothing_of() -> None:
     assert counts({}) == []
-    assert counts({"hosts": [UP, OFF, EDGE_OFF], "apps": []}) == [
-        {"label": "Hosts up", "section": "hosts", "good": 1, "total": 3, "level": "bad"}
+    [count] = counts({"hosts": [UP, OFF, EDGE_OFF], "apps": []})[:1]
+    assert (count.label, count.section, count.words, count.level) == ("Hosts", "hosts", "1 of 3 up, 2 not", "bad")
+
+
+def test_what_is_unknown_is_not_green() -> None:
+    """A robot that is off keeps what the API last heard of it, and what it would have said is in no number."""
+    status = {
+        "hosts": [UP, OFF],
+        "nodes": [{"name": "robot1", "ready": True}, {"name": "robot2", "ready": False}],
+        "apps": [app("robot1"), app("robot1", 0), app("robot2", 0), app("robot2")],
+        "ros_nodes": [{"robot": "robot1", "reachable": True}],
+        "claims": [{"robot": robot, "bound": True, "size": "1Gi", "used_bytes": used}
+                   for robot, used in (("robot1", 5), ("robot1", None), ("robot2", None))],
+    }  # fmt: skip
+    assert [(count.words, count.level) for count in counts(status)] == [
+        ("1 of 2 up, 1 not", "warn"),
+        ("1 of 2 ready, 1 unknown (robot2)", "warn"),
+        ("2 of 4 ready, 1 not, 1 unknown (robot2)", "bad"),
+        ("1 of 1 up, robot2 unknown", "warn"),
+        ("2 of 3 in order, 1 unknown (robot2)", "warn"),
     ]
+
+
+def test_a_graph_that_could_not_be_read_is_unknown_and_so_is_a_cluster() -> None:
+    alone = {**OFF, "cluster": "robot2", "role": "server"}
+    problems = [{"where": "a", "what": "b", "graph": "robot1"}, {"where": "c", "what": "d", "cluster": "robot2"}]
+    found = {count.label: count.words for count in counts({"hosts": [UP, alone], "problems": problems})}
+    assert found["ROS nodes"] == "robot1, robot2 unknown"
+    assert found["Apps"] == found["Nodes"] == "robot2 unknown"
+
+
+def test_a_shared_graph_is_that_of_all_robots() -> None:
+    rows = [{"robot": "(shared)", "reachable": True}]
+    assert [count.words for count in counts({"hosts": [UP, OFF], "ros_nodes": rows})][1:] == ["1 of 1 up"]
+
+
+def test_many_names_are_a_few_and_a_number() -> None:
+    assert some([f"robot{number}" for number in range(1, 31)]) == (
+        "robot1, robot2, robot3, robot4, robot5, robot6 and 24 more"
+    )
 
 
 def test_a_line_per_host() -> None:

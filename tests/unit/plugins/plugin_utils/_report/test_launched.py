@@ -25,7 +25,7 @@ def graphs(*launched: dict[str, Any], robot: str = "robot1") -> dict[str, Any]:
 
 
 def problems(apps: list[dict[str, Any]], found: dict[str, Any]) -> list[tuple[str, str]]:
-    return [(row["where"], row["what"]) for row in launched_rows(apps, found, "(shared)")[0]]
+    return [(row["where"], row["what"]) for row in launched_rows(apps, found)[0]]
 
 
 BASE, ARM = app("base", "10.42.0.7"), app("arm", "10.42.0.8")
@@ -58,7 +58,7 @@ def test_a_shared_masters_graph_is_all_robots() -> None:
 def test_who_has_ended_nobody_knows_how_is_said_and_no_problem() -> None:
     known = (child("/c", alive=True), child("/d", exit_code=0))
     unknown = (child("/a/map"), child("/b", "10.9.9.9"))
-    assert launched_rows([BASE], graphs(*known, *unknown), "(shared)") == (
+    assert launched_rows([BASE], graphs(*known, *unknown)) == (
         [],
         [
             {"robot": "robot1", "app": "base", "node": "/a/map", "host": "10.42.0.7"},
@@ -68,4 +68,4 @@ def test_who_has_ended_nobody_knows_how_is_said_and_no_problem() -> None:
 
 
 def test_graphs_without_launch_files() -> None:
-    assert launched_rows([BASE], {"robot1": {"nodes": {}}}, "(shared)") == ([], [])
+    assert launched_rows([BASE], {"robot1": {"nodes": {}}}) == ([], [])

@@ -143,6 +143,7 @@ def test_nodes() -> None:
             "name": "edge1",
             "ready": True,
             "reason": "",
+            "since": "",
             "version": "v1.34.2+k3s1",
             "address": "10.0.0.11",
             "roles": ["control-plane"],
@@ -154,6 +155,7 @@ def test_nodes() -> None:
             "name": "robot1",
             "ready": False,
             "reason": "NoKubelet",
+            "since": "",
             "version": "v1.34.2+k3s1",
             "address": "10.0.0.11",
             "roles": [],
@@ -179,6 +181,7 @@ def test_masters_and_apps() -> None:
         "addresses": ["10.42.0.7"],
         "images": ["lab/apps:1.0"],
         "restarts": 2,
+        "since": "",
         "note": "",
     }
     assert (stats["placement"], stats["ready"], stats["nodes"]) == ("remote", 0, ["edge1"])
@@ -196,6 +199,28 @@ def test_a_version_that_the_keeper_took_back() -> None:
     assert headers.split() == ["robot", "app", "from", "to", "at", "reason"]
     assert row.split() == ["robot1", "sensor", "rev2", "rev1", told["at"], "not", "ready", "120", "s"]
     assert "TAKEN BACK" not in status_text(fleet_status({"deployments": [workload("other")]}))
+
+
+def test_since_when_something_is_not_ready() -> None:
+    """By the Deployment's word, which outlives its pods; else by the pod's. What is ready has no such time."""
+    lost, later = "2026-11-24T16:00:00Z", "2026-11-24T16:05:00Z"
+    there, down = workload("stats", ready=0), pod("stats", "robot1", ready=False)
+    down["status"]["conditions"] = [{"type": "Ready", "status": "False", "lastTransitionTime": later}]
+    off = node("robot1", "Unknown")
+    off["status"]["conditions"][0]["lastTransitionTime"] = lost
+
+    def since(*conditions: dict[str, str]) -> str:
+        there["status"]["conditions"] = list(conditions)
+        found = fleet_status({"deployments": [there], "pods": [down], "nodes": [off]})
+        assert found["nodes"][0]["since"] == lost
+        return str(found["apps"][0]["since"])
+
+    assert since({"type": "Available", "status": "False", "lastTransitionTime": lost}) == lost
+    assert since({"type": "Available", "status": "True", "lastTransitionTime": lost}) == later
+    assert since() == later
+    waits = {**claim("Pending")}
+    waits["metadata"]["creationTimestamp"] = lost
+    assert fleet_status({"claims": [waits]})["claims"][0]["since"] == lost
 
 
 def test_what_runs_where() -> None:
@@ -231,10 +256,11 @@ def test_a_process_of_a_launch_file_that_crashed_stands_beside_its_app() -> None
         "graphs": {"robot1": {"launched": [died, {**died, "node": "/map", "exit_code": None, "crash": ""}]}},
     }
     status = fleet_status(sources)
-    problem = {"where": "app base of robot1", "what": "/lidar ended with exit code 3"}
+    todo = "kubectl -n robot-robot1 logs deploy/base"
+    problem = {"where": "app base of robot1", "what": "/lidar ended with exit code 3", "todo": todo}
     assert status["problems"] == [problem]
     text = status_text(status)
-    assert " ".join(problem.values()) in " ".join(text.split())
+    assert f"{problem['where']} {problem['what']}" in " ".join(text.split())
     assert text.index("PROBLEMS") == 0
     assert status["ended"] == [{"robot": "robot1", "app": "base", "node": "/map", "host": "10.42.0.7"}]
     title, headers, row = text.partition("ENDED")[2].splitlines()[:3]

@@ -71,6 +71,7 @@ SCENARIOS = {
     "master": Scenario(master, versions=MASTER_VERSIONS),
     "keeper-and-master": Scenario(keeper_and_master, versions=MASTER_VERSIONS),
     "launch": Scenario(one("base", launch={"package": "base", "file": "base.launch"})),
+    "launch-held": Scenario(one("arm", launch={"package": "arm", "file": "arm.launch", "replace": ["arm_held"]})),
     "group": Scenario(group),
     "two-steps": Scenario(two),
     "fleet": Scenario(fleet),

@@ -101,6 +101,9 @@ class Offer:
     services: Sequence[str] = ()
     actions: Sequence[str] = ()
     moving: Mapping[str, float] = field(default_factory=dict)  # topic -> Hz while a goal is under way, else nothing
+    held: Sequence[
+        str
+    ] = ()  # actions of another node of its launch file, which begins at that of the old version's end
 
 
 OFFERS = {
@@ -110,6 +113,7 @@ OFFERS = {
     "driver": Offer({"scan": 40.0}, services=["reset_driver"]),
     "chart": Offer({"map": 10.0}, services=["get_map"]),
     "base": Offer({"odom": 50.0}, ["temperature"], ["reset_base"]),  # a launch file
+    "arm": Offer({"joints": 50.0}, services=["reset_arm"], held=["lift"]),  # another one
 }
 SERVER_TOPICS = (("status", True), ("feedback", True), ("result", True), ("goal", False), ("cancel", False))
 
@@ -141,6 +145,7 @@ class Pod:
     handoff: str
     revision: str
     process: Process | None = None
+    held: Process | None = None  # of its launch file
     boot: float = 0.0
     restarts: int = 0
     ready: bool = False
@@ -154,6 +159,10 @@ class Pod:
     @property
     def up(self) -> bool:
         return self.process is not None and self.process.alive
+
+    @property
+    def processes(self) -> list[Process]:
+        return [one for one in (self.process, self.held) if one]
 
 
 @dataclass
@@ -242,8 +251,9 @@ class SimulatedRobot:
         new = [pod for pod in pods if pod.template == template and not pod.stopping]
         old = [pod for pod in pods if pod.template != template]
         overlap = wanted["spec"]["strategy"]["type"] == "RollingUpdate"
+        patience = wanted["spec"].get("minReadySeconds", 0)
         for pod in old:
-            if not overlap or not pod.ready or any(one.ready for one in new):
+            if not overlap or not pod.ready or any(one.ready and self.time - one.since >= patience for one in new):
                 self.stop(pod)
         leaving = [pod for pod in pods if pod not in new]
         if not new and (overlap or not leaving):
@@ -298,6 +308,21 @@ class SimulatedRobot:
         self.changed()
         self.later(REGISTER, lambda: self.enter(pod, start))
         self.later(PROBE, lambda: self.probe(pod, start))
+        if pod.offer.held:
+            self.later(REGISTER, lambda: self.begin_held(pod, start))
+
+    def begin_held(self, pod: Pod, start: int) -> None:
+        """As soon as no other version has its own, and there is a master."""
+        if pod.gone or pod.stopping or pod.restarts != start:
+            return
+        others = [one.held for one in self.of(pod.key) if one is not pod and one.held and one.held.alive]
+        if others or not self.master_up():
+            self.later(WAITS, lambda: self.begin_held(pod, start))
+            return
+        actions = [f"/{name}" for name in pod.offer.held if pod.version.offers_all]
+        address = f"http://10.42.0.{pod.uid}:{5000 + pod.restarts}/"
+        pod.held = Process(pod.node.replace("_node", "_held"), address, actions=actions, connects=pod.version.connects)
+        self.register(pod.held)
 
     def taken(self, pod: Pod) -> bool:
         """Whether another pod's process has the name of its node."""
@@ -320,9 +345,10 @@ class SimulatedRobot:
     def crash(self, pod: Pod, start: int) -> None:
         if pod.gone or pod.restarts != start or not pod.process:
             return
-        process = pod.process
-        process.alive, pod.ready, pod.restarts = False, False, start + 1
-        self.later(REAP, lambda: self.reap(process))
+        pod.ready, pod.restarts = False, start + 1
+        for process in pod.processes:
+            process.alive = False
+            self.later(REAP, lambda process=process: self.reap(process))  # type: ignore[misc]
         self.changed()
         self.later(1.0 if pod.restarts == 1 else BACKOFF, lambda: self.run_pod(pod))
         self.reconcile(pod.key)
@@ -398,28 +424,33 @@ class SimulatedRobot:
             return
         pod.stopping = True
         self.changed()
-        if pod.handoff == "drain" and pod.process:
-            for action in pod.process.actions:  # its stop hook has goals held
-                self.holds[action] = Hold(pod.process, self.time + HOLD)
-                self.later(HOLD, lambda action=action: self.expire(action))  # type: ignore[misc]
+        if pod.handoff == "drain" or pod.held:
+            for process in pod.processes:
+                for action in process.actions:  # its stop hook has goals held
+                    self.holds[action] = Hold(process, self.time + HOLD)
+                    self.later(HOLD, lambda action=action: self.expire(action))  # type: ignore[misc]
             self.kubelet(STOP, lambda: self.drain(pod, self.time + DRAIN))
         else:
             self.kubelet(STOP, lambda: self.end(pod))
 
     def drain(self, pod: Pod, deadline: float) -> None:
-        if self.time < deadline and any(goal.process is pod.process and not goal.ended for goal in self.goals):
+        if self.time < deadline and self.has_goal(pod):
             self.later(PROBE, lambda: self.drain(pod, deadline))
         else:
             self.end(pod)
 
+    def has_goal(self, pod: Pod) -> bool:
+        return any(goal.process is one and not goal.ended for one in pod.processes for goal in self.goals)
+
     def end(self, pod: Pod) -> None:
-        """Cleanly: the node leaves the graph."""
+        """Cleanly: its nodes leave the graph."""
         pod.gone, pod.ready = True, False
-        if pod.process and pod.process.alive:
-            pod.process.alive = False
-            self.cut += [goal for goal in self.goals if goal.process is pod.process and not goal.ended]
-            if self.registered.get(pod.node) is pod.process:
-                self.unregister(pod.node)
+        for process in pod.processes:
+            if process.alive:
+                process.alive = False
+                self.cut += [goal for goal in self.goals if goal.process is process and not goal.ended]
+                if self.registered.get(process.node) is process:
+                    self.unregister(process.node)
         if pod.app == names.MASTER_NAME:
             self.registered, self.providers = {}, {}
         if pod.app == names.KEEPER_NAME:
@@ -471,7 +502,8 @@ class SimulatedRobot:
             self.unregister(process.node)
 
     def living(self) -> list[Process]:
-        own = [pod.process for pod in self.pods if pod.process and not pod.gone and pod.app not in INFRASTRUCTURE]
+        there = [pod for pod in self.pods if not pod.gone and pod.app not in INFRASTRUCTURE]
+        own = [process for pod in there for process in pod.processes]
         return [process for process in [*own, *self.others] if process.alive]
 
     def graph(self, wanted: Callable[[MasterState], Questions] = everything) -> Graph:

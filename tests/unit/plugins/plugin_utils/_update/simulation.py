@@ -179,7 +179,7 @@ class Simulation(SimulatedRobot):
         if not contract:
             return  # it is installed: there is nothing to go back to
         done = [pod.template for pod in pods] == [template_of(item)] and pods[0].ready
-        busy = any(goal.process is pod.process and not goal.ended for pod in pods for goal in self.goals)
+        busy = any(map(self.has_goal, pods))
         if self.time - self.alone < contract["ready_timeout"] or done or busy or contract.get("proven"):
             return
         self.holder = "ros-keeper"
@@ -546,7 +546,9 @@ class SimulatedCluster:
                 return FAIL, pod.hopeless or f"{key} crashes"
         if [pod.template for pod in pods] == [template_of(there)] and pods[0].ready:
             return PASS, ""
-        if begun and any(pod.template == template_of(there) and (pod.waits or pod.up) for pod in pods):
+        whole = "minReadySeconds" in there["spec"]
+        new = [pod for pod in pods if pod.template == template_of(there)]
+        if begun and any(pod.ready or (not whole and (pod.waits or pod.up)) for pod in new):
             return PASS, ""
         return WAIT, f"{key} is not rolled out"
 

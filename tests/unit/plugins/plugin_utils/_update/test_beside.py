@@ -12,13 +12,19 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import update_plan
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,
     outcome_of,
     run_of,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import START, STOP, image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    START,
+    STOP,
+    Goal,
+    image,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
     SimulatedCluster,
     Simulation,
@@ -62,7 +68,7 @@ def test_the_app_is_away_for_less_long_than_a_container_takes_to_start(name: str
 
 @pytest.mark.parametrize("name", ["drain", "replace"])
 def test_without_it_the_app_is_away_for_that_long(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gated, "early", lambda _step: [])
+    monkeypatch.setattr(gated, "early", lambda _step, _calm: [])
     sim, wanted = installed(name, "good")
     found = outcome_of(sim, wanted)
     assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)
@@ -74,6 +80,31 @@ def test_the_app_is_never_away_for_a_version_that_cannot_be_started(name: str) -
     sim, wanted = installed(name, "never-starts")
     assert outcome_of(sim, wanted).outcome == "rolled-back"
     assert sim.away == 0.0
+
+
+def test_goals_of_a_launch_files_held_node_are_held_only_when_its_other_nodes_are_connected() -> None:
+    sim, wanted = installed("launch-held", "good")
+    held: dict[int, list[bool]] = {1: [], 2: []}  # by how many versions were Ready, at each goal
+    whole = sim.send
+
+    def send(goal: Goal) -> None:
+        held[sum(pod.ready for pod in sim.of(("robot-robot1", "arm")))].append("/lift" in sim.holds)
+        whole(goal)
+
+    sim.send = send  # type: ignore[method-assign] # to look at the very moment
+    goals = [sim.goal("/lift", 0.1, after=0.8 * number) for number in range(60)]
+    found = outcome_of(sim, wanted)
+    sim.settle(60.0)
+    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", True)
+    assert all(goal.ended for goal in goals)
+    assert (held[2][0], held[2][-1]) == (False, True)  # at first they are served, then they wait for the old one's end
+    assert len(held[2]) <= 3
+
+
+def test_a_launch_file_without_goals_to_hold_gets_its_pod_at_once() -> None:
+    sim, wanted = installed("launch", "good")
+    found = outcome_of(sim, wanted)
+    assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)
 
 
 def works_again(monkeypatch: pytest.MonkeyPatch, goal: Callable[[], object]) -> None:
@@ -181,6 +212,6 @@ def test_who_starts_beside_the_old_version(old: dict[str, object], new: dict[str
 
     live = applied(of("x:1", old))
     (step,) = update_plan(of("x:2", new), live).steps
-    assert [item["metadata"]["name"] for item in early(step)] == ["driver"] * starts
+    assert [item["metadata"]["name"] for item in early(step, Calm())] == ["driver"] * starts
     (resumed,) = update_plan(of("x:2", new), marked(live, "driver")).steps
-    assert not early(resumed)
+    assert not early(resumed, Calm())

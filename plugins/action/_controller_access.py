@@ -1,0 +1,64 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the playbook awx_access: an account of a controller's own in the host's cluster, and its kubeconfig in a file.
+
+Nothing of the token is returned.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT, Seen, poll
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import keep, local_kubeconfig
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import home_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.controller_access import controller_access
+
+TOKEN_SECONDS = 30.0
+
+
+class ActionModule(ClusterAction):
+    ARGUMENTS: ClassVar = {"dest": {"type": "path", "required": True}}
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        objects, check = controller_access(), bool(self._task.check_mode)
+        with self.cluster(params, known) as kube:
+            result = written(kube.apply(objects, check))
+            if check and result["changed"]:
+                return result
+            data = _token(kube, objects[-1])
+            text = kubeconfig(data, kube.host, home_of(known).part.cluster)
+        return {**result, "changed": keep(params["dest"], text, check) or result["changed"], "dest": params["dest"]}
+
+    def foresee(self, _params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+        return foreseen(controller_access())
+
+
+def _token(kube: Kube, secret: Mapping[str, Any]) -> Mapping[str, str]:
+    """What the cluster puts into the Secret, in a moment."""
+
+    def look() -> Seen:
+        data = (kube.get(ref_of(secret)) or {}).get("data") or {}
+        return Seen(PASS if data.get("token") and data.get("ca.crt") else WAIT, data)
+
+    found = poll(look, TOKEN_SECONDS, 0.5)
+    if found.timed_out:
+        has = ", ".join(sorted(found.last)) or "nothing"
+        raise KubeError(f"the cluster put no token into {ref_of(secret)} within {TOKEN_SECONDS:.0f} s; it has {has}")
+    data: Mapping[str, str] = found.last
+    return data
+
+
+def kubeconfig(data: Mapping[str, str], server: str, cluster: str) -> str:
+    """Of the Secret's data, for use from elsewhere."""
+    user = {"token": base64.b64decode(data["token"]).decode()}
+    inner = {"clusters": [{"cluster": {"certificate-authority-data": data["ca.crt"]}}], "users": [{"user": user}]}
+    made = local_kubeconfig(yaml.safe_dump(inner), server, cluster)
+    return made.partition("\n")[2]  # without the line by which a run knows its own: this one is given

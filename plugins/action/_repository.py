@@ -1,0 +1,51 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the playbook new: the files of one fleet's own repository, on the control node."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import contents, fleet_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.files import plan, read, write
+
+COLLECTION = Path(__file__).resolve().parents[2]
+
+
+class ActionModule(FleetAction):
+    """`dest`, relative to the current directory, gets what it lacks; with `force` what differs is overwritten."""
+
+    _requires_connection = False
+    ARGUMENTS: ClassVar = {
+        "dest": {"type": "str", "required": True},
+        "force": {"type": "bool", "default": False},
+    }
+
+    def work(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+        if not params["dest"]:
+            raise FleetError("It is not said where the repository shall be. Give a directory: -e dest=my-fleet")
+        top = Path(params["dest"]).expanduser().absolute()
+        wanted = contents(COLLECTION, fleet_name(top.name))
+        planned = plan(wanted, read(top, wanted), params["force"])
+        if not self._task.check_mode:
+            write(top, planned.write)
+        kept = ["They differ and stay as they are (-e force=yes overwrites them):", *planned.kept]
+        return {
+            "changed": bool(planned.write),
+            "diff": [
+                {
+                    "before": change.before or "",
+                    "after": change.after,
+                    "before_header": change.path,
+                    "after_header": change.path,
+                }
+                for change in planned.write
+            ],
+            "msg": [f"{top}:", *(change.path for change in planned.write), *(kept if planned.kept else [])],
+            "_ansible_verbose_always": True,
+        }

@@ -1,0 +1,154 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of persistent claims on their host: what there is, pieces of it, checksums. What apps write there is not trusted.
+
+The storage class local-path keeps a claim in a directory <volume of Kubernetes>_<namespace>_<claim>. An app may put anything into it at
+any time, while this reads as root: so no link is followed, in no part of a path, and nothing but plain files is opened.
+"""
+
+from __future__ import annotations
+
+import base64
+import fnmatch
+import hashlib
+import os
+import stat
+import zlib
+from contextlib import closing, contextmanager
+from typing import Any, BinaryIO, Dict, Iterator, List, NamedTuple, Optional
+from urllib.parse import quote_from_bytes, unquote_to_bytes
+
+from .._common.errors import FleetError
+
+CHUNK = 1 << 20
+_BELOW = os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK  # a pipe in a file's place makes nobody wait
+
+
+class Claim(NamedTuple):
+    """A claim's directory: its name, and whose claim it is."""
+
+    directory: str
+    namespace: str
+    claim: str
+
+
+def claims(storage: str) -> List[Claim]:
+    """The claims below the storage's directory; none where there is no such directory."""
+    try:
+        names = sorted(os.listdir(storage))
+    except FileNotFoundError:
+        return []
+    found = [Claim(name, *name.split("_")[1:]) for name in names if name.startswith("pvc-") and name.count("_") == 2]
+    return [claim for claim in found if stat.S_ISDIR(os.lstat(os.path.join(storage, claim.directory)).st_mode)]
+
+
+def wire(path: bytes) -> str:
+    """A path, whatever bytes it has, as a text that JSON carries."""
+    return quote_from_bytes(path, safe="/ ")
+
+
+def unwire(text: str) -> bytes:
+    """The path again. FleetError for one that leads out of its directory: the other side is not trusted either."""
+    path = unquote_to_bytes(text)
+    parts = path.split(b"/")
+    if not path or b"\0" in path or any(part in (b"", b".", b"..") for part in parts):
+        raise FleetError("%r is no path below a claim" % text)
+    return path
+
+
+class Found(NamedTuple):
+    """What a claim holds: its files by path, and the paths of what is no plain file."""
+
+    files: Dict[str, Dict[str, int]]
+    passed: List[str]
+
+
+def listing(root: str, match: List[str]) -> Found:
+    """All plain files below a directory whose path from there matches one of the patterns; `*` matches slashes, too."""
+    files: Dict[str, Dict[str, int]] = {}
+    passed: List[str] = []
+    patterns = [os.fsencode(pattern) for pattern in match]
+
+    def failed(error: OSError) -> None:
+        if not isinstance(error, FileNotFoundError):  # it went meanwhile
+            raise error
+
+    base = os.fsencode(root)
+    for place, directories, names in os.walk(base, onerror=failed):
+        for name in sorted([*names, *directories]):
+            path = os.path.relpath(os.path.join(place, name), base)
+            try:
+                seen = os.lstat(os.path.join(place, name))
+            except FileNotFoundError:
+                continue
+            if stat.S_ISDIR(seen.st_mode) or not any(fnmatch.fnmatchcase(path, pattern) for pattern in patterns):
+                continue
+            if stat.S_ISREG(seen.st_mode):
+                files[wire(path)] = state(seen)
+            else:
+                passed.append(wire(path))
+    return Found(files, passed)
+
+
+def state(seen: os.stat_result) -> Dict[str, int]:
+    """What tells one content of a file from another without reading it."""
+    return {"size": seen.st_size, "mtime_ns": seen.st_mtime_ns, "inode": seen.st_ino}
+
+
+@contextmanager
+def opened(root: str, path: bytes) -> Iterator[BinaryIO]:
+    """The plain file at a path below the directory, reached through directories alone."""
+    at = os.open(root, _BELOW | os.O_DIRECTORY)
+    try:
+        *parents, name = path.split(b"/")
+        for parent in parents:
+            below = os.open(parent, _BELOW | os.O_DIRECTORY, dir_fd=at)
+            os.close(at)
+            at = below
+        with closing(os.fdopen(os.open(name, _BELOW, dir_fd=at), "rb")) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise FileNotFoundError("no plain file")
+            yield file
+    finally:
+        os.close(at)
+
+
+def piece(root: str, wanted: Dict[str, Any]) -> Dict[str, Any]:
+    """One piece of a file: `length` bytes from `offset` on, compressed. What is gone by now is `gone`.
+
+    With `check` also the sum of the first `check` bytes of the whole file, and its state: asked with its last piece.
+    """
+    try:
+        with opened(root, unwire(wanted["path"])) as file:
+            file.seek(wanted["offset"])
+            data = file.read(wanted["length"])
+            found = {"data": base64.b64encode(zlib.compress(data, 1)).decode("ascii")}
+            if wanted["check"] is None:
+                return found
+            return {**found, "sha256": sha256(file, wanted["check"]), **state(os.fstat(file.fileno()))}
+    except OSError as error:
+        return {"gone": error.strerror or str(error)}
+
+
+def sha256(file: BinaryIO, length: int) -> Optional[str]:
+    """The sum of so many bytes from the beginning; None where there are not so many."""
+    file.seek(0)
+    total = hashlib.sha256()
+    while length:
+        data = file.read(min(CHUNK, length))
+        if not data:
+            return None
+        total.update(data)
+        length -= len(data)
+    return total.hexdigest()
+
+
+def pieces(root: str, wanted: List[Dict[str, Any]]) -> List[Dict[str, Any]]:
+    """Several pieces, in the order in which they are asked for."""
+    return [piece(root, one) for one in wanted]
+
+
+def opened_data(found: Dict[str, Any]) -> bytes:
+    """The bytes of a piece."""
+    return zlib.decompress(base64.b64decode(found["data"]))

@@ -1,0 +1,123 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What came of some topics over a time in which their nodes may have been replaced, and what of it was lost. Pure.
+
+Two things are seen from the outside, of any app. A message whose type begins with a Header has a number, which the
+client libraries count up for each publisher: of one publisher none may be missing. And every app that listened has to
+be connected in every look, by the publishers' word, be it by the old or by the new one's node.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Any, Iterable, Mapping
+
+from . import graph as ros
+from .graph import Graph
+from .messages import HEADER, Definition
+
+LOGS = ("/rosout", "/rosout_agg")
+REVISION = re.compile(r"_[0-9a-f]{8}\Z")  # what tells the nodes of two versions of an app apart
+NUMBERS = 1 << 32
+
+
+def has_number(definition: Definition) -> bool:
+    """The message begins with a Header, and that with its number."""
+    fields = definition.types[definition.name]
+    return bool(fields) and fields[0].kind == HEADER and not fields[0].is_list
+
+
+def app_of(node: str) -> str:
+    """The node's name without its revision."""
+    return REVISION.sub("", node)
+
+
+@dataclass
+class Stream:
+    """The messages of one publisher, on one connection."""
+
+    messages: int = 0
+    missing: int = 0
+    last: int | None = None
+
+    def take(self, number: int | None) -> None:
+        """One came. A publisher that sets its numbers itself may repeat one, or go back: then nothing is known."""
+        self.messages += 1
+        if number is not None and self.last is not None:
+            step = (number - self.last) % NUMBERS
+            self.missing += step - 1 if 0 < step < NUMBERS // 2 else 0
+        self.last = number
+
+
+@dataclass
+class Topic:
+    """A topic since somebody watches it."""
+
+    numbered: bool = False
+    streams: list[Stream] = field(default_factory=list)
+    last: float | None = None
+    gap: float = 0.0
+    unconnected: dict[str, int] = field(default_factory=dict)  # app that listens -> looks without a connection
+
+    @property
+    def messages(self) -> int:
+        return sum(stream.messages for stream in self.streams)
+
+    def take(self, stream: Stream, at: float, number: int | None) -> None:
+        stream.take(number)
+        self.numbered = self.numbered or number is not None
+        if self.last is not None:
+            self.gap = max(self.gap, at - self.last)
+        self.last = at
+
+
+@dataclass
+class Traffic:
+    """Of the topics that somebody listens to."""
+
+    topics: dict[str, Topic] = field(default_factory=dict)
+    looks: int = 0
+
+    def look(self, graph: Graph) -> None:
+        """Who listens now, and whether it is connected."""
+        self.looks += 1
+        for name, topic in graph.topics.items():
+            if topic.connections and name not in LOGS:
+                self.topics.setdefault(name, Topic())
+        for name, known in self.topics.items():
+            now = graph.topics.get(name, ros.Topic(name))
+            connected = {app_of(subscriber) for _publisher, subscriber in now.connections}
+            publishers = [graph.nodes[one] for one in now.publishers if one in graph.nodes]
+            untold = any(one.connections is None and not one.gone for one in publishers)  # busy, so nobody knows
+            for app in {*known.unconnected, *connected}:
+                missed = app not in connected and not untold
+                known.unconnected[app] = known.unconnected.get(app, 0) + missed
+
+    def problems(self, may_pause: Iterable[str]) -> list[str]:
+        """What was lost, a line each, but for topics that may pause."""
+        found = [] if any(topic.messages for topic in self.topics.values()) else ["no message was seen on any topic"]
+        for name, topic in sorted(self.topics.items()):
+            if name in may_pause:
+                continue
+            missing = sum(stream.missing for stream in topic.streams)
+            if missing:
+                found.append(f"{name}: {missing} of {topic.messages + missing} messages are missing")
+            for app, looks in sorted(topic.unconnected.items()):
+                if looks:
+                    found.append(f"{name}: {app} was not connected in {looks} of {self.looks} looks")
+        return found
+
+    def as_dict(self) -> dict[str, Mapping[str, Any]]:
+        return {
+            name: {
+                "messages": topic.messages,
+                "publishers": len(topic.streams),
+                "numbered": topic.numbered,
+                "missing": sum(stream.missing for stream in topic.streams) if topic.numbered else None,
+                "longest_gap": round(topic.gap, 3),
+                "unconnected_looks": topic.unconnected,
+            }
+            for name, topic in sorted(self.topics.items())
+        }

@@ -1,0 +1,60 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The account of a controller such as AWX: what update, rollback and status ask of a cluster's API, and nothing else.
+
+Robots come with namespaces of their own, so it is a ClusterRole. Nobody may give away what he has not: it has what the
+keeper's Role has, too.
+"""
+
+from __future__ import annotations
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+
+NAME = "rosops-fleet-controller"
+NAMESPACE = "kube-system"
+RBAC = "rbac.authorization.k8s.io"
+READ = ["get", "list", "watch"]
+WRITE = [*READ, "create", "patch", "delete"]
+RULES: tuple[tuple[str, list[str], list[str]], ...] = (
+    ("", ["namespaces"], [*READ, "create", "patch"]),
+    ("", ["configmaps", "services", "serviceaccounts", "persistentvolumeclaims", "limitranges", "resourcequotas"], WRITE),
+    ("", ["secrets"], ["get", "list", "create", "patch"]),  # of registries
+    ("", ["nodes", "pods", "pods/log", "events", "persistentvolumes"], READ),
+    ("apps", ["deployments"], WRITE),
+    ("apps", ["replicasets"], READ),
+    ("storage.k8s.io", ["storageclasses"], READ),
+    ("coordination.k8s.io", ["leases"], ["get", "list", "create", "update"]),
+    (RBAC, ["roles", "rolebindings"], ["get", "list", "create", "patch", "delete"]),
+    # what it gives the keepers
+    ("", ["pods/eviction", "events"], ["create"]),
+)
+
+
+def controller_access() -> list[Object]:
+    """The account, its role, and the Secret that the cluster puts its token into."""
+    metadata = {"name": NAME}
+    home = {"name": NAME, "namespace": NAMESPACE}
+    rules = [{"apiGroups": [group], "resources": kinds, "verbs": verbs} for group, kinds, verbs in RULES]
+    return [
+        {"apiVersion": "v1", "kind": "ServiceAccount", "metadata": home},
+        {"apiVersion": f"{RBAC}/v1", "kind": "ClusterRole", "metadata": metadata, "rules": rules},
+        {
+            "apiVersion": f"{RBAC}/v1",
+            "kind": "ClusterRoleBinding",
+            "metadata": metadata,
+            "roleRef": {"apiGroup": RBAC, "kind": "ClusterRole", "name": NAME},
+            "subjects": [{"kind": "ServiceAccount", **home}],
+        },
+        {
+            "apiVersion": "v1",
+            "kind": "Secret",
+            "metadata": {**home, "annotations": {"kubernetes.io/service-account.name": NAME}},
+            "type": "kubernetes.io/service-account-token",
+        },
+    ]
+
+
+def allows(verb: str, group: str, resource: str) -> bool:
+    """Whether the role has it."""
+    return any(group == of and resource in kinds and verb in verbs for of, kinds, verbs in RULES)

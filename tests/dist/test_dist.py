@@ -1,0 +1,126 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The package as Galaxy gets it and as its users have it: looked at by Galaxy's importer, installed, and run from there.
+
+Nothing of the checkout takes part in it: the directory, the home and the collections path are empty ones.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+NOTHING_LISTENS = "1"  # a port
+# Galaxy says this of any such file; ours name the plugins that are private, whose documentation is none of users'
+IGNORE_FILES = "WARNING: Ignore files skip ansible-test sanity tests"
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """A directory in which somebody who has no checkout works."""
+
+    directory: Path
+
+    def run(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
+        """One of Ansible's commands; ours are in an environment that the collection is not linked into."""
+        tool, *rest = map(str, words)
+        environment = {
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.defpath}",
+            "HOME": str(self.directory / "home"),
+            "LC_ALL": "C.UTF-8",
+            "COLUMNS": "200",
+            "ANSIBLE_COLLECTIONS_PATH": str(self.directory / "collections"),
+        }
+        return subprocess.run(  # noqa: S603 - Ansible's own commands
+            [str(Path(sys.executable).parent / tool), *rest],
+            cwd=self.directory,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    @property
+    def collection(self) -> Path:
+        return self.directory / "collections" / "ansible_collections" / "rosops" / "fleet"
+
+
+@pytest.fixture(scope="module")
+def package() -> Path:
+    """As `make package` left it."""
+    [found] = (CHECKOUT / ".cache" / "package").glob("rosops-fleet-*.tar.gz")
+    return found
+
+
+@pytest.fixture(scope="module")
+def elsewhere(package: Path, tmp_path_factory: pytest.TempPathFactory) -> Elsewhere:
+    directory = tmp_path_factory.mktemp("elsewhere")
+    (directory / "home").mkdir()
+    found = Elsewhere(directory)
+    # offline: the collections that ours needs come with the package `ansible`
+    done = found.run("ansible-galaxy", "collection", "install", "--offline", "-p", "collections", package)
+    assert done.returncode == 0, done.stderr
+    assert found.collection.is_dir()
+    return found
+
+
+def test_galaxys_importer_has_nothing_to_say_against_it(package: Path, tmp_path: Path) -> None:
+    python = Path(os.environ["ROSOPS_IMPORTER_PYTHON"])
+    done = subprocess.run(  # noqa: S603 - from the environment that `make dist` made
+        [str(python), "-m", "galaxy_importer.main", str(package)],
+        cwd=tmp_path,
+        env={"PATH": f"{python.parent}{os.pathsep}{os.defpath}", "HOME": str(tmp_path), "LC_ALL": "C.UTF-8"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, said
+    assert "Importer processing completed successfully" in said
+    complaints = [line for line in said.splitlines() if line.startswith(("WARNING", "ERROR"))]
+    assert not [line for line in complaints if not line.startswith(IGNORE_FILES)]
+    result = json.loads((tmp_path / "importer_result.json").read_text("utf-8"))
+    roles = {one["name"]: one for one in result["contents"] if one["content_type"] == "role"}
+    assert roles.keys() == {path.name for path in (CHECKOUT / "roles").iterdir()}
+    assert all(one["description"] for one in roles.values())
+
+
+def test_what_is_installed_documents_itself(elsewhere: Elsewhere) -> None:
+    module = elsewhere.run("ansible-doc", "--json", "rosops.fleet.robot_update")
+    assert module.returncode == 0, module.stderr
+    shown = json.loads(module.stdout)["rosops.fleet.robot_update"]["doc"]
+    assert shown["filename"] == str(elsewhere.collection / "plugins" / "modules" / "robot_update.py")
+    role = elsewhere.run("ansible-doc", "--type", "role", "rosops.fleet.update")
+    assert role.returncode == 0, role.stderr
+    assert "update_failure_budget" in role.stdout
+
+
+def test_the_example_inventory_of_the_package_is_valid(elsewhere: Elsewhere) -> None:
+    done = elsewhere.run(
+        "ansible-playbook", "-i", elsewhere.collection / "inventories" / "example", "rosops.fleet.validate"
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"^edge1 .* failed=0 ", done.stdout, re.MULTILINE)
+
+
+def test_status_says_which_hosts_cannot_be_reached(elsewhere: Elsewhere) -> None:
+    fleet = elsewhere.directory / "my-fleet"
+    shutil.copytree(elsewhere.collection / "inventories" / "example", fleet)
+    hosts = (fleet / "hosts.yml").read_text("utf-8")
+    (fleet / "hosts.yml").write_text(hosts.replace("192.0.2.", "127.0.0."))  # refused at once, and by none but us
+    done = elsewhere.run("ansible-playbook", "-i", fleet, "-e", f"ansible_port={NOTHING_LISTENS}", "rosops.fleet.status")
+    assert done.returncode == 0, done.stdout + done.stderr
+    offline = re.findall(r"^ *(\S+) .* offline Failed to connect to the host via ssh", done.stdout, re.MULTILINE)
+    assert offline == ["edge1", "robot1", "robot2"]
+    assert "Traceback" not in done.stdout + done.stderr
+    page = (elsewhere.directory / "reports" / "fleet-status.html").read_text("utf-8")
+    assert all(name in page for name in offline)

@@ -1,0 +1,178 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The playbooks as AWX runs them: surveys, cancels, time-outs, slices, two jobs at once, from an empty home."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.controller_access import allows
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import SUDO, Control
+from ansible_collections.rosops.fleet.tests.unit.playbooks.robot_runs import APP, path_of, runs
+from ansible_collections.rosops.fleet.tests.unit.playbooks.test_outcomes import until
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from awx_job import Ended, Job, Template
+
+LEASE = "/apis/coordination.k8s.io/v1/namespaces/robot-{}/leases/robot-update"
+PATH = re.compile(
+    r"/api(s/(?P<group>[^/]+))?/v1(/namespaces/[^/]+(?=/))?/(?P<resource>[a-z]+)(/(?P<name>[^/]+)(?P<part>/[a-z]+)?)?"
+)
+VERBS = {"PATCH": ("patch", "create"), "PUT": ("update",), "POST": ("create",), "DELETE": ("delete",)}
+Launch = Callable[..., Job]
+
+
+@pytest.fixture
+def launch(server: Server, control: Control, tmp_path: Path) -> Iterator[Launch]:
+    """Starts jobs of a fleet of one edge host and two robots; whatever still runs in the end is killed."""
+    server.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
+    told = yaml.safe_load((control.folder / "hosts.yml").read_text())["all"]
+    variables = {**told["vars"], "ros_apps": [APP], "ros_app_rollout_timeout": 1}
+    groups = {"edge": ["edge2"], "robots": ["robot1", "robot2"]}
+    hosts = {**told["children"]["edge"]["hosts"], **told["children"]["robots"]["hosts"]}
+    known = {name: {**variables, **hosts[name]} for names in groups.values() for name in names}
+    inventory: dict[str, Any] = {
+        "_meta": {"hostvars": known},
+        "all": {"children": list(groups)},
+        **{name: {"hosts": names} for name, names in groups.items()},
+    }
+    numbers, started = itertools.count(1), list[Job]()
+
+    def start(playbook: str, variables: dict[str, Any] | None = None, limit: str = "robots", **more: Any) -> Job:
+        more["limit"] = limit  # the edge's images are another test's
+        job = Job(tmp_path / f"awx_{next(numbers)}", Template(playbook, inventory, variables or {}, **more))
+        started.append(job)
+        return job
+
+    yield start
+    for job in started:
+        if job.running:
+            job.cancel()
+
+
+def words(ended: Ended) -> dict[str, str]:
+    print(ended.output)
+    return ended.outcomes
+
+
+SURVEYS: dict[str, dict[str, Any]] = {
+    "texts": {"update_waves": "1, 100%", "update_apps": "[talker]", "update_failure_budget": "0"},
+    "nothing and numbers": {"update_waves": 1, "update_apps": "", "update_to": "", "update_busy_timeout": 5.5},
+}
+
+
+@pytest.mark.parametrize("answers", SURVEYS.values(), ids=SURVEYS)
+def test_whatever_a_survey_answers_is_taken_and_the_canary_is_always_the_same(
+    server: Server, launch: Launch, answers: dict[str, Any]
+) -> None:
+    """It cannot be done here, so that the wave after the first one is not begun. Every job has another order of hosts."""
+    for name in ("robot1", "robot2"):
+        runs(server, name)
+    ended = launch("update", answers).finish()
+    assert words(ended) == {"robot1": "failed", "robot2": "unchanged"}
+    assert "not begun" in ended.artifacts["fleet_outcomes"]["robot2"]["reason"]
+    assert (ended.status, ended.code) == ("failed", 2)
+    assert ended.silence < 20
+
+
+@pytest.mark.parametrize(
+    ("answers", "word"),
+    [
+        ({"update_waves": "all"}, "update_waves: has 'all'; allowed: numbers above 0 and percentages"),
+        ({"update_busy_timeout": ""}, "update_busy_timeout: is empty (null); allowed: a number, 0 or more"),
+        ({"awx_workflow_job_name": "update"}, "AWX slices the job template update"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_with_words(
+    server: Server, launch: Launch, answers: dict[str, Any], word: str
+) -> None:
+    ended = launch("update", answers).finish()
+    assert (ended.status, ended.code) == ("failed", 2)
+    assert word in ended.output
+    assert server.requests.empty()
+
+
+def holder(server: Server, robot: str) -> str:
+    lease = server.find(LEASE.format(robot)) or {}
+    return str(lease.get("spec", {}).get("holderIdentity", ""))
+
+
+def test_a_job_that_was_cancelled_blocks_nobody_for_longer_than_its_lease(server: Server, launch: Launch) -> None:
+    """SIGKILL of all of it: nobody lets the robot go. Meanwhile a second job waits, and says for what."""
+    said = {"ros_app_rollout_timeout": 300}
+    first = launch("site", said, tags="namespace,master,apps", limit="robot1")
+    until(lambda: bool(server.find(path_of("Deployment", "robot-robot1", "talker"))))
+    ended = first.cancel()
+    assert ended.artifacts == {}
+    assert holder(server, "robot1")
+    second = launch("update", limit="robot1").finish()
+    assert "waits whether the run of" in second.output
+    assert set(words(second)) == {"robot1"}
+    assert not holder(server, "robot1")
+    assert second.silence < 20
+
+
+def test_two_jobs_at_once_do_not_change_one_robot(server: Server, launch: Launch) -> None:
+    said = {"ros_app_rollout_timeout": 60}
+    first = launch("site", said, tags="namespace,master,apps", limit="robot1")
+    until(lambda: bool(holder(server, "robot1")))
+    second = launch("update", {"update_on_busy": "defer"}, limit="robot1").finish()
+    assert first.running
+    assert words(second)["robot1"] == "deferred-busy"
+    assert "let that run end" in second.artifacts["fleet_outcomes"]["robot1"]["reason"]
+    first.cancel()
+
+
+def test_a_time_out_is_a_kill_too(server: Server, launch: Launch) -> None:
+    """Neither `rescue` nor a last word: what is known is what was kept in the cluster before."""
+    job = launch("site", {"ros_app_rollout_timeout": 300}, tags="namespace,master,apps", limit="robot1", timeout=15)
+    ended = job.finish()
+    assert (ended.status, ended.artifacts) == ("timeout", {})
+    assert server.find(path_of("Deployment", "robot-robot1", "talker"))
+
+
+def test_become_does_not_reach_the_control_node(control: Control, launch: Launch) -> None:
+    """Every job here has --become. A `sudo` of the control node would say so; the robots' is another one."""
+    control.write("sudo", SUDO.replace("shift\nexec", f'shift\necho "$SSH_HOST" >> {control.folder}/became\nexec'), 0o755)
+    ended = launch("status", {"status_html": str(control.folder / "page.html")}).finish()
+    assert "sudo" not in ended.output
+    assert (control.folder / "page.html").stat().st_uid == Path(control.folder).stat().st_uid
+
+
+def asked(server: Server) -> set[tuple[str, str, str]]:
+    """Verb, group and resource of all that was asked of the API."""
+    found = []
+    while not server.requests.empty():
+        path, query, _headers = server.requests.get()
+        found.append((path, ("watch",) if "watch" in query else ()))
+    for method, path in (line.split() for line in server.writes):
+        found.append((path, VERBS[method]))
+    places = [(PATH.fullmatch(path), verbs) for path, verbs in found]
+    return {
+        (verb, place["group"] or "", place["resource"] + (place["part"] or ""))
+        for place, verbs in places
+        if place
+        for verb in verbs or (("get",) if place["name"] else ("list",))
+    }
+
+
+def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(server: Server, control: Control, launch: Launch) -> None:
+    """No kubeconfig, no server that could be asked over SSH."""
+    for name in ("robot1", "robot2"):
+        runs(server, name, "x.example/talker:1")
+    (control.folder / "k3s.yaml").unlink()
+    credential = {"K8S_AUTH_HOST": server.url, "K8S_AUTH_API_KEY": "very-secret", "K8S_AUTH_VERIFY_SSL": "False"}
+    ended = launch("update", credential=credential).finish()
+    assert words(ended) == {"robot1": "updated", "robot2": "updated"}  # what no pod notices
+    assert "192.0.2.2" not in control.asked
+    seen = asked(server)
+    assert {("list", "apps", "deployments"), ("update", "coordination.k8s.io", "leases")} <= seen
+    assert [one for one in seen if not allows(*one)] == []
+    assert "very-secret" not in ended.output
+    assert "very-secret" not in json.dumps(ended.artifacts)

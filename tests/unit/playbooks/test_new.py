@@ -1,0 +1,143 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A fleet's own repository, as `rosops.fleet.new` makes it outside of any checkout, and what works in it at once."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import PLAYBOOKS
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+COLLECTIONS = CHECKOUT / ".ansible" / "collections"
+BIN = Path(sys.executable).parent
+
+
+def run(where: Path, program: str, *arguments: str, **environ: str) -> subprocess.CompletedProcess[str]:
+    """As a user does who has the collection in a place of his own, and nothing else set."""
+    home = where.parent / "home"
+    home.mkdir(exist_ok=True)
+    left_out = ("ANSIBLE_", "K8S_AUTH_", "KUBE")
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(left_out)}
+    path = f"{BIN}:{environment['PATH']}"
+    environment |= {"HOME": str(home), "PATH": path, "ANSIBLE_NOCOLOR": "1", "LC_ALL": "C.UTF-8", **environ}
+    collections = home / ".ansible" / "collections"
+    if not collections.exists():
+        collections.parent.mkdir(exist_ok=True)
+        collections.symlink_to(COLLECTIONS)
+    return subprocess.run(  # noqa: S603 - our own
+        [str(BIN / program), *arguments], cwd=where, env=environment, capture_output=True, text=True, check=False,
+        timeout=300,
+    )  # fmt: skip
+
+
+def new(where: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return run(where, "ansible-playbook", "rosops.fleet.new", "-e", "dest=My_Fleet", *arguments)
+
+
+def changed(done: subprocess.CompletedProcess[str]) -> int:
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = re.search(r"localhost .*changed=(\d+)", done.stdout)
+    assert found, done.stdout
+    return int(found[1])
+
+
+@pytest.fixture(scope="module")
+def outside(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("outside")
+    assert changed(new(where)) == 1
+    return where
+
+
+@pytest.fixture(scope="module")
+def repository(outside: Path) -> Path:
+    return outside / "My_Fleet"
+
+
+def test_it_is_valid_at_once_under_the_name_of_its_directory(repository: Path) -> None:
+    done = run(repository, "ansible-playbook", "validate.yml", "-v")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "[WARNING]" not in done.stdout + done.stderr
+    assert "FLEET REPORT" in done.stdout, "the callback is not enabled"
+    variables = yaml.safe_load((repository / "inventory" / "group_vars" / "all.yml").read_text())
+    assert variables["fleet_name"] == "my-fleet"
+    listed = yaml.safe_load(run(repository, "ansible-inventory", "--list").stdout)
+    assert (listed["edge"]["hosts"], listed["robots"]["hosts"]) == (["edge1"], ["robot1", "robot2"])
+
+
+def test_its_yaml_is_clean(repository: Path) -> None:
+    for program, *arguments in (["yamllint", "--strict", "."], ["ansible-lint", "--offline"]):
+        done = run(repository, program, *arguments)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_its_playbooks_are_the_collection_s(repository: Path) -> None:
+    done = run(repository, "ansible-playbook", "--syntax-check", *PLAYBOOKS)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_passwords_are_an_encrypted_part_of_the_inventory(repository: Path, tmp_path: Path) -> None:
+    (tmp_path / "password").write_text("open")
+    vault = repository / "inventory" / "vault.yml"
+    vault.write_text((repository / "vault.example.yml").read_text())
+    try:
+        key = ("--vault-password-file", str(tmp_path / "password"))
+        assert run(repository, "ansible-vault", "encrypt", *key, "inventory/vault.yml").returncode == 0
+        assert run(repository, "ansible-playbook", "validate.yml").returncode != 0
+        done = run(repository, "ansible-inventory", "--host", "robot1", *key)
+        assert "vault_registry_password" in yaml.safe_load(done.stdout), done.stderr
+        assert run(repository, "ansible-playbook", "validate.yml", *key).returncode == 0
+        done = run(repository, "yamllint", "--strict", ".")
+        assert done.returncode == 0, done.stdout
+    finally:
+        vault.unlink()
+
+
+def test_a_second_run_changes_nothing_and_what_differs_stays_unless_forced(outside: Path, repository: Path) -> None:
+    assert changed(new(outside)) == 0
+    hosts, lost = repository / "inventory" / "hosts.yml", repository / "site.yml"
+    example = hosts.read_text()
+    hosts.write_text("mine: {}\n")
+    lost.unlink()
+    checked = new(outside, "--check", "--diff")
+    assert changed(checked) == 1
+    assert "+- name: From bare hosts" in checked.stdout
+    assert not lost.exists()
+    assert "mine" not in checked.stdout, "what stays is no difference"
+    done = new(outside)
+    assert changed(done) == 1
+    assert lost.exists()
+    assert hosts.read_text() == "mine: {}\n"
+    assert "stay as they are" in done.stdout
+    assert "inventory/hosts.yml" in done.stdout
+    forced = new(outside, "-e", "force=yes", "--diff")
+    assert changed(forced) == 1
+    assert "-mine: {}" in forced.stdout
+    assert hosts.read_text() == example
+    assert changed(new(outside)) == 0
+
+
+def test_without_a_directory_nothing_is_written_and_it_is_said_what_to_give(tmp_path: Path) -> None:
+    done = run(tmp_path, "ansible-playbook", "rosops.fleet.new")
+    assert done.returncode == 2
+    assert "-e dest=my-fleet" in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("playbook", PLAYBOOKS)
+def test_the_checkout_has_them_by_the_same_names(playbook: str, tmp_path: Path) -> None:
+    """Refused for what the inventory says: so the collection's own validation was reached."""
+    (tmp_path / "hosts.yml").write_text("all: {children: {robots: {hosts: {robot1: {ros_apps: 5}}}}}\n")
+    collections = str(COLLECTIONS)
+    done = run(
+        CHECKOUT, "ansible-playbook", "-i", str(tmp_path / "hosts.yml"), playbook,
+        HOME=str(tmp_path), ANSIBLE_COLLECTIONS_PATH=collections, ROSOPS_FLEET_REPORT=str(tmp_path / "report.json"),
+    )  # fmt: skip
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "ros_apps" in done.stdout

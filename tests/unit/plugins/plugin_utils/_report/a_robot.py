@@ -1,0 +1,85 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ROS graph of a mobile robot with an arm, as ros_graph_info returns it: 30 nodes, three of them at the edge."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Places, drawn
+
+# Topic, rate, who sends it, who hears it.
+TOPICS = """
+/scan_front                               15  lidar_front > merger
+/scan_rear                                15  lidar_rear > merger
+/scan                                     15  merger > amcl move_base slam
+/imu/data                                100  imu > ekf
+/wheel_odom                               50  base > ekf
+/odometry/filtered                        50  ekf > amcl move_base slam docking
+/amcl_pose                                 2  amcl > mission map_saver
+/map                                       -  map_server > amcl move_base mission
+/camera/color/image_raw                   30  camera > detector recorder compressor
+/camera/depth/image_rect_raw/compressed   30  camera > obstacles
+/camera/color/compressed                  10  compressor > teleop_view
+/obstacles                                10  obstacles > move_base
+/detections                                5  detector > mission grasp_planner
+/joint_states                             50  arm_driver gripper > state_publisher grasp_planner
+/tf                                      120  state_publisher amcl ekf > move_base obstacles grasp_planner slam detector
+/arm/plan                                  1  grasp_planner > arm_driver
+/gripper/command                         0.5  grasp_planner > gripper
+/cmd_vel_nav                              20  move_base > mux
+/cmd_vel_teleop                            -  joystick > mux
+/cmd_vel_dock                              -  docking > mux
+/cmd_vel                                  20  mux > base safety
+/safety/stop                              10  safety > mux arm_driver
+/battery                                   1  battery > mission dashboard docking
+/diagnostics                               3  battery base lidar_front lidar_rear imu camera > aggregator
+/diagnostics_agg                           1  aggregator > dashboard mission
+/mission/state                             1  mission > dashboard fleet_link
+/fleet/orders                            0.1  fleet_link > mission
+/slam/map                                0.2  slam > map_saver
+/log/bag_state                             1  recorder > -
+"""
+EDGE = ("detector", "dashboard", "fleet_link")
+ADDRESSES = {"robot1": "10.42.1.7", "edge1": "10.42.0.9"}
+APPS: list[dict[str, Any]] = [
+    {"robot": "robot1", "name": "base", "nodes": ["robot1"], "addresses": [ADDRESSES["robot1"]]},
+    {"robot": "robot1", "name": "detector", "nodes": ["edge1"], "addresses": [ADDRESSES["edge1"]]},
+]
+
+
+def graph(broken: tuple[tuple[str, str], ...] = (), down: tuple[str, ...] = ()) -> dict[str, Any]:
+    """`broken`: publisher and subscriber that are registered and not connected."""
+    topics: dict[str, dict[str, Any]] = {}
+    for line in TOPICS.strip().splitlines():
+        name, rate, *rest = line.split(maxsplit=2)
+        senders, hearers = ([f"/{one}" for one in part.split() if one != "-"] for part in rest[0].split(">"))
+        pairs = [(one, other) for one in senders for other in hearers if (one, other) not in broken]
+        topics[name] = {
+            "type": "std_msgs/Empty",
+            "publishers": senders,
+            "subscribers": hearers,
+            "connections": [{"publisher": one, "subscriber": other} for one, other in pairs],
+            "rate": None if rate == "-" else float(rate),
+        }
+    for part, senders, hearers in (
+        ("goal", ["/mission"], ["/move_base"]),
+        ("result", ["/move_base"], ["/mission"]),
+        ("status", ["/move_base"], ["/mission"]),
+    ):
+        pair = {"publisher": senders[0], "subscriber": hearers[0]}
+        topics[f"/move_base/{part}"] = {"publishers": senders, "subscribers": hearers, "connections": [pair]}
+    names = sorted({name for topic in topics.values() for name in (*topic["publishers"], *topic["subscribers"])})
+    nodes = {
+        name: {
+            "uri": f"http://{ADDRESSES['edge1' if name[1:] in EDGE else 'robot1']}:40000/",
+            "reachable": name not in down,
+        }
+        for name in names
+    }
+    return {"nodes": nodes, "topics": topics, "actions": {"/move_base": {"servers": ["/move_base"]}}}
+
+
+def row(robot: str = "robot1", **more: Any) -> dict[str, Any]:
+    """As the section `graphs` has it."""
+    return drawn(robot, graph(**more), Places([{**app, "robot": robot} for app in APPS], []))

@@ -1,0 +1,66 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the repository of one fleet holds, of a checkout and of an installed collection."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import contents, fleet_name
+
+CHECKOUT = Path(__file__).resolve().parents[5]
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """The collection as `ansible-galaxy collection install` leaves it."""
+    for name in ("playbooks", "inventories", "meta"):
+        shutil.copytree(CHECKOUT / name, tmp_path / name)
+    for path in CHECKOUT.glob("*.yml"):
+        if path.name != "galaxy.yml":
+            shutil.copy(path, tmp_path)
+    (tmp_path / "MANIFEST.json").write_text(json.dumps({"collection_info": {"version": "7.8.9"}}))
+    return tmp_path
+
+
+def test_the_version_is_the_one_that_is_installed(installed: Path) -> None:
+    [needed] = yaml.safe_load(contents(installed, "x")["collections/requirements.yml"])["collections"]
+    assert needed == {"name": "rosops.fleet", "version": "7.8.9"}
+    [needed] = yaml.safe_load(contents(CHECKOUT, "x")["collections/requirements.yml"])["collections"]
+    assert needed["version"] == yaml.safe_load((CHECKOUT / "galaxy.yml").read_text("utf-8"))["version"]
+
+
+def test_python_packages_are_those_of_an_execution_environment_and_ansible_itself() -> None:
+    lines = [line for line in contents(CHECKOUT, "x")["requirements.txt"].splitlines() if line[0] != "#"]
+    of_environment = (CHECKOUT / "meta" / "ee-requirements.txt").read_text("utf-8").split()
+    requires = yaml.safe_load((CHECKOUT / "meta" / "runtime.yml").read_text("utf-8"))["requires_ansible"]
+    assert lines == [f"ansible-core{requires}", *of_environment]
+
+
+def test_hidden_files_are_hidden_there_and_the_name_is_put_in() -> None:
+    found = contents(CHECKOUT, "mine")
+    assert {".gitignore", ".gitlab-ci.yml", ".github/workflows/fleet.yml"} < set(found)
+    assert [path for path in found if "dot-" in path] == []
+    assert yaml.safe_load(found["inventory/group_vars/all.yml"]) == {"fleet_name": "mine"}
+    assert "@fleet@" not in "".join(found.values())
+    assert "@version@" not in "".join(found.values())
+
+
+@pytest.mark.parametrize(
+    ("directory", "name"),
+    [
+        ("my-fleet", "my-fleet"),
+        ("My_Fleet 2", "my-fleet-2"),
+        ("-a-", "a"),
+        ("Flöte", "fl-te"),
+        ("___", "fleet"),
+        ("a" * 70, "a" * 63),
+        ("a" * 62 + "_b", "a" * 62),
+    ],
+)
+def test_a_directory_s_name_is_made_a_fleet_s(directory: str, name: str) -> None:
+    assert fleet_name(directory) == name

@@ -1,0 +1,102 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a rehearsal says of a version is what becomes of it: robot1 is recorded, robot2 is the stage."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cluster import KEEPER, MASTER
+from fleet import Fleet
+
+REAL, STAGE = "robot1", "robot2"
+PATIENCE: dict[str, Any] = {"update_ready_timeout": 30}
+APP, TOPIC = "temperature", "/temperature"
+PROGRAM = "/etc/rehearsal/other_definition.py"
+OTHER_DEFINITION = """
+import sys
+sys.path.insert(0, "/opt/rosops-apps/lib")
+from rosops_apps import msg, temperature_publisher
+msg.Temperature._md5sum = "0" * 32
+temperature_publisher.main()
+"""
+# Version -> what is changed for it, its outcome, and a word of the reason. The good one is the last: it stays.
+VERSIONS: dict[str, tuple[dict[str, Any], str, str]] = {
+    "broken": ({"env": {"CRASH_AFTER": 0.3}}, "rolled-back", ""),
+    "slower": ({"env": {"RATE_HZ": 250}}, "rolled-back", "rate"),
+    "of another definition": (
+        {
+            "command": ["/usr/bin/python3", PROGRAM],
+            "files": [{"path": PROGRAM, "content": OTHER_DEFINITION}],
+        },
+        "rolled-back",
+        "md5sum",
+    ),
+    "good": ({"env": {"ROSOPS_APPS_VERSION": "rehearsed"}}, "updated", ""),
+}
+
+
+def limit(robot: str) -> tuple[str, str]:
+    return ("--limit", f"{robot},edge1")
+
+
+def apps(fleet: Fleet, robot: str) -> set[str]:
+    """Those that have a pod."""
+    return {app for app, pods in fleet.pods()[robot].items() if pods and not app.startswith((MASTER, KEEPER))}
+
+
+def clear(fleet: Fleet) -> None:
+    """Take all apps from the stage, whatever they are."""
+    gone = {"ros_apps": [], "update_remove_apps": sorted(apps(fleet, STAGE))}
+    run = fleet.playbooks.run("update", {**fleet.variables, **gone}, *limit(STAGE))
+    assert run.status == 0, run
+
+
+@pytest.fixture
+def recording(fleet: Fleet, tmp_path: Path) -> Iterator[Path]:
+    """Of the real robot at rest; the stage is empty."""
+    file = tmp_path / "robot1.json"
+    run = fleet.playbooks.run("record", {**fleet.variables, "record_file": str(file)}, *limit(REAL))
+    assert run.status == 0, run
+    clear(fleet)
+    yield file
+    clear(fleet)
+    fleet.return_to(fleet.variables)
+
+
+def test_rehearsal_and_reality_agree(fleet: Fleet, recording: Path, tmp_path: Path) -> None:
+    recorded = json.loads(recording.read_text())
+    assert set(recorded["apps"]) == apps(fleet, REAL)
+    assert recorded["topics"][TOPIC]["publishers"][TOPIC]["rate"] == pytest.approx(500, rel=0.1)
+    report = tmp_path / "rehearsal.json"
+    for version, (change, outcome, word) in VERSIONS.items():
+        settings: dict[str, Any] = {
+            **fleet.variables,
+            **PATIENCE,
+            "rehearse_stage": True,
+            "rehearse_file": str(recording),
+            "rehearse_change": {APP: change},
+            "rehearse_report": str(report),
+        }
+        rehearsed = fleet.playbooks.run("rehearse", settings, *limit(STAGE))
+        assert rehearsed.outcomes == {STAGE: outcome}, (version, rehearsed)
+        told = json.loads(report.read_text())
+        assert (told["outcome"], told["recorded"]) == (outcome, REAL), (version, told)
+        assert word in told["reason"], (version, told)
+        [seen] = [one for one in told["received"] if one["topic"] == TOPIC]
+        assert (seen["messages"] > 0, seen["missing"]) == (True, 0), (version, told)
+
+        watch = fleet.watch()
+        wanted = fleet.changed(REAL, APP, **change)
+        run = fleet.update(wanted, *limit(REAL), **PATIENCE)
+        assert run.outcomes == {REAL: outcome}, (version, run)
+        assert word in run.host(REAL)["reason"], (version, run)
+        watch.assert_nothing_lost(REAL, goals=False)
+        fleet.figures.append(
+            f"{version}: {outcome}, rehearsed in {told['seconds']:.0f} s, {seen['twice']} messages twice"
+        )
