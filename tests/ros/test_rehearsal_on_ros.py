@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ NODES = Path(__file__).with_name("graph_nodes.py")
 ALL = ("/hearer", "/listener", "/robot", "/talker", "/worker")
 EDGES = (("/chatter", "/talker", "/listener"), ("/work/status", "/worker", "/hearer"))
 HZ = 100.0
-WINDOW = 4.0  # s in which the publishers count
+WINDOW = 5.0  # s in which the publishers count
 SHARE = 0.2  # by which two counts of a busy machine differ
 
 pytestmark = pytest.mark.skipif(not RELAY.exists(), reason="Debian's topic-tools is not installed")
@@ -60,19 +61,29 @@ class Stage(Scene):
         return process.wait(20)
 
 
-@pytest.fixture
-def stages(tmp_path: Path) -> Iterator[tuple[Stage, Stage]]:
-    """The robot, and where it is played."""
-    made = []
-    for name in ("robot", "rehearsal"):
-        (tmp_path / name).mkdir()
-        made.append(Stage(tmp_path / name))
-        made[-1].start_master()
+@contextmanager
+def staged(directory: Path) -> Iterator[Stage]:
+    made = Stage(directory)
+    made.start_master()
     try:
-        yield made[0], made[1]
+        yield made
     finally:
-        for stage in made:
-            stage.end()
+        made.end()
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """Of a robot's nodes."""
+    with staged(tmp_path_factory.mktemp("robot")) as robot:
+        robot.nodes()
+        return recorded(robot)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[Stage]:
+    """Where they are played."""
+    with staged(tmp_path) as stage:
+        yield stage
 
 
 def is_whole(recording: Recording) -> bool:
@@ -104,73 +115,62 @@ def rates(recording: Recording) -> dict[tuple[str, str], float]:
     }
 
 
-def test_what_is_played_is_what_was_recorded(stages: tuple[Stage, Stage]) -> None:
-    robot, rehearsal = stages
-    robot.nodes()
-    real = recorded(robot)
+def test_what_is_played_is_what_was_recorded(real: Recording, scene: Stage) -> None:
     kept = Recording.from_dict(json.loads(json.dumps(real.as_dict())), "the file")
     assert kept == real
-    rehearsal.play(kept, *kept.others)
-    played = recorded(rehearsal)
+    scene.play(kept, *kept.others)
+    played = recorded(scene)
     assert without_counts(played) == without_counts(real)
     assert rates(real)["/chatter", "/talker"] == pytest.approx(HZ, rel=SHARE)
-    assert rates(real)["/work/status", "/worker"] == pytest.approx(5, rel=SHARE)
+    assert set(rates(real)) == {("/chatter", "/talker"), ("/work/status", "/worker")}
     assert rates(played) == pytest.approx(rates(real), rel=2 * SHARE)
-    account = until("an account", lambda: rehearsal.account("/hearer"))["/work/status"]
+    account = until("an account", lambda: scene.account("/hearer"))["/work/status"]
     assert (account["messages"] > 0, account["missing"], account["publishers"]) == (True, 0, ["/worker"])
-    assert rehearsal.stop("stand-in") == 0
-    until("an empty graph", lambda: rehearsal.record().others == ())
+    assert scene.stop("stand-in") == 0
+    until("an empty graph", lambda: scene.record().others == ())
 
 
-def test_stand_ins_among_real_nodes(stages: tuple[Stage, Stage]) -> None:
+def test_stand_ins_among_real_nodes(real: Recording, scene: Stage) -> None:
     """A real subscriber can read what they send, and they keep account of what a real publisher sends."""
-    robot, rehearsal = stages
-    robot.nodes()
-    real = recorded(robot)
-    rehearsal.play(real, "/talker", "/hearer")
-    rehearsal.start("docked", "/reader", "/config")
-    said = until("a latched message", lambda: [line for line in rehearsal.log("/reader") if "heard" in line])
+    scene.play(real, "/talker", "/hearer")
+    scene.start("docked", "/reader", "/config")
+    said = until("a latched message", lambda: [line for line in scene.log("/reader") if "heard" in line])
     assert [(line["heard"], line["by"]) for line in said] == [("", "/talker")]
-    rehearsal.node("server")
+    scene.node("server")
 
     def heard(more: int = 0) -> Any:
-        account = rehearsal.account("/hearer").get("/work/status", {"messages": 0})
+        account = scene.account("/hearer").get("/work/status", {"messages": 0})
         return account if account["messages"] > more else None
 
     before = until("messages", heard)
-    rehearsal.stop("/server")
-    rehearsal.node("server")
+    scene.stop("/server")
+    scene.node("server")
     account = until("messages of the next version", lambda: heard(before["messages"] + 10))
     assert (account["missing"], account["publishers"]) == (0, ["/worker"])
     assert max(seconds for _at, seconds in account["gaps"]) > 0.4  # there was nobody for as long as rospy starts
 
 
-def test_a_service_that_goes_is_seen_by_who_greets_it(stages: tuple[Stage, Stage]) -> None:
-    robot, rehearsal = stages
-    robot.nodes()
-    rehearsal.play(recorded(robot), "/talker", asks=("/trigger", "/asked"))
-    rehearsal.start("service", "/real", "/asked")
+def test_a_service_that_goes_is_seen_by_who_greets_it(real: Recording, scene: Stage) -> None:
+    scene.play(real, "/talker", asks=("/trigger", "/asked"))
+    scene.start("service", "/real", "/asked")
 
     def counts(service: str) -> tuple[int, int]:
-        told = rehearsal.account("/talker")[service]
+        told = scene.account("/talker")[service]
         return told["asked"] - told["refused"], told["refused"]
 
     until("answers of a real service", lambda: counts("/asked")[0] > 3)
     until("answers of a stand-in", lambda: counts("/trigger")[0] > 3)
-    rehearsal.kill("/real")
+    scene.kill("/real")
     before = counts("/asked")[1]
     until("refusals", lambda: counts("/asked")[1] > before + 3)
     answered = counts("/trigger")[0]
     until("answers of who is still there", lambda: counts("/trigger")[0] > answered)
 
 
-def test_a_publisher_of_another_definition_is_not_taken(stages: tuple[Stage, Stage]) -> None:
-    robot, rehearsal = stages
-    robot.nodes()
-    real = recorded(robot)
-    rehearsal.play(real, "/listener")
-    rehearsal.start("talker", "/talker", "/chatter", "UInt64")
-    until("both", lambda: {"/listener", "/talker"} <= set(rehearsal.record().others))
-    until("a refusal", lambda: "do not match" in rehearsal.said("talker"))
-    assert rehearsal.record().topics["/chatter"].edges == ()
-    assert until("an account", lambda: rehearsal.account("/listener"))["/chatter"]["messages"] == 0
+def test_a_publisher_of_another_definition_is_not_taken(real: Recording, scene: Stage) -> None:
+    scene.play(real, "/listener")
+    scene.start("talker", "/talker", "/chatter", "UInt64")
+    until("both", lambda: {"/listener", "/talker"} <= set(scene.record().others))
+    until("a refusal", lambda: "do not match" in scene.said("talker"))
+    assert scene.record().topics["/chatter"].edges == ()
+    assert until("an account", lambda: scene.account("/listener"))["/chatter"]["messages"] == 0

@@ -250,9 +250,9 @@ def play_all(path: str) -> int:
         signal.signal(word, lambda _word, _frame: told.set())
     processes = []
     for number, node in enumerate(nodes):
-        space = {"ROS_NAMESPACE": node["name"].rpartition("/")[0] or "/", "ROS_LOG_DIR": LOGS}
-        words = [sys.executable, os.path.abspath(__file__), path, str(number)]  # noqa: PTH100 - as everywhere in pods
-        processes.append(subprocess.Popen(words, env={**os.environ, **space}))  # noqa: S603 - ourselves
+        space = {"ROS_LOG_DIR": LOGS, **os.environ, "ROS_NAMESPACE": node["name"].rpartition("/")[0] or "/"}
+        words = [sys.executable, __file__, path, str(number)]
+        processes.append(subprocess.Popen(words, env=space))  # noqa: S603 - ourselves
     while not told.is_set() and all(process.poll() is None for process in processes):
         told.wait(PERIOD)
     for process in processes:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.recording import
 
 # What begins work in a server: a goal of zeros would be one, and nobody asked for it.
 COMMANDS = ("goal", "cancel")
+STATUS_HZ = 5.0  # of an action's server, whoever listens
 
 
 @dataclass(frozen=True)
@@ -70,24 +71,25 @@ class Plan:
 
 def plan(recording: Recording, nodes: Iterable[str], asks: Iterable[str] = ()) -> Plan:
     """The part of these nodes; the first one greets the services `asks`."""
-    silent = {f"{action}/{word}" for action in recording.actions for word in COMMANDS}
-    first, *others = [_node(recording, name, silent) for name in nodes]
+    commands = {f"{action}/{word}": 0.0 for action in recording.actions for word in COMMANDS}
+    rates = {**commands, **{f"{action}/status": STATUS_HZ for action in recording.actions}}
+    first, *others = [_node(recording, name, rates) for name in nodes]
     return Plan((replace(first, asks=tuple(asks)), *others))
 
 
-def _node(recording: Recording, node: str, silent: set[str]) -> Node:
+def _node(recording: Recording, node: str, rates: Mapping[str, float]) -> Node:
     topics = recording.topics.items()
     return Node(
         node,
-        tuple(_published(name, topic, node, name in silent) for name, topic in topics if node in topic.publishers),
+        tuple(_published(name, topic, node, rates.get(name)) for name, topic in topics if node in topic.publishers),
         tuple(_subscribed(name, topic) for name, topic in topics if node in topic.subscribers),
         tuple(_served(name, one) for name, one in recording.services.items() if one.provider == node),
     )
 
 
-def _published(name: str, topic: Topic, node: str, silent: bool) -> Published:
+def _published(name: str, topic: Topic, node: str, fixed: float | None) -> Published:
     sent, (size, place) = topic.publishers[node], _layout(topic)
-    rate = 0.0 if silent or sent.rate is None else sent.rate
+    rate = (sent.rate or 0.0) if fixed is None else fixed
     return Published(name, topic.type, topic.md5sum, topic.definition, sent.latched, rate, size, place)
 
 

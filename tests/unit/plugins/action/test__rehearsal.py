@@ -61,6 +61,16 @@ def test_the_cast(tmp_path: Path) -> None:
     assert given["before"][0]["command"] == ["/bin/env"]
 
 
+def test_layers_of_apps_are_one(tmp_path: Path) -> None:
+    path = tmp_path / "robot1.json"
+    keep(path)
+    model = [{"name": "temperature", "image": "x.example/t:model", "env": {"A": "1"}}]
+    own = [{"name": "temperature", "env": {"B": "2"}}]
+    found = cast(path, model=model, own=own)
+    [real] = [item for item in found["before"] if item["name"] == "temperature"]
+    assert real == {**APP, "image": "x.example/t:model", "env": {"A": "1", "B": "2"}}
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [(None, "cannot be read: No such file"), ("{", "is no JSON: "), ("{}", "is no recording of a robot's graph")],

@@ -34,6 +34,7 @@ RECORDING = Recording(
         "/odd": Topic("demo/Odd", "cc", "this is no definition", {"/loner": Sent(1.0)}),
         "/temperature": TEMPERATURE,
         "/unknown": Topic("demo/Unknown", subscribers=("/loner",)),
+        "/work/status": Topic("demo/Status", "ff", "uint8[] list", {"/arm/helper": Sent(None, latched=True)}),
         "/work/goal": Topic("demo/Goal", "dd", "uint8 order", {"/loner": Sent(3.0)}, ("/arm/helper",)),
     },
     {"/home": Service("/arm/helper", "demo/Home", "ee")},

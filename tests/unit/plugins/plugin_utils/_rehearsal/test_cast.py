@@ -63,6 +63,7 @@ def test_what_stand_ins_have_to_show() -> None:
             {"name": "/map", "publishers": 1},
             {"name": "/temperature", "subscribers": 1},
             {"name": "/work/goal", "subscribers": 1},
+            {"name": "/work/status", "publishers": 1},
         ],
         "services": ["/home"],
     }

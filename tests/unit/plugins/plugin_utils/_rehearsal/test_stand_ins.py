@@ -32,7 +32,8 @@ def test_subscribers_services_and_what_is_latched() -> None:
     [latched] = stats.publishes
     assert (latched.name, latched.latched, latched.rate, latched.size) == ("/map", True, 0.0, 4)
     assert [(one.name, one.type, one.md5sum) for one in helper.services] == [("/home", "demo/Home", "ee")]
-    assert helper.publishes == ()
+    [status] = helper.publishes
+    assert (status.name, status.rate) == ("/work/status", 5.0)  # nobody listened to it
 
 
 def test_the_first_node_greets_what_is_to_be_greeted() -> None:
