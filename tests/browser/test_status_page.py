@@ -97,7 +97,7 @@ def large(robots: int = 60, topics: int = 12) -> dict[str, Any]:
         for name, rate in zip(names, [1.0, 0.5, *[0.98, 1.02] * robots])
         for number in range(topics)
     ]
-    found["graphs"] = [{**GRAPH, "robot": name} for name in names]
+    found["graphs"] = [{**(a_robot.row() if number else GRAPH), "robot": name} for number, name in enumerate(names)]
     found["steps"] = [{**row, "robot": name} for name in names for row in base["steps"]]
     return found
 
