@@ -148,6 +148,22 @@ def test_what_is_seen_of_the_fleet(browser: chromium.Chromium) -> None:
     assert sum(browser.evaluate(phases)) == pytest.approx(track * 19.7 / 20, abs=2)
 
 
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_a_drawn_graph_is_seen_and_said(browser: chromium.Chromium, dark: bool) -> None:
+    browser.open(written("fleet"), DESK, dark=dark)
+    shown = "filter(one => one.getBoundingClientRect().width > 100).length"
+    boxes = "[...document.querySelectorAll('.graph .{} rect')]." + shown
+    assert browser.evaluate(boxes.format("node")) == len(GRAPH["nodes"]) == 30
+    assert browser.evaluate(boxes.format("topic")) == len(GRAPH["links"])
+    stroke = "getComputedStyle(document.querySelector('.graph {}')).stroke"
+    whole, broken, down = (browser.evaluate(stroke.format(one)) for one in (".line", ".line.broken", ".down rect"))
+    assert broken == down == ("rgb(255, 138, 128)" if dark else "rgb(179, 38, 30)") != whole
+    nodes = browser.ask("Accessibility.getFullAXTree")["nodes"]
+    said = {node["name"]["value"] for node in nodes if not node["ignored"] and "name" in node}
+    assert "ROS node /joystick on robot1, down" in said
+    assert "/amcl has subscribed to /scan and is not connected to /merger" in said
+
+
 def test_tables_stay_tables_on_a_phone(browser: chromium.Chromium) -> None:
     """For a screen reader, though each row is drawn as a card."""
     browser.open(written("fleet"), PHONE)
