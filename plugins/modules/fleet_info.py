@@ -60,7 +60,8 @@ hosts:
   type: list
   elements: dict
 nodes:
-  description: "Name, ready, reason, since (when it is not ready), version, address, roles, placement, robot, labels (those that somebody chose)."
+  description: "Name, ready, reason, since (when it is not ready), version, address, roles, placement, robot, labels
+    (those that somebody chose)."
   returned: success
   type: list
   elements: dict

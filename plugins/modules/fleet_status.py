@@ -11,9 +11,9 @@ module: fleet_status
 short_description: Show how a fleet stands
 version_added: 0.1.0
 description:
-  - Prints what needs attention, each finding under its cause, with the time since when and what to do next, and how many
-    hosts, nodes, masters, apps, ROS nodes, claims and last outcomes are in order. What is not known counts as unknown,
-    never as good.
+  - Prints what needs attention, each finding under its cause, with the time since when and what to do next.
+  - Prints how many hosts, nodes, masters, apps, ROS nodes, claims and last outcomes are in order. What is not known
+    counts as unknown, never as good.
   - With C(-v) prints tables of all of them, of topics with live rates, and of the last updates' steps.
   - Writes all of it on the control node as a page for the browser, with each ROS graph drawn.
   - The page is one file without scripts. It loads nothing, and everything in it is escaped. It is written only when it

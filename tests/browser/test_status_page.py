@@ -97,7 +97,7 @@ def large(robots: int = 60, topics: int = 12) -> dict[str, Any]:
         for name, rate in zip(names, [1.0, 0.5, *[0.98, 1.02] * robots])
         for number in range(topics)
     ]
-    found["graphs"] = [{**GRAPH, "robot": name} for name in names]
+    found["graphs"] = [{**(a_robot.row() if number else GRAPH), "robot": name} for number, name in enumerate(names)]
     found["steps"] = [{**row, "robot": name} for name in names for row in base["steps"]]
     return found
 
@@ -146,6 +146,22 @@ def test_what_is_seen_of_the_fleet(browser: chromium.Chromium) -> None:
     longest = "[...document.querySelectorAll('.bars li')].find(one => one.innerText.includes('19.7 s'))"
     phases = f"[...{longest}.querySelectorAll('.track i')].map(one => one.getBoundingClientRect().width)"
     assert sum(browser.evaluate(phases)) == pytest.approx(track * 19.7 / 20, abs=2)
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_a_drawn_graph_is_seen_and_said(browser: chromium.Chromium, dark: bool) -> None:
+    browser.open(written("fleet"), DESK, dark=dark)
+    shown = "filter(one => one.getBoundingClientRect().width > 100).length"
+    boxes = "[...document.querySelectorAll('.graph .{} rect')]." + shown
+    assert browser.evaluate(boxes.format("node")) == len(GRAPH["nodes"]) == 30
+    assert browser.evaluate(boxes.format("topic")) == len(GRAPH["links"])
+    stroke = "getComputedStyle(document.querySelector('.graph {}')).stroke"
+    whole, broken, down = (browser.evaluate(stroke.format(one)) for one in (".line", ".line.broken", ".down rect"))
+    assert broken == down == ("rgb(255, 138, 128)" if dark else "rgb(179, 38, 30)") != whole
+    nodes = browser.ask("Accessibility.getFullAXTree")["nodes"]
+    said = {node["name"]["value"] for node in nodes if not node["ignored"] and "name" in node}
+    assert "ROS node /joystick on robot1, down" in said
+    assert "/amcl has subscribed to /scan and is not connected to /merger" in said
 
 
 def test_tables_stay_tables_on_a_phone(browser: chromium.Chromium) -> None:

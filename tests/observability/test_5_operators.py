@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What operators do: a second site.yml changes nothing, an update shows under one id everywhere, the page is made.
 
-The page and some dashboards, drawn from what this fleet answers, are kept as pictures: `make screens` puts them into docs.
+The page and some dashboards, drawn from what this fleet answers, are kept as pictures for `make screens`.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ def rows_of(panel: Json, answers: Sequence[tuple[str, Sequence[Series]]]) -> tup
 
 def _looks(panel: Json) -> dict[str, tuple[str, Mapping[str, str]]]:
     """Heading -> unit, and texts instead of values."""
-    found = {}
+    found: dict[str, tuple[str, Mapping[str, str]]] = {}
     for override in panel["fieldConfig"]["overrides"]:
         have = {one["id"]: one["value"] for one in override["properties"]}
         texts = {value: said["text"] for one in have.get("mappings", ()) for value, said in one["options"].items()}
