@@ -49,7 +49,8 @@ options:
     aliases: [key_file]
   ca_cert:
     description:
-      - File with the authority, and all in between, that vouches for the API's certificate. Else E(K8S_AUTH_SSL_CA_CERT).
+      - File with the authority that vouches for the API's certificate, and all in between. Else
+        E(K8S_AUTH_SSL_CA_CERT).
     type: path
     aliases: [ssl_ca_cert]
   validate_certs:

@@ -92,6 +92,12 @@ def test_galaxys_importer_has_nothing_to_say_against_it(package: Path, tmp_path:
     roles = {one["name"]: one for one in result["contents"] if one["content_type"] == "role"}
     assert roles.keys() == {path.name for path in (CHECKOUT / "roles").iterdir()}
     assert all(one["description"] for one in roles.values())
+    documented = {
+        one["content_name"]: one["doc_strings"]["doc"]["short_description"]
+        for one in result["docs_blob"]["contents"]
+        if one["content_type"] == "module"
+    }
+    assert documented.keys() == {path.stem for path in (CHECKOUT / "plugins" / "modules").glob("*.py")}
 
 
 def test_what_is_installed_documents_itself(elsewhere: Elsewhere) -> None:

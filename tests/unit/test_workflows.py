@@ -61,9 +61,9 @@ def test_actions_of_others_are_pinned_by_commit(path: Path) -> None:
 
 def test_the_matrix_has_the_ansible_cores_that_make_knows() -> None:
     [others] = re.findall(r"^CORES := (.*)$", MAKEFILE, re.MULTILINE)
-    environments = {path.stem.removeprefix("core-") for path in (CHECKOUT / "tests" / "environments").glob("core-*.txt")}
+    files = (CHECKOUT / "tests" / "environments").glob("core-*.txt")
     [own] = re.findall(r"^ansible-core==(\d+\.\d+)\.", (CHECKOUT / "requirements.txt").read_text("utf-8"), re.MULTILINE)
     matrix = dict(jobs())["ci.ansible-test"]["strategy"]["matrix"]["include"]
     assert {one["core"] for one in matrix} == {own, *others.split()}
-    assert set(others.split()) == environments
+    assert set(others.split()) == {path.stem.removeprefix("core-") for path in files}
     assert yaml.safe_load((CHECKOUT / "meta" / "runtime.yml").read_text("utf-8"))["requires_ansible"] == f">={own}.0"
