@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -29,6 +30,7 @@ import yaml
 CHECKOUT = Path(__file__).resolve().parents[2]
 IDLE = 20  # AWX's DEFAULT_JOB_IDLE_TIMEOUT here, in seconds
 MARK = "ROSOPS_TEST_JOB"
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # What a user's project has, as rosops.fleet.new makes it.
 CONFIG = """[defaults]
 callbacks_enabled = rosops.fleet.fleet_report
@@ -47,7 +49,8 @@ class Template:
 
     playbook: str  # of the collection
     inventory: Mapping[str, Any]  # as `ansible-inventory --list --export` says it
-    variables: Mapping[str, Any] = field(default_factory=dict)
+    variables: Mapping[str, Any] = field(default_factory=dict)  # a survey's answers
+    own: Mapping[str, Any] = field(default_factory=dict)  # the template's own, which may hold templates and keep their types
     limit: str = ""
     tags: str = ""
     check: bool = False
@@ -130,7 +133,7 @@ class Job:
         meta = {f"{product}_{name}": value for product in ("awx", "tower") for name, value in told.items()}
         # beside Ansible's own YAML, so that texts are texts; and nothing in a survey's answer is a template
         answers = "".join(f"{name}: {_unsafe(value)}\n" for name, value in template.variables.items())
-        (self.folder / "env" / "extravars").write_text(yaml.safe_dump(meta) + answers)
+        (self.folder / "env" / "extravars").write_text(yaml.safe_dump({**meta, **template.own}) + answers)
         (self.folder / "env" / "credential").write_text("---\n{}\n")
         self._write("env/settings", {"idle_timeout": IDLE, "job_timeout": template.timeout, "pexpect_timeout": 1})
 
@@ -154,11 +157,19 @@ class Job:
     @property
     def output(self) -> str:
         found = self.folder / "artifacts" / "job" / "stdout"
-        return found.read_text(errors="replace") if found.exists() else ""
+        return COLOUR.sub("", found.read_text(errors="replace")) if found.exists() else ""
 
     @property
     def running(self) -> bool:
         return self._process.poll() is None
+
+    def wait_for(self, pattern: str, seconds: float = 600) -> None:
+        """Until its output has the pattern."""
+        searched, deadline = re.compile(pattern, re.MULTILINE), time.monotonic() + seconds
+        while not searched.search(self.output):
+            assert self.running, f"ended without {pattern!r}:\n{self.output[-3000:]}"
+            assert time.monotonic() < deadline, f"{pattern!r} not seen within {seconds:g} s:\n{self.output[-3000:]}"
+            time.sleep(0.02)
 
     def cancel(self) -> Ended:
         """As somebody who clicks on it: nothing of it gets a word to end by itself."""
