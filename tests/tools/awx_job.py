@@ -10,6 +10,7 @@ What is cancelled, or silent for too long, gets SIGKILL, all of it at once, as i
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -50,7 +51,9 @@ class Template:
     playbook: str  # of the collection
     inventory: Mapping[str, Any]  # as `ansible-inventory --list --export` says it
     variables: Mapping[str, Any] = field(default_factory=dict)  # a survey's answers
-    own: Mapping[str, Any] = field(default_factory=dict)  # the template's own, which may hold templates and keep their types
+    own: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # the template's own, which may hold templates and keep their types
     limit: str = ""
     tags: str = ""
     check: bool = False
@@ -79,7 +82,7 @@ class Ended:
     def silence(self) -> float:
         """The longest time between two events, in seconds."""
         times = [float(event["at"]) for event in self.events]
-        return max((after - before for before, after in zip(times, times[1:])), default=0.0)
+        return max((after - before for before, after in itertools.pairwise(times)), default=0.0)
 
 
 class Job:

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The fleet as AWX runs it: jobs from an empty home, hosts in any order, cancelled with SIGKILL, an idle time-out of 20 s.
+"""The fleet as AWX runs it: jobs from an empty home, hosts in any order, cancelled by SIGKILL, silent 20 s at most.
 
 What a run in a shell shows is not shown again; nor is what needs no robot at work (tests/unit/playbooks/test_awx.py).
 """
@@ -41,12 +41,16 @@ class Controller:
         )  # fmt: skip
         self.inventory = json.loads(told.stdout)
 
-    def launch(self, playbook: str, own: Mapping[str, Any], answers: Mapping[str, Any] | None = None, **more: Any) -> Job:
+    def launch(
+        self, playbook: str, own: Mapping[str, Any], answers: Mapping[str, Any] | None = None, **more: Any
+    ) -> Job:
         template = Template(playbook, self.inventory, answers or {}, own, verbosity=1, **more)
         self._jobs.append(Job(self._folder / f"job{next(self._numbers)}", template))
         return self._jobs[-1]
 
-    def run(self, playbook: str, own: Mapping[str, Any], answers: Mapping[str, Any] | None = None, **more: Any) -> Ended:
+    def run(
+        self, playbook: str, own: Mapping[str, Any], answers: Mapping[str, Any] | None = None, **more: Any
+    ) -> Ended:
         """To its end, which came without a silence for which AWX would have ended it."""
         ended = self.launch(playbook, own, answers, **more).finish()
         print(ended.output)
@@ -75,7 +79,9 @@ def test_a_cancelled_job_and_the_next_one(fleet: Fleet, awx: Controller) -> None
     wait_for_sign(fleet, job, app, sign, history)
     assert job.cancel().artifacts == {}
     began = time.monotonic()
-    ended = awx.run("update", wanted, {"update_waves": "1, 100%", "update_apps": "", "update_busy_timeout": "300"}, limit=ROBOT1)
+    ended = awx.run(
+        "update", wanted, {"update_waves": "1, 100%", "update_apps": "", "update_busy_timeout": "300"}, limit=ROBOT1
+    )
     fleet.figures.append(f"the next job took {time.monotonic() - began:.0f} s")
     assert (ended.status, ended.outcomes) == ("successful", {"edge1": "unchanged", "robot1": "updated"})
     fleet.wait_settled()

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""As much of AWX's REST API as the modules of awx.awx ask for: objects by kind, their names, what they are associated with."""
+"""As much of AWX's REST API as the modules of awx.awx ask for: objects by kind, and what they are associated with."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ class Awx(ThreadingHTTPServer):
         self.surveys: dict[str, Any] = {}
         self.writes: list[str] = []
         self._numbers = 0
-        for kind, name in (("credential_types", "Machine"), ("credential_types", "Vault"), ("credentials", "Ansible Galaxy")):
+        for kind, name in (
+            ("credential_types", "Machine"),
+            ("credential_types", "Vault"),
+            ("credentials", "Ansible Galaxy"),
+        ):
             self.add(kind, {"name": name})
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
@@ -41,7 +45,14 @@ class Awx(ThreadingHTTPServer):
         self._numbers += 1
         number, place = self._numbers, f"/api/v2/{kind}/{self._numbers}/"
         project = {"scm_revision": "", "summary_fields": {}}
-        made = {**project, **obj, "id": number, "url": place, "type": kind.rstrip("s"), "related": {"survey_spec": f"{place}survey_spec/"}}
+        made = {
+            **project,
+            **obj,
+            "id": number,
+            "url": place,
+            "type": kind.rstrip("s"),
+            "related": {"survey_spec": f"{place}survey_spec/"},
+        }
         self.objects.setdefault(kind, []).append(made)
         return made
 
@@ -69,11 +80,15 @@ class _Handler(BaseHTTPRequestHandler):
     def _asked(self) -> tuple[list[str], dict[str, str], Any]:
         url = urlparse(self.path)
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
-        return url.path.removeprefix("/api/v2/").strip("/").split("/"), dict(parse_qsl(url.query)), json.loads(body or b"{}")
+        return (
+            url.path.removeprefix("/api/v2/").strip("/").split("/"),
+            dict(parse_qsl(url.query)),
+            json.loads(body or b"{}"),
+        )
 
     def do_GET(self) -> None:
         place, query, _body = self._asked()
-        if place == ["api"] or place == ["", "api"]:
+        if place == ["api"]:
             return self._send(200, {"current_version": "/api/v2/"})
         if len(place) == 1:
             return self._list(self.server.find(place[0], query))

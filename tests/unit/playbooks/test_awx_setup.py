@@ -86,13 +86,22 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     assert names["schedules"] == {one["name"] for one in OBJECTS["awx_schedules"]}
     assert {"fleet hosts", "fleet vault", "fleet cluster"} < names["credentials"]
     for template in awx.objects["job_templates"]:
-        assert (template["become_enabled"], template["allow_simultaneous"], template["job_slice_count"]) == (False, False, 1)
+        assert (template["become_enabled"], template["allow_simultaneous"], template["job_slice_count"]) == (
+            False,
+            False,
+            1,
+        )
         assert len(awx.associated[f"job_templates/{template['id']}/credentials"]) == 3
     nodes = {one["identifier"]: one for one in awx.objects["workflow_job_template_nodes"]}
-    then = {name: awx.associated.get(f"workflow_job_template_nodes/{one['id']}/success_nodes") for name, one in nodes.items()}
+    then = {
+        name: awx.associated.get(f"workflow_job_template_nodes/{one['id']}/success_nodes")
+        for name, one in nodes.items()
+    }
     assert then == {"canary": [nodes["approval"]["id"]], "approval": [nodes["others"]["id"]], "others": None}
     assert nodes["canary"]["limit"] == "edge:robot1"
-    assert awx.of("schedules", "fleet update at night")["rrule"].startswith("DTSTART;TZID=Europe/Prague:20260101T020000 RRULE:")
+    assert awx.of("schedules", "fleet update at night")["rrule"].startswith(
+        "DTSTART;TZID=Europe/Prague:20260101T020000 RRULE:"
+    )
     assert awx.of("credentials", "fleet cluster")["inputs"] == {"kubeconfig": "hush-kubeconfig\n"}
     kind = awx.of("credential_types", "Access to the fleet's cluster")
     assert kind["injectors"]["env"] == {"K8S_AUTH_KUBECONFIG": "{{ tower.filename.kubeconfig }}"}
@@ -119,7 +128,7 @@ def test_questions_are_of_variables_that_there_are() -> None:
 
 
 def test_defaults_fit_their_questions() -> None:
-    """AWX's own rules: a choice is among the choices, a text's length and a number within its bounds; no multiselect."""
+    """AWX's own rules: a choice is one of the choices, a text's length and a number within bounds; no multiselect."""
     for name, one in OBJECTS["awx_questions"].items():
         default = one["default"]
         if one["type"] == "multiplechoice":
@@ -136,7 +145,9 @@ def test_whatever_is_required_is_answered_where_nobody_is_asked() -> None:
     questions, answers = OBJECTS["awx_questions"], OBJECTS["awx_answers"]
     required = {one["variable"]: one["default"] for one in questions.values() if one["required"]}
     assert answers == {name: required[name] for name in answers}
-    asked = {one["name"]: {questions[name]["variable"] for name in one["survey"]} for one in OBJECTS["awx_job_templates"]}
+    asked = {
+        one["name"]: {questions[name]["variable"] for name in one["survey"]} for one in OBJECTS["awx_job_templates"]
+    }
     for name in ("fleet update",):
         assert set(answers) <= asked[name]
         assert asked[name] & set(required) <= set(answers)
