@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlparse
 
 Object = dict[str, Any]
-TEMPLATES = ("job_templates", "projects", "inventory_sources", "workflow_job_templates", "workflow_approval_templates")
+TEMPLATES = ("job_templates", "projects", "inventory_sources", "workflow_job_templates")  # approvals are not listed
 OWN = {"page_size", "order_by", "type"}
 
 
