@@ -202,7 +202,7 @@ class Job:
         for path in sorted((place / "job_events").glob("*.json"), key=lambda path: int(path.name.partition("-")[0])):
             with contextlib.suppress(ValueError):  # it was killed while it wrote
                 events.append({**json.loads(path.read_text()), "at": path.stat().st_mtime})
-        artifacts = next(
+        artifacts: dict[str, Any] = next(
             (one["event_data"]["artifact_data"] for one in reversed(events) if one["event"] == "playbook_on_stats"), {}
         )
         ended = Ended(status, int(code), self.output, artifacts, events)
