@@ -21,8 +21,8 @@ description:
     C(failed), C(rolled-back), C(deferred-busy), C(deferred-offline).
   - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails ends the
     run for all hosts of its play, so all of them are C(failed).
-  - While a task runs for long and nothing is printed, says so every 15 seconds, as tools that run playbooks (AWX) may end a
-    silent one.
+  - While a task runs for long and nothing is printed, says so every 15 seconds, as tools that run playbooks (AWX) may
+    end a silent one.
   - Results under C(no_log) are neither printed nor written.
   - An error in the report itself is a warning and never ends the run.
   - The last run of each playbook that was not in check mode stays in a file of its own,

@@ -10,9 +10,11 @@ What is cancelled, or silent for too long, gets SIGKILL, all of it at once, as i
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -29,6 +31,7 @@ import yaml
 CHECKOUT = Path(__file__).resolve().parents[2]
 IDLE = 20  # AWX's DEFAULT_JOB_IDLE_TIMEOUT here, in seconds
 MARK = "ROSOPS_TEST_JOB"
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # What a user's project has, as rosops.fleet.new makes it.
 CONFIG = """[defaults]
 callbacks_enabled = rosops.fleet.fleet_report
@@ -47,7 +50,10 @@ class Template:
 
     playbook: str  # of the collection
     inventory: Mapping[str, Any]  # as `ansible-inventory --list --export` says it
-    variables: Mapping[str, Any] = field(default_factory=dict)
+    variables: Mapping[str, Any] = field(default_factory=dict)  # a survey's answers
+    own: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # the template's own, which may hold templates and keep their types
     limit: str = ""
     tags: str = ""
     check: bool = False
@@ -76,7 +82,7 @@ class Ended:
     def silence(self) -> float:
         """The longest time between two events, in seconds."""
         times = [float(event["at"]) for event in self.events]
-        return max((after - before for before, after in zip(times, times[1:])), default=0.0)
+        return max((after - before for before, after in itertools.pairwise(times)), default=0.0)
 
 
 class Job:
@@ -130,7 +136,7 @@ class Job:
         meta = {f"{product}_{name}": value for product in ("awx", "tower") for name, value in told.items()}
         # beside Ansible's own YAML, so that texts are texts; and nothing in a survey's answer is a template
         answers = "".join(f"{name}: {_unsafe(value)}\n" for name, value in template.variables.items())
-        (self.folder / "env" / "extravars").write_text(yaml.safe_dump(meta) + answers)
+        (self.folder / "env" / "extravars").write_text(yaml.safe_dump({**meta, **template.own}) + answers)
         (self.folder / "env" / "credential").write_text("---\n{}\n")
         self._write("env/settings", {"idle_timeout": IDLE, "job_timeout": template.timeout, "pexpect_timeout": 1})
 
@@ -154,11 +160,19 @@ class Job:
     @property
     def output(self) -> str:
         found = self.folder / "artifacts" / "job" / "stdout"
-        return found.read_text(errors="replace") if found.exists() else ""
+        return COLOUR.sub("", found.read_text(errors="replace")) if found.exists() else ""
 
     @property
     def running(self) -> bool:
         return self._process.poll() is None
+
+    def wait_for(self, pattern: str, seconds: float = 600) -> None:
+        """Until its output has the pattern."""
+        searched, deadline = re.compile(pattern, re.MULTILINE), time.monotonic() + seconds
+        while not searched.search(self.output):
+            assert self.running, f"ended without {pattern!r}:\n{self.output[-3000:]}"
+            assert time.monotonic() < deadline, f"{pattern!r} not seen within {seconds:g} s:\n{self.output[-3000:]}"
+            time.sleep(0.02)
 
     def cancel(self) -> Ended:
         """As somebody who clicks on it: nothing of it gets a word to end by itself."""
@@ -188,7 +202,7 @@ class Job:
         for path in sorted((place / "job_events").glob("*.json"), key=lambda path: int(path.name.partition("-")[0])):
             with contextlib.suppress(ValueError):  # it was killed while it wrote
                 events.append({**json.loads(path.read_text()), "at": path.stat().st_mtime})
-        artifacts = next(
+        artifacts: dict[str, Any] = next(
             (one["event_data"]["artifact_data"] for one in reversed(events) if one["event"] == "playbook_on_stats"), {}
         )
         ended = Ended(status, int(code), self.output, artifacts, events)

@@ -11,6 +11,7 @@ from typing import Any
 
 import evidence
 import pytest
+from awx_job import Job
 from cluster import MASTER
 from fleet import ALL_AT_ONCE, Fleet, Variables
 from runs import Run, Running, wait_until
@@ -223,7 +224,7 @@ MARKS = {
 }
 
 
-def wait_for_sign(fleet: Fleet, update: Running, app: str, sign: str, history: str) -> None:
+def wait_for_sign(fleet: Fleet, update: Running | Job, app: str, sign: str, history: str) -> None:
     """Until the playbook has come so far."""
 
     def kept() -> str:

@@ -18,7 +18,11 @@ READ = ["get", "list", "watch"]
 WRITE = [*READ, "create", "patch", "delete"]
 RULES: tuple[tuple[str, list[str], list[str]], ...] = (
     ("", ["namespaces"], [*READ, "create", "patch"]),
-    ("", ["configmaps", "services", "serviceaccounts", "persistentvolumeclaims", "limitranges", "resourcequotas"], WRITE),
+    (
+        "",
+        ["configmaps", "services", "serviceaccounts", "persistentvolumeclaims", "limitranges", "resourcequotas"],
+        WRITE,
+    ),
     ("", ["secrets"], ["get", "list", "create", "patch"]),  # of registries
     ("", ["nodes", "pods", "pods/log", "events", "persistentvolumes"], READ),
     ("apps", ["deployments"], WRITE),

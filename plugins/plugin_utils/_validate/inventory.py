@@ -59,8 +59,9 @@ def _slice(given: Mapping[str, Any]) -> Iterator[Problem]:
     if template and given.get("awx_workflow_job_name") == template:
         yield Problem(
             "groups",
-            f"have only some of the hosts, as AWX slices the job template {template}; a slice would make other hosts servers",
-            "1 for the template's job slicing (job_slice_count); update_waves says how many hosts are changed at a time",
+            f"have only some of the hosts, as AWX slices the job template {template}; a slice would make other hosts "
+            "servers",
+            "1 for the template's job slicing (job_slice_count); update_waves says how many hosts are changed at once",
         )
 
 

@@ -71,7 +71,7 @@ SURVEYS: dict[str, dict[str, Any]] = {
 def test_whatever_a_survey_answers_is_taken_and_the_canary_is_always_the_same(
     server: Server, launch: Launch, answers: dict[str, Any]
 ) -> None:
-    """It cannot be done here, so that the wave after the first one is not begun. Every job has another order of hosts."""
+    """It cannot be done here, so that the second wave is not begun. Every job has another order of hosts."""
     for name in ("robot1", "robot2"):
         runs(server, name)
     ended = launch("update", answers).finish()
@@ -139,7 +139,9 @@ def test_a_time_out_is_a_kill_too(server: Server, launch: Launch) -> None:
 
 def test_become_does_not_reach_the_control_node(control: Control, launch: Launch) -> None:
     """Every job here has --become. A `sudo` of the control node would say so; the robots' is another one."""
-    control.write("sudo", SUDO.replace("shift\nexec", f'shift\necho "$SSH_HOST" >> {control.folder}/became\nexec'), 0o755)
+    control.write(
+        "sudo", SUDO.replace("shift\nexec", f'shift\necho "$SSH_HOST" >> {control.folder}/became\nexec'), 0o755
+    )
     ended = launch("status", {"status_html": str(control.folder / "page.html")}).finish()
     assert "sudo" not in ended.output
     assert (control.folder / "page.html").stat().st_uid == Path(control.folder).stat().st_uid
@@ -162,7 +164,9 @@ def asked(server: Server) -> set[tuple[str, str, str]]:
     }
 
 
-def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(server: Server, control: Control, launch: Launch) -> None:
+def test_a_token_is_enough_for_the_cluster_and_nothing_is_left(
+    server: Server, control: Control, launch: Launch
+) -> None:
     """No kubeconfig, no server that could be asked over SSH."""
     for name in ("robot1", "robot2"):
         runs(server, name, "x.example/talker:1")

@@ -1,0 +1,165 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What awx_setup makes of an AWX, by awx.awx's own modules, and what its questions and their answers are."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
+from ansible_collections.rosops.fleet.tests.unit.playbooks.awx_server import Awx
+from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT
+
+
+class _Loader(yaml.SafeLoader):
+    """Knows Ansible's own tag."""
+
+
+_Loader.add_constructor("!unsafe", lambda loader, node: loader.construct_scalar(node))
+OBJECTS: dict[str, Any] = yaml.load((CHECKOUT / "awx" / "objects.yml").read_text(), _Loader)  # noqa: S506 - a safe one
+SETTINGS: dict[str, Any] = yaml.safe_load((CHECKOUT / "awx" / "settings.yml").read_text())
+PLAYBOOK = CHECKOUT / "playbooks" / "awx_setup.yml"
+SAID = {
+    "awx_project_url": "https://git.example.org/fleet.git",
+    "awx_execution_environment_image": "registry.example.org/ee:1",
+    "awx_canary": "robot1",
+    "awx_timezone": "Europe/Prague",
+    "awx_vault_password": "hush-vault",
+    "awx_notifications": [
+        {
+            "name": "operators",
+            "notification_type": "webhook",
+            "notification_configuration": {
+                "url": "https://chat.example.org/hush-hook", "http_method": "POST", "headers": {},
+            },
+        }
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture
+def awx() -> Iterator[Awx]:
+    made = Awx()
+    yield made
+    made.stop()
+
+
+def setup(awx: Awx, folder: Path, *arguments: str, **said: Any) -> subprocess.CompletedProcess[str]:
+    key, access = folder / "key", folder / "edge.yaml"
+    key.write_text("hush-key\n")
+    access.write_text("hush-kubeconfig\n")
+    files = {"awx_ssh_key_file": str(key), "awx_kubeconfig_file": str(access)}
+    environ = {
+        **{name: value for name, value in os.environ.items() if not name.startswith(("ANSIBLE_", "CONTROLLER_"))},
+        "CONTROLLER_HOST": awx.url,
+        "CONTROLLER_OAUTH_TOKEN": "hush-token",
+        "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
+        "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / ".ansible" / "collections"),
+        "ANSIBLE_LOCAL_TEMP": str(folder / "tmp"),
+        "ANSIBLE_NOCOLOR": "1",
+        "ROSOPS_FLEET_REPORT": "",
+    }
+    command = [str(Path(sys.executable).parent / "ansible-playbook"), "-i", "localhost,", str(PLAYBOOK), *arguments]
+    done = subprocess.run(  # noqa: S603 - our own
+        [*command, "-e", json.dumps({**SAID, **files, **said})],
+        cwd=folder, env=environ, capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+    print(done.stdout, done.stderr)
+    return done
+
+
+def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: Path) -> None:
+    done = setup(awx, tmp_path, "--diff", "-v")
+    assert done.returncode == 0
+    assert "hush" not in done.stdout + done.stderr
+    names = {kind: {one.get("name") for one in objects} for kind, objects in awx.objects.items()}
+    assert names["job_templates"] == {one["name"] for one in OBJECTS["awx_job_templates"]}
+    assert names["schedules"] == {one["name"] for one in OBJECTS["awx_schedules"]}
+    assert {"fleet hosts", "fleet vault", "fleet cluster"} < names["credentials"]
+    for template in awx.objects["job_templates"]:
+        assert (template["become_enabled"], template["allow_simultaneous"], template["job_slice_count"]) == (
+            False,
+            False,
+            1,
+        )
+        assert len(awx.associated[f"job_templates/{template['id']}/credentials"]) == 3
+    nodes = {one["identifier"]: one for one in awx.objects["workflow_job_template_nodes"]}
+    then = {
+        name: awx.associated.get(f"workflow_job_template_nodes/{one['id']}/success_nodes")
+        for name, one in nodes.items()
+    }
+    assert then == {"canary": [nodes["approval"]["id"]], "approval": [nodes["others"]["id"]], "others": None}
+    assert nodes["canary"]["limit"] == "edge:robot1"
+    assert awx.of("schedules", "fleet update at night")["rrule"].startswith(
+        "DTSTART;TZID=Europe/Prague:20260101T020000 RRULE:"
+    )
+    assert awx.of("credentials", "fleet cluster")["inputs"] == {"kubeconfig": "hush-kubeconfig\n"}
+    kind = awx.of("credential_types", "Access to the fleet's cluster")
+    assert kind["injectors"]["env"] == {"K8S_AUTH_KUBECONFIG": "{{ tower.filename.kubeconfig }}"}
+    writes = len(awx.writes)
+    again = setup(awx, tmp_path)
+    assert re.search(r"localhost +: ok=\d+ +changed=0 ", again.stdout)
+    assert awx.writes[writes:] == []
+
+
+@pytest.mark.parametrize("name", ["awx_project_url", "awx_canary"])
+def test_what_has_to_be_said_is_asked_for(awx: Awx, tmp_path: Path, name: str) -> None:
+    done = setup(awx, tmp_path, **{name: ""})
+    assert done.returncode == 2
+    assert f"{name} has to be said; awx/settings.yml lists the variables" in done.stdout
+    assert awx.writes == []
+
+
+def test_questions_are_of_variables_that_there_are() -> None:
+    known = {*variables(), "update_waves"}
+    assert {one["variable"] for one in OBJECTS["awx_questions"].values()} <= known
+    for template in OBJECTS["awx_job_templates"]:
+        assert set(template["survey"]) <= set(OBJECTS["awx_questions"])
+        assert (CHECKOUT / "playbooks" / template["playbook"]).exists()
+
+
+def test_defaults_fit_their_questions() -> None:
+    """AWX's own rules: a choice is one of the choices, a text's length and a number within bounds; no multiselect."""
+    for name, one in OBJECTS["awx_questions"].items():
+        default = one["default"]
+        if one["type"] == "multiplechoice":
+            assert default in one["choices"], name
+        elif one["type"] == "integer":
+            assert one["min"] <= default <= one["max"], name
+        else:
+            assert one["type"] == "text"
+            assert isinstance(default, str), name
+            assert one["min"] <= len(default) <= one["max"], name
+
+
+def test_whatever_is_required_is_answered_where_nobody_is_asked() -> None:
+    questions, answers = OBJECTS["awx_questions"], OBJECTS["awx_answers"]
+    required = {one["variable"]: one["default"] for one in questions.values() if one["required"]}
+    assert answers == {name: required[name] for name in answers}
+    asked = {
+        one["name"]: {questions[name]["variable"] for name in one["survey"]} for one in OBJECTS["awx_job_templates"]
+    }
+    for name in ("fleet update",):
+        assert set(answers) <= asked[name]
+        assert asked[name] & set(required) <= set(answers)
+    assert asked["fleet status"] == set()
+
+
+def test_a_workflow_is_not_taken_for_a_slice() -> None:
+    """By its name: AWX names the workflow of a sliced job template as that."""
+    assert OBJECTS["awx_workflow"]["name"] not in {one["name"] for one in OBJECTS["awx_job_templates"]}
+
+
+def test_the_settings_are_those_that_are_read() -> None:
+    text = PLAYBOOK.read_text() + (CHECKOUT / "awx" / "objects.yml").read_text()
+    read = set(re.findall(r"\bawx_[a-z_]+", text)) - set(OBJECTS) - {"awx_credentials", "awx_setup", "awx_access"}
+    assert set(SETTINGS) == read
