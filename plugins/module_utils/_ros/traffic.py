@@ -17,6 +17,7 @@ from typing import Any, Iterable, Mapping
 from . import graph as ros
 from .graph import Graph
 from .messages import HEADER, Definition
+from .names import is_keeper
 
 LOGS = ("/rosout", "/rosout_agg")
 REVISION = re.compile(r"_[0-9a-f]{8}\Z")  # what tells the nodes of two versions of an app apart
@@ -32,6 +33,11 @@ def has_number(definition: Definition) -> bool:
 def app_of(node: str) -> str:
     """The node's name without its revision."""
     return REVISION.sub("", node)
+
+
+def _connections(topic: ros.Topic) -> list[tuple[str, str]]:
+    """Those to apps. Who only looks, such as an update's gate or this account itself, is not registered."""
+    return [one for one in topic.connections if one[1] in topic.subscribers and not is_keeper(one[1])]
 
 
 @dataclass
@@ -84,11 +90,11 @@ class Traffic:
         """Who listens now, and whether it is connected."""
         self.looks += 1
         for name, topic in graph.topics.items():
-            if topic.connections and name not in LOGS:
+            if _connections(topic) and name not in LOGS:
                 self.topics.setdefault(name, Topic())
         for name, known in self.topics.items():
             now = graph.topics.get(name, ros.Topic(name))
-            connected = {app_of(subscriber) for _publisher, subscriber in now.connections}
+            connected = {app_of(subscriber) for _publisher, subscriber in _connections(now)}
             publishers = [graph.nodes[one] for one in now.publishers if one in graph.nodes]
             untold = any(one.connections is None and not one.gone for one in publishers)  # busy, so nobody knows
             for app in {*known.unconnected, *connected}:

@@ -1,0 +1,91 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The account of an update's traffic, kept beside real nodes that are replaced: well, and not so well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.watcher import Watcher
+from scene import PYTHON, Scene, until
+
+NODES = Path(__file__).with_name("traffic_nodes.py")
+OLD, NEW = "/source_00000001", "/source_00000002"
+
+
+class TrafficScene(Scene):
+    def __init__(self, directory: Path) -> None:
+        super().__init__(directory)
+        self.watcher = Watcher(Ros1Client(self.uri, 3.0))
+
+    def node(self, kind: str, name: str) -> None:
+        self._start(name, PYTHON, str(NODES), kind, f"__name:={name.strip('/')}")
+
+    def stop(self, name: str) -> None:
+        process = self.processes.pop(name)
+        process.terminate()
+        process.wait(20)
+
+    def look_until(self, what: str, true: Any) -> None:
+        until(what, lambda: self.watcher.look() or true())
+
+    def streams(self) -> list[int]:
+        topic = self.watcher.traffic.topics.get("/points")
+        return [stream.messages for stream in topic.streams] if topic else []
+
+    def connected(self) -> set[str]:
+        client = Ros1Client(self.uri, 3.0)
+        state = client.state()
+        topic = client.ask(state, everything(state)).topics.get("/points")
+        return {publisher for publisher, _subscriber in topic.connections} if topic else set()
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[TrafficScene]:
+    made = TrafficScene(tmp_path)
+    made.start_master()
+    made.node("sink", "/sink_0000000a")
+    made.node("source", OLD)
+    made.look_until("messages of the old source", lambda: made.streams() and made.streams()[0] > 20)
+    yield made
+    made.end()
+
+
+def test_a_source_that_is_replaced_while_it_still_sends(scene: TrafficScene) -> None:
+    scene.node("source", NEW)
+    scene.look_until("messages of both", lambda: len([one for one in scene.streams() if one > 20]) == 2)
+    until("the new one has its listener", lambda: NEW in scene.connected())
+    scene.stop(OLD)
+    scene.look_until("the old one's end", lambda: scene.connected() == {NEW})
+    result = scene.watcher.result([])
+    assert result["problems"] == [], result
+    points = result["topics"]["/points"]
+    assert (points["numbered"], points["missing"], points["publishers"]) == (True, 0, 2)
+
+
+def test_a_source_that_ends_before_the_next_one_begins(scene: TrafficScene) -> None:
+    scene.stop(OLD)
+    scene.look_until("a look at nobody", lambda: scene.connected() == set())
+    scene.watcher.look()
+    scene.node("source", NEW)
+    scene.look_until("messages of the new one", lambda: scene.streams()[-1] > 20 and len(scene.streams()) > 1)
+    result = scene.watcher.result([])
+    assert len(result["problems"]) == 1, result
+    [problem] = result["problems"]
+    assert problem.startswith("/points: /sink was not connected in ")
+    assert scene.watcher.result(["/points"])["problems"] == []
+
+
+def test_numbers_that_are_left_out(scene: TrafficScene) -> None:
+    scene.node("skipping", "/skipping")
+    scene.look_until("more messages than before they are left out", lambda: max(scene.streams()[1:], default=0) > 250)
+    result = scene.watcher.result([])
+    assert len(result["problems"]) == 1, result
+    [problem] = result["problems"]
+    assert problem.startswith("/points: 3 of ")
+    assert problem.endswith(" messages are missing")

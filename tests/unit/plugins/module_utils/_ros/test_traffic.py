@@ -1,0 +1,134 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What was lost of traffic in which nodes were replaced."""
+
+from __future__ import annotations
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, Node, Topic
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Definition
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Stream, Traffic, app_of, has_number
+
+SCAN, OLD, NEW, MAP, MAP2 = "/scan", "/lidar_00000001", "/lidar_00000002", "/mapping_0000000a", "/mapping_0000000b"
+HEADER = "uint32 seq\ntime stamp\nstring frame_id\n"
+
+
+def graph(*connections: tuple[str, str], silent: str = "", refused: bool = False) -> Graph:
+    """/scan with who is connected to whom; `silent` is a publisher that does not answer."""
+    publishers = sorted({publisher for publisher, _subscriber in connections} | ({silent} if silent else set()))
+    bus = (Connection(SCAN, "x", "o", "TCPROS", True),)
+    nodes = {name: Node(name, "http://a:1/", 1, asked=True, connections=bus) for name in publishers}
+    if silent:
+        nodes[silent] = Node(silent, "http://a:2/", asked=True, refused=refused)
+    topic = Topic(SCAN, "t/T", tuple(publishers), tuple(sorted({one for _publisher, one in connections})), connections)
+    return Graph(nodes, {SCAN: topic})
+
+
+def watched(*looks: Graph) -> Traffic:
+    traffic = Traffic()
+    for look in looks:
+        traffic.look(look)
+    return traffic
+
+
+def take(traffic: Traffic, *numbers: int | None) -> None:
+    """One publisher's messages, a tenth of a second apart."""
+    stream = Stream()
+    traffic.topics[SCAN].streams.append(stream)
+    for number in numbers:
+        topic = traffic.topics[SCAN]
+        topic.take(stream, (topic.last or 0.0) + 0.1, number)
+
+
+def test_apps_that_hand_over_lose_nothing() -> None:
+    traffic = watched(
+        graph((OLD, MAP)), graph((OLD, MAP), (NEW, MAP)), graph((NEW, MAP)), graph((NEW, MAP), (NEW, MAP2)),
+        graph((NEW, MAP2)),
+    )  # fmt: skip
+    take(traffic, 5, 6, 7)
+    take(traffic, 0, 1, 2)
+    assert traffic.problems([]) == []
+    assert traffic.as_dict()[SCAN] == {
+        "messages": 6,
+        "publishers": 2,
+        "numbered": True,
+        "missing": 0,
+        "longest_gap": 0.1,
+        "unconnected_looks": {"/mapping": 0},
+    }
+
+
+@pytest.mark.parametrize(
+    ("numbers", "missing"), [((1, 2, 4), 1), ((1, 12), 10), ((1, 102, 103), 100), ((2**32 - 1, 1), 1)]
+)
+def test_a_hole_in_one_publisher_s_numbers_is_lost(numbers: tuple[int, ...], missing: int) -> None:
+    traffic = watched(graph((OLD, MAP)))
+    take(traffic, *numbers)
+    assert traffic.problems([]) == [f"/scan: {missing} of {len(numbers) + missing} messages are missing"]
+    assert traffic.problems([SCAN]) == []
+
+
+@pytest.mark.parametrize("numbers", [(0, 0, 0), (7, 3, 4), (2**32 - 1, 0), (None, None)])
+def test_numbers_that_say_nothing_are_no_loss(numbers: tuple[int | None, ...]) -> None:
+    traffic = watched(graph((OLD, MAP)))
+    take(traffic, *numbers)
+    assert traffic.problems([]) == []
+
+
+def test_of_messages_without_a_number_nobody_knows() -> None:
+    traffic = watched(graph((OLD, MAP)))
+    take(traffic, None, None)
+    assert (traffic.as_dict()[SCAN]["messages"], traffic.as_dict()[SCAN]["missing"]) == (2, None)
+
+
+def test_an_app_without_a_publisher_is_said() -> None:
+    traffic = watched(graph((OLD, MAP)), graph((OLD, "/other")), graph(), graph((NEW, MAP2), (NEW, "/other")))
+    take(traffic, 1)
+    assert traffic.problems([]) == [
+        "/scan: /mapping was not connected in 2 of 4 looks",
+        "/scan: /other was not connected in 1 of 4 looks",
+    ]
+    assert traffic.problems([SCAN]) == []
+
+
+@pytest.mark.parametrize(("refused", "missed"), [(False, 0), (True, 1)])
+def test_a_publisher_that_is_late_to_answer_may_be_connected_one_that_is_gone_is_not(
+    refused: bool, missed: int
+) -> None:
+    traffic = watched(graph((OLD, MAP)), graph(silent=OLD, refused=refused))
+    assert traffic.topics[SCAN].unconnected == {"/mapping": missed}
+
+
+def test_whoever_saw_nothing_has_not_proven_anything() -> None:
+    assert Traffic().problems([]) == ["no message was seen on any topic"]
+    assert watched(graph((OLD, MAP))).problems([]) == ["no message was seen on any topic"]
+
+
+def test_logs_and_topics_without_a_listener_are_none_of_it() -> None:
+    topics = [
+        Topic("/rosout", subscribers=(MAP,), connections=((OLD, MAP),)),
+        Topic("/tf", publishers=(OLD,)),
+        Topic("/looked_at", connections=((OLD, "/rosops_fleet_17"),)),  # by somebody who is not registered
+        Topic("/kept", subscribers=("/ros_keeper",), connections=((OLD, "/ros_keeper"),)),
+    ]
+    assert watched(Graph({}, {topic.name: topic for topic in topics})).topics == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "numbered"),
+    [
+        (f"Header header\nfloat64 x\n{'=' * 80}\nMSG: std_msgs/Header\n{HEADER}", True),
+        (f"float64 x\nHeader header\n{'=' * 80}\nMSG: std_msgs/Header\n{HEADER}", False),
+        (f"Header[] headers\n{'=' * 80}\nMSG: std_msgs/Header\n{HEADER}", False),
+        ("float64 x\n", False),
+        ("", False),
+    ],
+)
+def test_a_number_is_that_of_a_header_at_the_beginning(text: str, numbered: bool) -> None:
+    assert has_number(Definition("demo/Scan", text)) is numbered
+
+
+def test_an_app_s_name_has_no_revision() -> None:
+    assert (app_of("/robot1/lidar_0123abcd"), app_of("/lidar_old"), app_of("/lidar")) == (
+        "/robot1/lidar", "/lidar_old", "/lidar",
+    )  # fmt: skip
