@@ -45,13 +45,8 @@ def collect(control: Control, *arguments: str) -> tuple[int, str]:
 
 
 def sums(folder: Path) -> dict[bytes, str]:
-    root = os.fsencode(folder)
-    paths = [os.path.join(place, name) for place, _, names in os.walk(root) for name in names]
-    return {
-        os.path.relpath(path, root): hashlib.sha256(Path(os.fsdecode(path)).read_bytes()).hexdigest()
-        for path in paths
-        if not os.path.islink(path)
-    }
+    paths = [path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
+    return {os.fsencode(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 
 
 def test_results_come_with_their_sums_and_once(control: Control, storage: Path) -> None:

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rigelfiles in, fleets out, by ansible-playbook itself: three of them pass the validation; what is there is respected."""
+"""Rigelfiles in, fleets out, by ansible-playbook itself: three of them pass the validation; what is there stays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ WHOLE = CHECKOUT / "tests" / "unit" / "fixtures" / "rigel"
 IMPORT = f"- import_playbook: {CHECKOUT}/playbooks/import_rigelfile.yml\n"
 
 
-def imports(control: Control, source: Path | str, *arguments: str, dest: str = "arms", **environ: str) -> tuple[int, str]:
+def imports(
+    control: Control, source: Path | str, *arguments: str, dest: str = "arms", **environ: str
+) -> tuple[int, str]:
     control.write("play.yml", IMPORT)
     done = control.run("-e", f"rigelfile={source}", "-e", f"dest={dest}", *arguments, **environ)
     print(done.stdout + done.stderr)
@@ -44,14 +46,19 @@ def test_what_was_imported_passes_the_validation(control: Control) -> None:
         assert "registry.example.org/" in valid.stdout  # the variables are filled in there
 
 
-def test_a_second_import_changes_nothing_and_one_that_would_overwrite_is_refused(control: Control, tmp_path: Path) -> None:
+def test_a_second_import_changes_nothing_and_one_that_would_overwrite_is_refused(
+    control: Control, tmp_path: Path
+) -> None:
     source = WHOLE / "pubsub" / "Rigelfile"
     status, output = imports(control, source, "--check", "--diff")
     assert (status, "+fleet_name: arms" in output) == (0, True)
     assert not (tmp_path / "arms").exists()
     assert imports(control, source)[0] == 0
     before = texts(tmp_path / "arms")
-    assert {*before} == {"IMPORT.md", *(f"inventory/{name}" for name in ("hosts.yml", "group_vars/all.yml", "group_vars/robots.yml"))}
+    assert {*before} == {
+        "IMPORT.md",
+        *(f"inventory/{name}" for name in ("hosts.yml", "group_vars/all.yml", "group_vars/robots.yml")),
+    }
     assert "rigel-admin" not in str(before) + output
     hosts = tmp_path / "arms" / "inventory" / "hosts.yml"
     hosts.write_text(hosts.read_text().replace("192.0.2.21", "192.0.2.77"))
