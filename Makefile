@@ -95,6 +95,7 @@ mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the 
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
+	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/rigel
 	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tests/browser:tools mypy tests/observability
 
 .PHONY: yamllint

@@ -47,7 +47,9 @@ class ActionModule(FleetAction):
         result: dict[str, Any] = {
             "changed": any(one["outcome"] in (FETCHED, GREW) for one in found),
             "files": found,
-            "warnings": [f"{one['target']}/{one['path']}: {one['outcome']}" for one in found if one["outcome"] in (GREW, GONE)],
+            "warnings": [
+                f"{one['target']}/{one['path']}: {one['outcome']}" for one in found if one["outcome"] in (GREW, GONE)
+            ],
             "passed": [f"{source.target}/{unquote(name)}" for source in mine for name in source.passed],
         }
         silent = [host for host in play if host not in said]
@@ -77,13 +79,15 @@ class ActionModule(FleetAction):
 def _asked(host: ActionHost, args: Mapping[str, Any], pieces: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     found = host.module(MODULE, {**args, "pieces": [*pieces]})
     if "pieces" not in found:
-        raise FleetError(f"claims of the host cannot be read: {found.get('msg', found)}; run again, it goes on from there")
+        raise FleetError(
+            f"claims of the host cannot be read: {found.get('msg', found)}; run again, it goes on from there"
+        )
     return list(found["pieces"])
 
 
 def _lacking(volume: str, silent: Sequence[str]) -> str:
     asked = f"; {', '.join(silent)} did not answer" if silent else ""
     return (
-        f"{volume}: no host of this run has a claim of this volume{asked}; name one of persistent_storage, leave out --limit (an app "
-        "of the edge has its claim there), and mind that only claims of local-path lie on hosts"
+        f"{volume}: no host of this run has a claim of this volume{asked}; name one of persistent_storage, leave out "
+        "--limit (an app of the edge has its claim there), and mind that only claims of local-path lie on hosts"
     )

@@ -92,7 +92,9 @@ def _write_all(dest: Path, texts: Mapping[str, str], found: Imported) -> None:
         try:
             write(dest / path, text, mode)
         except OSError as error:
-            raise FleetError(f"{dest / path}: cannot be written: {error}; give a directory that is yours as dest") from error
+            raise FleetError(
+                f"{dest / path}: cannot be written: {error}; give a directory that is yours as dest"
+            ) from error
 
 
 def _difference(path: str, before: str | None, after: str) -> dict[str, str]:

@@ -11,17 +11,23 @@ module: claim_collect
 short_description: Collect files of persistent claims
 version_added: 0.1.0
 description:
-  - Brings files of the claims on a host to the control node, each into C(<dest>/<robot>/<volume>), piece by piece, and compares the
-    SHA-256 sum of each with the robot's. Beside the directory, C(<volume>.sha256) has all sums as C(sha256sum --check) reads them.
-  - The host needs Python 3 alone, an image nothing at all. A piece is held in memory, never a file, and the robot writes nothing.
-  - A file that is here with the same size and time is not fetched again. One that was begun, or has grown since, goes on from where what
+  - Brings files of the claims on a host to the control node, each into C(<dest>/<robot>/<volume>), piece by piece,
+    and compares the
+    SHA-256 sum of each with the robot's. Beside the directory, C(<volume>.sha256) has all sums as C(sha256sum
+    --check) reads them.
+  - The host needs Python 3 alone, an image nothing at all. A piece is held in memory, never a file, and the robot
+    writes nothing.
+  - A file that is here with the same size and time is not fetched again. One that was begun, or has grown since, goes
+    on from where what
     is here ends, if that is still what the robot has.
-  - A file that grew meanwhile is what it was when it was listed, with a warning. One that was changed is not kept, and the task fails
+  - A file that grew meanwhile is what it was when it was listed, with a warning. One that was changed is not kept,
+    and the task fails
     when all others are here.
   - Follows no link.
 options:
   listed:
-    description: Name of the variable with the registered result of M(rosops.fleet.claim_files), on all hosts of the play.
+    description: Name of the variable with the registered result of M(rosops.fleet.claim_files), on all hosts of the
+      play.
     type: str
     required: true
   dest:
@@ -88,7 +94,8 @@ files:
       description: Bytes.
       type: int
     outcome:
-      description: What became of it; V(fetched), V(fetched, and written to meanwhile), V(changed meanwhile) or V(gone meanwhile).
+      description: What became of it; V(fetched), V(fetched, and written to meanwhile), V(changed meanwhile) or V(gone
+        meanwhile).
       type: str
 passed:
   description: What is no plain file, such as links, and was passed over.

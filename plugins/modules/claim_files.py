@@ -11,7 +11,8 @@ module: claim_files
 short_description: List and read the files of persistent claims on their host
 version_added: 0.1.0
 description:
-  - Finds the directories of claims that the storage class C(local-path) keeps on the host, lists their plain files, and reads pieces of
+  - Finds the directories of claims that the storage class C(local-path) keeps on the host, lists their plain files,
+    and reads pieces of
     files, compressed. M(rosops.fleet.claim_collect) does its work with it.
   - Follows no link, in no part of a path, and opens nothing but plain files, as what apps write there is not trusted.
 options:
@@ -73,7 +74,8 @@ EXAMPLES = r"""
 
 RETURN = r"""
 claims:
-  description: The claims, each with C(directory), C(namespace), C(claim), its C(files) (by percent-encoded path C(size), C(mtime_ns),
+  description: The claims, each with C(directory), C(namespace), C(claim), its C(files) (by percent-encoded path
+    C(size), C(mtime_ns),
     C(inode)), and in C(passed) the paths of what is no plain file.
   returned: if nothing is to be read
   type: list
@@ -85,10 +87,9 @@ pieces:
   elements: dict
 """
 
-import os
+from pathlib import Path
 
 from ansible.module_utils.basic import AnsibleModule
-
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.claims import claims, listing, pieces
 
@@ -114,12 +115,12 @@ def main() -> None:
     try:
         found = claims(given["storage"])
         if given["directory"]:
-            [root] = [claim.directory for claim in found if claim.directory == given["directory"]] or [None]
-            if root is None:
-                raise FleetError("%s is no claim's directory any more" % given["directory"])
-            module.exit_json(changed=False, pieces=pieces(os.path.join(given["storage"], root), given["pieces"]))
+            if given["directory"] not in [claim.directory for claim in found]:
+                raise FleetError(f"{given['directory']} is no claim's directory any more")
+            root = str(Path(given["storage"]) / given["directory"])
+            module.exit_json(changed=False, pieces=pieces(root, given["pieces"]))
         listed = [
-            dict(claim._asdict(), **listing(os.path.join(given["storage"], claim.directory), given["match"])._asdict())
+            dict(claim._asdict(), **listing(str(Path(given["storage"]) / claim.directory), given["match"])._asdict())
             for claim in found
             if claim.namespace in given["namespaces"] and claim.claim in (given["claims"] or [claim.claim])
         ]

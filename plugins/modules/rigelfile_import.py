@@ -11,10 +11,12 @@ module: rigelfile_import
 short_description: Turn a Rigelfile into the inventory of a fleet
 version_added: 0.1.0
 description:
-  - Reads the jobs, sequences and variables of a Rigelfile (Rigel's configuration, with the dissertation's orchestration plugin) and
+  - Reads the jobs, sequences and variables of a Rigelfile (Rigel's configuration, with the dissertation's
+    orchestration plugin) and
     writes the inventory of a fleet that does the same, and C(IMPORT.md), which says of every key what became of it.
   - Hosts are placeholders, as a Rigelfile knows none.
-  - What it would write is held against the fleet's whole validation before anything is written. What does not pass is an error with the
+  - What it would write is held against the fleet's whole validation before anything is written. What does not pass is
+    an error with the
     place in the Rigelfile.
   - Runs on the control node. It runs nothing of Rigel's and contacts nobody.
 options:
@@ -35,7 +37,8 @@ options:
     type: str
     default: ""
   force:
-    description: Whether files that are there with another text are overwritten. Else they are named, and nothing is written.
+    description: Whether files that are there with another text are overwritten. Else they are named, and nothing is
+      written.
     type: bool
     default: false
 notes:

@@ -1,10 +1,11 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of persistent claims on their host: what there is, pieces of it, checksums. What apps write there is not trusted.
+"""Files of persistent claims on their host: what there is, pieces of it, checksums. What apps write is not trusted.
 
-The storage class local-path keeps a claim in a directory <volume of Kubernetes>_<namespace>_<claim>. An app may put anything into it at
-any time, while this reads as root: so no link is followed, in no part of a path, and nothing but plain files is opened.
+The storage class local-path keeps a claim in a directory <volume of Kubernetes>_<namespace>_<claim>. An app may put
+anything into it at any time, while this reads as root: so no link is followed, in no part of a path, and nothing but
+plain files is opened.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import os
 import stat
 import zlib
 from contextlib import closing, contextmanager
-from typing import Any, BinaryIO, Dict, Iterator, List, NamedTuple, Optional
+from pathlib import Path
+from typing import Any, BinaryIO, Iterator, NamedTuple
 from urllib.parse import quote_from_bytes, unquote_to_bytes
 
 from .._common.errors import FleetError
@@ -33,14 +35,14 @@ class Claim(NamedTuple):
     claim: str
 
 
-def claims(storage: str) -> List[Claim]:
+def claims(storage: str) -> list[Claim]:
     """The claims below the storage's directory; none where there is no such directory."""
     try:
-        names = sorted(os.listdir(storage))
+        names = sorted(path.name for path in Path(storage).iterdir())
     except FileNotFoundError:
         return []
     found = [Claim(name, *name.split("_")[1:]) for name in names if name.startswith("pvc-") and name.count("_") == 2]
-    return [claim for claim in found if stat.S_ISDIR(os.lstat(os.path.join(storage, claim.directory)).st_mode)]
+    return [claim for claim in found if stat.S_ISDIR((Path(storage) / claim.directory).lstat().st_mode)]
 
 
 def wire(path: bytes) -> str:
@@ -53,45 +55,44 @@ def unwire(text: str) -> bytes:
     path = unquote_to_bytes(text)
     parts = path.split(b"/")
     if not path or b"\0" in path or any(part in (b"", b".", b"..") for part in parts):
-        raise FleetError("%r is no path below a claim" % text)
+        raise FleetError(f"{text!r} is no path below a claim")
     return path
 
 
 class Found(NamedTuple):
     """What a claim holds: its files by path, and the paths of what is no plain file."""
 
-    files: Dict[str, Dict[str, int]]
-    passed: List[str]
+    files: dict[str, dict[str, int]]
+    passed: list[str]
 
 
-def listing(root: str, match: List[str]) -> Found:
+def listing(root: str, match: list[str]) -> Found:
     """All plain files below a directory whose path from there matches one of the patterns; `*` matches slashes, too."""
-    files: Dict[str, Dict[str, int]] = {}
-    passed: List[str] = []
-    patterns = [os.fsencode(pattern) for pattern in match]
+    files: dict[str, dict[str, int]] = {}
+    passed: list[str] = []
 
     def failed(error: OSError) -> None:
         if not isinstance(error, FileNotFoundError):  # it went meanwhile
             raise error
 
-    base = os.fsencode(root)
-    for place, directories, names in os.walk(base, onerror=failed):
+    for place, directories, names in os.walk(root, onerror=failed):
         for name in sorted([*names, *directories]):
-            path = os.path.relpath(os.path.join(place, name), base)
+            full = Path(place) / name
+            path = str(full.relative_to(root))
             try:
-                seen = os.lstat(os.path.join(place, name))
+                seen = full.lstat()
             except FileNotFoundError:
                 continue
-            if stat.S_ISDIR(seen.st_mode) or not any(fnmatch.fnmatchcase(path, pattern) for pattern in patterns):
+            if stat.S_ISDIR(seen.st_mode) or not any(fnmatch.fnmatchcase(path, pattern) for pattern in match):
                 continue
             if stat.S_ISREG(seen.st_mode):
-                files[wire(path)] = state(seen)
+                files[wire(os.fsencode(path))] = state(seen)
             else:
-                passed.append(wire(path))
+                passed.append(wire(os.fsencode(path)))
     return Found(files, passed)
 
 
-def state(seen: os.stat_result) -> Dict[str, int]:
+def state(seen: os.stat_result) -> dict[str, int]:
     """What tells one content of a file from another without reading it."""
     return {"size": seen.st_size, "mtime_ns": seen.st_mtime_ns, "inode": seen.st_ino}
 
@@ -114,7 +115,7 @@ def opened(root: str, path: bytes) -> Iterator[BinaryIO]:
         os.close(at)
 
 
-def piece(root: str, wanted: Dict[str, Any]) -> Dict[str, Any]:
+def piece(root: str, wanted: dict[str, Any]) -> dict[str, Any]:
     """One piece of a file: `length` bytes from `offset` on, compressed. What is gone by now is `gone`.
 
     With `check` also the sum of the first `check` bytes of the whole file, and its state: asked with its last piece.
@@ -131,7 +132,7 @@ def piece(root: str, wanted: Dict[str, Any]) -> Dict[str, Any]:
         return {"gone": error.strerror or str(error)}
 
 
-def sha256(file: BinaryIO, length: int) -> Optional[str]:
+def sha256(file: BinaryIO, length: int) -> str | None:
     """The sum of so many bytes from the beginning; None where there are not so many."""
     file.seek(0)
     total = hashlib.sha256()
@@ -144,11 +145,11 @@ def sha256(file: BinaryIO, length: int) -> Optional[str]:
     return total.hexdigest()
 
 
-def pieces(root: str, wanted: List[Dict[str, Any]]) -> List[Dict[str, Any]]:
+def pieces(root: str, wanted: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Several pieces, in the order in which they are asked for."""
     return [piece(root, one) for one in wanted]
 
 
-def opened_data(found: Dict[str, Any]) -> bytes:
+def opened_data(found: dict[str, Any]) -> bytes:
     """The bytes of a piece."""
     return zlib.decompress(base64.b64decode(found["data"]))

@@ -22,8 +22,11 @@ class Source(NamedTuple):
 
 
 def sources(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Source]:
-    """`listed` is what each host said of its claims. A claim that is there twice, as after a cluster was made anew, is told
-    apart by its volume: nothing of one is ever laid over the other."""
+    """`listed` is what each host said of its claims.
+
+    A claim that is there twice, as after a cluster was made anew, is told apart by its volume: nothing of one is ever
+    laid over the other.
+    """
     claims = [(host, claim) for host in sorted(listed) for claim in listed[host]]
     keys = [(claim["namespace"], claim["claim"]) for _, claim in claims]
     return [

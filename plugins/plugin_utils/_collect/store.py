@@ -39,7 +39,7 @@ class Store:
     def same(self, name: str, state: Mapping[str, int]) -> bool:
         """Whether the file is there, by size and time, as rsync looks at it."""
         try:
-            seen = os.stat(self.path(name), follow_symlinks=False)
+            seen = self.path(name).lstat()
         except (FileNotFoundError, NotADirectoryError):
             return False
         return (seen.st_size, seen.st_mtime_ns) == (state["size"], state["mtime_ns"])
@@ -94,11 +94,11 @@ class Store:
         """The sums of all files that are here, as `sha256sum --check` reads them from within the directory."""
         before = self._known_sums()
         lines = {}
-        for place, _, files in os.walk(os.fsencode(self.folder)):
-            for file in files:
-                path = os.path.relpath(os.path.join(place, file), os.fsencode(self.folder))
-                full = self.folder / os.fsdecode(path)
-                found = known.get(os.fsdecode(path)) or before.get(path) or self.sum_of(full, full.stat().st_size)
+        for full in self.folder.rglob("*"):
+            if full.is_file():
+                name = str(full.relative_to(self.folder))
+                path = os.fsencode(name)
+                found = known.get(name) or before.get(path) or self.sum_of(full, full.stat().st_size)
                 lines[path] = _line(path, found)
         self.sums.parent.mkdir(parents=True, exist_ok=True)
         unfinished = self.sums.with_name(f".{self.sums.name}.{os.getpid()}")

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Brings the files of one claim here, piece by piece: what is not here yet, and each with its sum compared in the end."""
+"""Brings the files of one claim here, piece by piece: what is not here yet, each with its sum compared."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def wanted(store: Store, files: States) -> list[str]:
 
 
 def fetch(ask: Ask, store: Store, files: States, names: Sequence[str]) -> dict[str, str]:
-    """Bring these files; the outcome of each. A file whose content changed meanwhile is not kept, what was here stays."""
+    """Bring these files; the outcome of each. One that was changed meanwhile is not kept, what was here stays."""
     outcomes: dict[str, str] = {}
     sums: dict[str, str] = {}
     starts = _starts(ask, store, files, names)

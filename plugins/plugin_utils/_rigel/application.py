@@ -25,7 +25,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import 
 
 OURS = ("ROS_MASTER_URI", "ROS_IP", "ROS_HOSTNAME")
 UNTOLD = "is text of the Rigelfile; move it into Ansible Vault (ansible-vault encrypt_string)"
-PROBED = "the collection's own probe: the app counts as ready at the first second at which readiness.command and the graph agree"
+PROBED = (
+    "the collection's own probe: the app is ready at the first second at which readiness.command and the graph agree"
+)
 
 App = dict[str, Any]
 
@@ -62,13 +64,19 @@ def applications(manifest: Part, wishes: Wishes) -> list[App]:
     metadata.leave("namespace", "each robot has its own, robot-<robot>", CHANGED)
     replicas = spec.take("replicas", int)
     if replicas not in (None, 1):
-        spec.say("replicas", LEFT, "a ROS node cannot run twice under its name; write one app for each, with its own node_name")
+        spec.say(
+            "replicas",
+            LEFT,
+            "a ROS node cannot run twice under its name; write one app for each, with its own node_name",
+        )
     spec.leave("strategy", "handoff says how a new version takes over; see rolling_update", CHANGED)
     spec.leave("selector", "the collection's own labels find the pods", CHANGED)
     template = spec.part("template")
     pod = template.part("spec")
     placement = _placement(pod, wishes.placement)
-    containers = list(pod.parts("containers")) or [Part({"name": APP_CONTAINER}, f"{pod.path}.containers[0]", pod.notes)]
+    containers = list(pod.parts("containers")) or [
+        Part({"name": APP_CONTAINER}, f"{pod.path}.containers[0]", pod.notes)
+    ]
     volumes = {one.text("name"): one for one in pod.parts("volumes")}
     named = [(container.text("name") or APP_CONTAINER, container) for container in containers]
     if wishes.name in {label(name) for name, _ in named if name != APP_CONTAINER} and len(named) > 1:
@@ -78,7 +86,9 @@ def applications(manifest: Part, wishes: Wishes) -> list[App]:
         first = name == APP_CONTAINER or len(named) == 1
         app = _application(container, wishes if first else _beside(wishes, name), placement, volumes, first)
         made.append(app)
-        container.say("", TAKEN, f"the app {app['name']}" + ("" if first else ", on its own: each node is handed over by itself"))
+        container.say(
+            "", TAKEN, f"the app {app['name']}" + ("" if first else ", on its own: each node is handed over by itself")
+        )
     rest = _rest(metadata, spec, template, pod, volumes)
     manifest.end("a Deployment has no such key")
     if rest:
@@ -100,9 +110,7 @@ def _placement(pod: Part, said: str) -> str:
     return chosen or said
 
 
-def _application(
-    container: Part, wishes: Wishes, placement: str, volumes: Mapping[str, Part], first: bool
-) -> App:
+def _application(container: Part, wishes: Wishes, placement: str, volumes: Mapping[str, Part], first: bool) -> App:
     app: App = {"name": wishes.name}
     image = container.text("image") or wishes.image
     app["image"] = image
@@ -125,7 +133,11 @@ def _application(
     if lost or not {"command", "args", "launch"} & {*app}:
         readiness["nodes"] = False
         why = lost or "nobody knows what the image runs"
-        container.say("", OPEN, f"readiness.nodes is false, as {why}; say what the app offers under readiness.topics, services or actions")
+        container.say(
+            "",
+            OPEN,
+            f"readiness.nodes is false, as {why}; say what the app offers under readiness.topics, services or actions",
+        )
     if readiness:
         app["readiness"] = readiness
     resources = container.take("resources", dict)
@@ -138,7 +150,9 @@ def _application(
     if container.value:
         for key in container.value:
             container.say(key, TAKEN, "overrides of the app")
-        app["overrides"] = {"spec": {"template": {"spec": {"containers": [{"name": APP_CONTAINER, **container.value}]}}}}
+        app["overrides"] = {
+            "spec": {"template": {"spec": {"containers": [{"name": APP_CONTAINER, **container.value}]}}}
+        }
     return app
 
 
@@ -147,7 +161,9 @@ def _words(container: Part, wishes: Wishes) -> App:
     command, args = container.words("command"), container.words("args")
     if not command and not args and wishes.image_runs:
         args = shlex.split(wishes.image_runs)
-        container.say("args", TAKEN, "args are what the job dockerfile has the image run; the ROS node's name is added to them")
+        container.say(
+            "args", TAKEN, "args are what the job dockerfile has the image run; the ROS node's name is added to them"
+        )
     words = [*command, *args]
     programs = [word.rpartition("/")[2] for word in words]
     at = programs.index("roslaunch") if "roslaunch" in programs else -1
@@ -177,13 +193,17 @@ def _env(container: Part) -> App:
             item.say("", SAME, f"{name} is set by the collection for every app")
         elif "value" in item:
             env[name] = item.text("value")
-            item.say("", OPEN if is_secret(name) else TAKEN, f"env.{name}" + (f"; it {UNTOLD}" if is_secret(name) else ""))
+            item.say(
+                "", OPEN if is_secret(name) else TAKEN, f"env.{name}" + (f"; it {UNTOLD}" if is_secret(name) else "")
+            )
         else:
             source = item.value.get("valueFrom")
             key = source.get("secretKeyRef") if isinstance(source, Mapping) else None
             if isinstance(key, Mapping) and {"name", "key"} <= {*key}:
                 env[name] = {"secret": key["name"], "key": key["key"]}
-                item.say("", OPEN, f"env.{name}; the Secret {key['name']} has to be in the robot's namespace, robot-<robot>")
+                item.say(
+                    "", OPEN, f"env.{name}; the Secret {key['name']} has to be in the robot's namespace, robot-<robot>"
+                )
             else:
                 kept.append({"name": name, **item.value})
     if kept:
@@ -196,7 +216,9 @@ def _ports(container: Part, placement: str) -> list[App]:
     for item in container.parts("ports"):
         port, name = item.take("containerPort", int), item.text("name")
         if port == MASTER_PORT:
-            item.say("", SAME, f"{port} is the ROS master's, which has a Service of its own; the app does not listen there")
+            item.say(
+                "", SAME, f"{port} is the ROS master's, which has a Service of its own; the app does not listen there"
+            )
             continue
         one: App = {"name": label(name, 15) or f"port-{port}", "port": port}
         protocol, host_port = item.text("protocol"), item.take("hostPort", int)
@@ -221,13 +243,17 @@ def _mounts(container: Part, volumes: tuple[Volume, ...], pod_volumes: Mapping[s
         name, path = mount.text("name"), mount.text("mountPath")
         source = pod_volumes.get(name)
         claim = _claim(source)
-        found = next((one for one in volumes if claim_name(one.given) == claim or (one.given == name and not claim)), None)
+        found = next(
+            (one for one in volumes if claim_name(one.given) == claim or (one.given == name and not claim)), None
+        )
         if found:
             paths[found.name] = path
             mount.say("", TAKEN, f"volumes of the app: {found.name}")
         elif source is not None and isinstance(source.value.get("hostPath"), Mapping):
             directory = source.value["hostPath"].get("path", "")
-            host_paths.append({"path": directory, "mount_path": path, "read_only": bool(mount.value.get("readOnly", False))})
+            host_paths.append(
+                {"path": directory, "mount_path": path, "read_only": bool(mount.value.get("readOnly", False))}
+            )
             mount.say("", TAKEN, f"host_paths of the app: {directory}")
         else:
             kept.append({"name": name, "mountPath": path, **mount.value})
@@ -259,7 +285,9 @@ def _readiness(container: Part, wishes: Wishes) -> App:
     for part in (action, probe):  # the dissertation's listing has the times within exec
         for key in ("initialDelaySeconds", "periodSeconds", "timeoutSeconds", "failureThreshold", "successThreshold"):
             part.leave(key, f"{PROBED}; readiness.timeout is how long that may take", CHANGED)
-        part.end("readiness asks by a command only; say it as readiness.command, or let readiness.topics or services say it")
+        part.end(
+            "readiness asks by a command only; say it as readiness.command, or let readiness.topics or services say it"
+        )
     return readiness
 
 

@@ -19,8 +19,9 @@ REPORT = "IMPORT.md"
 PLACEHOLDER = "FILL IN"
 HOSTS_TEXT = f"""\
 ---
-# A Rigelfile knows no hosts. {PLACEHOLDER} the addresses, and add a line for each further robot. Names are those of robots and
-# Kubernetes nodes: lower case letters, digits, dashes. Hosts need SSH, Python 3 and a user who may become root.
+# A Rigelfile knows no hosts. {PLACEHOLDER} the addresses, and add a line for each further robot. Names are those of
+# robots and Kubernetes nodes: lower case letters, digits, dashes. Hosts need SSH, Python 3 and a user who may become
+# root.
 all:
   children:
     edge:
@@ -62,7 +63,9 @@ def files(found: Imported, source: str, inventory: str) -> dict[str, str]:
     base = f"{inventory}/" if inventory else ""
     return {
         f"{base}hosts.yml": HOSTS_TEXT,
-        f"{base}group_vars/all.yml": _variables(found.all, f"# Imported from {source}; {REPORT} has what became of each key."),
+        f"{base}group_vars/all.yml": _variables(
+            found.all, f"# Imported from {source}; {REPORT} has what became of each key."
+        ),
         f"{base}group_vars/robots.yml": _variables(found.robots, "# What every robot runs."),
         REPORT: report(found, source, inventory),
     }

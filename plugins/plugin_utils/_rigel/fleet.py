@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A whole Rigelfile as a fleet: its inventory's variables, checked as every inventory is, and what was said about it."""
+"""A whole Rigelfile as a fleet: its inventory's variables, checked as every inventory is, and what was said of it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ def imported(text: str, name: str, environment: Mapping[str, str], fleet_name: s
     jobs = [job for job in file.jobs if job.orchestrates and not job.updates]
     if not jobs:
         known = ", ".join(job.name for job in file.jobs) or "none"
-        raise SpecError(f"{name}: has no job that deploys (its jobs: {known}); one with an orchestration, as deploy_k8s")
+        raise SpecError(
+            f"{name}: has no job that deploys (its jobs: {known}); one with an orchestration, as deploy_k8s"
+        )
     runs = _image_runs(file)
     parts = [(job, deployed(job, file.distro, runs, notes)) for job in jobs]
     for job in file.jobs:
@@ -92,7 +94,9 @@ def _joined(parts: list[tuple[Job, Deployed]], notes: Notes, fleet_name: str) ->
                 notes.say(f"{job.path}.with.orchestration.{key}", CHANGED, told)
         for volume in one.volumes:
             if volumes.setdefault(volume["name"], volume) != volume:
-                notes.say(f"{job.path}.with.orchestration.persistent_storage", CHANGED, f"{volume['name']}: the first job's")
+                notes.say(
+                    f"{job.path}.with.orchestration.persistent_storage", CHANGED, f"{volume['name']}: the first job's"
+                )
     dashboards = tuple(dict.fromkeys(path for _, one in parts for path in one.dashboards))
     watching = {"observability": first.observability} if first.observability else {}
     shown = [f"../dashboards/{PurePosixPath(path).name}" for path in dashboards]
@@ -119,7 +123,9 @@ def _settle_handoffs(found: Imported, origins: list[str], notes: Notes) -> None:
         wrong = [problem for problem in before if problem not in _problems(found)]
         if wrong:
             where = wrong[0].path.rpartition(f".ros_apps[{index}].")[2]
-            told = f"{app['name']} is replaced, not overlapped, as {where} {wrong[0].problem}; allowed: {wrong[0].allowed}"
+            told = (
+                f"{app['name']} is replaced, not overlapped, as {where} {wrong[0].problem}; allowed: {wrong[0].allowed}"
+            )
             notes.say(f"{origin}.with.orchestration.rolling_update", OPEN, told)
         else:
             app["handoff"] = "overlap"
@@ -149,17 +155,29 @@ def _told_update(job: Job, notes: Notes) -> None:
     for one in (orchestration, part):
         one.leave("readiness", "an app has one readiness: that of the job that deploys is taken", CHANGED)
     if inside(orchestration.value, "additional_k8s_params", "application"):
-        orchestration.leave("additional_k8s_params", "change the app in ros_apps, then ansible-playbook rosops.fleet.update", OPEN)
+        orchestration.leave(
+            "additional_k8s_params", "change the app in ros_apps, then ansible-playbook rosops.fleet.update", OPEN
+        )
     orchestration.end("an update is a change of the inventory, then ansible-playbook rosops.fleet.update")
     part.end("an update is a change of the inventory, then ansible-playbook rosops.fleet.update")
-    notes.say(job.path, TAKEN, "ansible-playbook rosops.fleet.update, after a change of image in ros_apps; rosops.fleet.rollback is the way back")
+    notes.say(
+        job.path,
+        TAKEN,
+        "ansible-playbook rosops.fleet.update, after a change of image in ros_apps; back: rosops.fleet.rollback",
+    )
 
 
 def _told_rest(file: Rigelfile, notes: Notes) -> None:
     if file.distro:
-        notes.say("application.distro", TAKEN, f"ros_master_image, where the Rigelfile names no other: ros:{file.distro}-ros-core")
+        notes.say(
+            "application.distro",
+            TAKEN,
+            f"ros_master_image, where the Rigelfile names no other: ros:{file.distro}-ros-core",
+        )
     for path in file.rest:
-        known = {"providers": "logins of registries are robot_namespace_pull_secrets, in Ansible Vault; others are your CI's"}
+        known = {
+            "providers": "logins of registries are robot_namespace_pull_secrets, in Ansible Vault; others are your CI's"
+        }
         notes.say(path, LEFT, known.get(path, "it is for building and testing the image, in your CI"))
     for path in dict.fromkeys(file.variables.filtered):
         notes.say(path, CHANGED, "Rigel hands a variable with a filter on as text, Ansible fills it in")
@@ -174,4 +192,8 @@ def _told_rest(file: Rigelfile, notes: Notes) -> None:
             notes.say(f"vars.{key}", LEFT, "nothing that was imported uses it" if value is not None else "it is empty")
     for key, used in file.variables.used.items():
         if key not in file.variables.declared:
-            notes.say(f"vars.{key}", OPEN, f"{used.name} reads the environment of ansible-playbook, as Rigel does; or give it a value")
+            notes.say(
+                f"vars.{key}",
+                OPEN,
+                f"{used.name} reads the environment of ansible-playbook, as Rigel does; or give it a value",
+            )

@@ -13,7 +13,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.part import CH
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.rigelfile import Job, Rigelfile
 
 _CI = "your CI builds the image and pushes it under a new tag; then change image in ros_apps"
-_TESTS = "tests of the application are your CI's; a fleet of it runs in the lab, see docs/howto.md (Try it without robots)"
+_TESTS = (
+    "tests of the application are your CI's; a fleet of it runs in the lab, see docs/howto.md (Try it without robots)"
+)
 # By what the plugin's class, or else the job, is called.
 _PLACES = (
     (("dockerfile",), LEFT, "write the Dockerfile, your CI builds the image of it"),

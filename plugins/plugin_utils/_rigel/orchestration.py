@@ -23,7 +23,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.application im
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.part import (
     CHANGED,
-    LEFT,
     OPEN,
     SAME,
     TAKEN,
@@ -68,7 +67,7 @@ def deployed(job: Job, distro: str, image_runs: str, notes: Notes) -> Deployed:
                 name=_name(job, part, image, manifest),
                 image=image,
                 image_runs=image_runs,
-                placement=_placement(part.part("distributed"), "distributed" in part),
+                placement=_placement(part.part("distributed")),
                 readiness=_readiness(part.part("readiness")),
                 overlap=_overlap(part.part("rolling_update")),
                 volumes=volumes,
@@ -92,7 +91,11 @@ def _others(part: Part) -> None:
     results = part.part("results")
     source = results.text("source_path")
     if source:
-        results.say("source_path", CHANGED, f"{source}: ansible-playbook rosops.fleet.collect fetches what lies on a claim; have the app write there")
+        results.say(
+            "source_path",
+            CHANGED,
+            f"{source}: ansible-playbook rosops.fleet.collect fetches what lies on a claim; have the app write there",
+        )
     results.leave("container", "results are read from the claim, not out of a container", CHANGED)
     results.end("results have no such key")
 
@@ -109,7 +112,7 @@ def _name(job: Job, part: Part, image: str, manifest: Part) -> str:
     return of_job or label(reference.rpartition("/")[2].partition("@")[0].partition(":")[0]) or "ros-app"
 
 
-def _placement(part: Part, said: bool) -> str:
+def _placement(part: Part) -> str:
     enabled, remote, local = (part.take(key, bool) for key in ("enabled", "default_to_remote", "force_local_flag"))
     placement = "remote" if enabled and remote is not False and not local else "local"
     for key, value in (("enabled", enabled), ("default_to_remote", remote), ("force_local_flag", local)):
@@ -141,11 +144,23 @@ def _overlap(part: Part) -> bool:
     if strategy:
         part.say("strategy", TAKEN, "handoff: overlap" if rolls else "handoff: replace, the default")
     if surge is not None:
-        part.say("max_surge", TAKEN if surge < 2 else CHANGED, "handoff: overlap is one more pod, none is replace; robots at a time are update_waves")
+        part.say(
+            "max_surge",
+            TAKEN if surge < 2 else CHANGED,
+            "handoff: overlap is one more pod, none is replace; robots at a time are update_waves",
+        )
     if away is not None:
-        part.say("max_unavailable", SAME if not away else CHANGED, "handoff: overlap takes no pod away before the new one is proven")
+        part.say(
+            "max_unavailable",
+            SAME if not away else CHANGED,
+            "handoff: overlap takes no pod away before the new one is proven",
+        )
     if rolls:
-        part.say("", OPEN, "say the app's pattern instead: pubsub, service, or action (whose goals are waited for: handoff drain)")
+        part.say(
+            "",
+            OPEN,
+            "say the app's pattern instead: pubsub, service, or action (whose goals are waited for: handoff drain)",
+        )
     part.end("handoff says how a new version takes over")
     return rolls
 
@@ -161,20 +176,33 @@ def _volumes(storage: Part) -> tuple[tuple[Volume, ...], list[dict[str, Any]]]:
             item.say("name", CHANGED, f"{name}, as Kubernetes takes no other letters; the claim is {claim_name(name)}")
             mount = mount or default_mount_path(given)
         else:
-            item.say("name", TAKEN, f"persistent_storage: the claim {claim_name(name)} in each robot's namespace, named in the app's volumes")
+            item.say(
+                "name",
+                TAKEN,
+                f"persistent_storage: the claim {claim_name(name)} for each robot, named in the app's volumes",
+            )
         claim = {"name": name, **({"size": size} if size else {})}
         storage_class = item.text("storage_class")
         if storage_class in DEFAULT_CLASSES:
-            item.say("storage_class", CHANGED, f"left out: {storage_class} is a test cluster's; k3s has local-path, its default")
+            item.say(
+                "storage_class",
+                CHANGED,
+                f"left out: {storage_class} is a test cluster's; k3s has local-path, its default",
+            )
         elif storage_class:
             claim["storage_class"] = storage_class
-            item.say("storage_class", OPEN, f"taken; your k3s needs a class {storage_class}, it brings local-path alone")
+            item.say(
+                "storage_class", OPEN, f"taken; your k3s needs a class {storage_class}, it brings local-path alone"
+            )
         if size:
             item.say("size", TAKEN, "persistent_storage")
         if mount:
             claim["mountPath"] = mount
             item.say("mountPath", TAKEN, f"persistent_storage: {mount}")
-        item.leave("host_path", "claims of local-path lie below /var/lib/rancher/k3s/storage on the node; a directory of the host's is host_paths of the app")
+        item.leave(
+            "host_path",
+            "claims lie below /var/lib/rancher/k3s/storage; a directory of the host's is host_paths of the app",
+        )
         item.end("a volume has no such key")
         volumes.append(Volume(given, name, mount))
         claims.append(claim)

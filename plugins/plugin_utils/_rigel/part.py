@@ -84,7 +84,9 @@ class Part:
             yield Part(item, join_path(self.at(key), index), self.notes)
 
     def wrong(self, key: str, value: Any, allowed: str) -> None:
-        self.notes.problems.append(Problem(join_path(self.path, key) if key else self.path, f"is {shown(value)}", allowed))
+        self.notes.problems.append(
+            Problem(join_path(self.path, key) if key else self.path, f"is {shown(value)}", allowed)
+        )
 
     def say(self, key: str, verdict: str, told: str) -> None:
         """Say what became of a key."""

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The text of a Rigelfile: what jobs and sequences it has. Jobs stand in several places in Rigel's versions and examples."""
+"""The text of a Rigelfile: what jobs and sequences it has. Where jobs stand differs between Rigel's versions."""
 
 from __future__ import annotations
 
@@ -28,9 +28,7 @@ class Job(NamedTuple):
     @property
     def orchestrates(self) -> bool:
         return (
-            "orchestration" in self.given
-            or self.plugin.rpartition(".")[2] == ORCHESTRATOR
-            or self.name in _AT_THE_TOP
+            "orchestration" in self.given or self.plugin.rpartition(".")[2] == ORCHESTRATOR or self.name in _AT_THE_TOP
         )
 
     @property
@@ -90,7 +88,9 @@ def _jobs(raw: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
     if isinstance(application, Mapping):
         places.append(("application.jobs", application.get("jobs")))
     if isinstance(packages, Mapping):
-        places += [(f"packages.{key}.jobs", one.get("jobs")) for key, one in packages.items() if isinstance(one, Mapping)]
+        places += [
+            (f"packages.{key}.jobs", one.get("jobs")) for key, one in packages.items() if isinstance(one, Mapping)
+        ]
     for place, found in places:
         for key, given in _mapping(found, place).items():
             yield str(key), join_path(place, str(key)), given

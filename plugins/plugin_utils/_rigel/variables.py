@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts of a Rigelfile whose `{{ vars.x }}` is filled in, as Rigel does it, and which still know how Ansible writes them."""
+"""Texts of a Rigelfile with `{{ vars.x }}` filled in, as by Rigel, which still know how an inventory has them."""
 
 from __future__ import annotations
 
@@ -114,7 +114,9 @@ class Variables:
                 "write its value into the Rigelfile"
             )
         if header != "vars" or not name:
-            raise SpecError(f"{path}: {{{{ {inside.strip()} }}}} is no variable of Rigel's; allowed: {{{{ vars.name }}}}")
+            raise SpecError(
+                f"{path}: {{{{ {inside.strip()} }}}} is no variable of Rigel's; allowed: {{{{ vars.name }}}}"
+            )
         return name
 
     def _value(self, name: str, path: str, within: tuple[str, ...]) -> Any:

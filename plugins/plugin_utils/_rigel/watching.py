@@ -12,11 +12,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.part import CH
 
 STACK = ("grafana", "prometheus", "loki")
 _FLAGS = ("node_exporter", "ros_metrics")
-PASSWORD = (
-    "left out, as a password does not belong into plain text: one is generated in the cluster; your own goes into Ansible "
-    "Vault, as observability_grafana_admin_password"
+OWN = (
+    "left out, as a password does not belong into plain text: one is generated in the cluster; your own goes into "
+    "Ansible Vault, as observability_grafana_admin_password"
 )
-CHARTS = "the collection brings its own objects instead of Helm's charts; what differs goes into observability_overrides"
+CHARTS = (
+    "the collection brings its own objects instead of Helm's charts; what differs goes into observability_overrides"
+)
 IN_CLUSTER = "Prometheus and Loki are reached within the cluster, by Grafana"
 
 
@@ -35,11 +37,13 @@ def _taken(part: Part, options: dict[str, Option]) -> dict[str, Any]:
     for key in list(part.value):
         option = options.get(key)
         if key == "admin_password":
-            part.leave(key, PASSWORD, OPEN)
+            part.leave(key, OWN, OPEN)
         elif key == "service_type":
             _service(part, key, option, found)
         elif option is None:
-            part.leave(key, CHARTS if key != "namespace" else "it is observability", CHANGED if key == "namespace" else LEFT)
+            part.leave(
+                key, CHARTS if key != "namespace" else "it is observability", CHANGED if key == "namespace" else LEFT
+            )
         elif option.get("options"):
             below = _taken(part.part(key), option["options"])
             if below:

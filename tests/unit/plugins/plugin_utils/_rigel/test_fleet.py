@@ -138,7 +138,13 @@ APP_KEYS: list[tuple[str, dict[str, Any], str, Any, str]] = [
     ("timeout", {"readiness": {"timeout_seconds": 90}}, "readiness", {"timeout": 90}, "readiness.timeout_seconds"),
     ("rolling", {"rolling_update": {"strategy": "Rolling"}}, "handoff", "overlap", "rolling_update.strategy"),
     ("surge", {"rolling_update": {"max_surge": 1}}, "handoff", "overlap", "rolling_update.max_surge"),
-    ("no surge", {"rolling_update": {"strategy": "Rolling", "max_surge": 0}}, "handoff", None, "rolling_update.max_surge"),
+    (
+        "no surge",
+        {"rolling_update": {"strategy": "Rolling", "max_surge": 0}},
+        "handoff",
+        None,
+        "rolling_update.max_surge",
+    ),
     ("recreate", {"rolling_update": {"strategy": "Recreate"}}, "handoff", None, "rolling_update.strategy"),
     ("remote", {"distributed": {"enabled": True}}, "placement", "remote", "distributed.enabled"),
     (
@@ -162,7 +168,9 @@ APP_KEYS: list[tuple[str, dict[str, Any], str, Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("given", "key", "value", "path"), [case[1:] for case in APP_KEYS], ids=[c[0] for c in APP_KEYS])
+@pytest.mark.parametrize(
+    ("given", "key", "value", "path"), [case[1:] for case in APP_KEYS], ids=[c[0] for c in APP_KEYS]
+)
 def test_a_key_of_the_orchestration(given: dict[str, Any], key: str, value: Any, path: str) -> None:
     found = made(orchestration(**given))
     assert app(found).get(key) == value
@@ -230,11 +238,7 @@ CONTAINER_KEYS: list[tuple[str, dict[str, Any], str, Any, str, str]] = [
         "anything else",
         {"securityContext": {"runAsUser": 1000}},
         "overrides",
-        {
-            "spec": {
-                "template": {"spec": {"containers": [{"name": "ros-app", "securityContext": {"runAsUser": 1000}}]}}
-            }
-        },
+        {"spec": {"template": {"spec": {"containers": [{"name": "ros-app", "securityContext": {"runAsUser": 1000}}]}}}},
         "securityContext",
         TAKEN,
     ),
@@ -250,7 +254,9 @@ CONTAINER_KEYS: list[tuple[str, dict[str, Any], str, Any, str, str]] = [
 
 
 @pytest.mark.parametrize(
-    ("keys", "key", "value", "path", "verdict"), [case[1:] for case in CONTAINER_KEYS], ids=[c[0] for c in CONTAINER_KEYS]
+    ("keys", "key", "value", "path", "verdict"),
+    [case[1:] for case in CONTAINER_KEYS],
+    ids=[c[0] for c in CONTAINER_KEYS],
 )
 def test_a_key_of_the_container(keys: dict[str, Any], key: str, value: Any, path: str, verdict: str) -> None:
     found = made(orchestration(container(**keys)))
@@ -280,7 +286,7 @@ def test_mounts_of_claims_of_the_host_and_of_the_pod() -> None:
         container(
             volumeMounts=[
                 {"name": "data", "mountPath": "/persistent"},
-                {"name": "dev", "mountPath": "/dev/shm2"},
+                {"name": "dev", "mountPath": "/mnt/dev"},
                 {"name": "scratch", "mountPath": "/scratch"},
             ]
         ),
@@ -295,7 +301,7 @@ def test_mounts_of_claims_of_the_host_and_of_the_pod() -> None:
     )
     found = made(given)
     assert app(found)["volumes"] == [{"name": "logs", "mount_path": "/persistent"}]
-    assert app(found)["host_paths"] == [{"path": "/srv/dev", "mount_path": "/dev/shm2", "read_only": False}]
+    assert app(found)["host_paths"] == [{"path": "/srv/dev", "mount_path": "/mnt/dev", "read_only": False}]
     pod = app(found)["overrides"]["spec"]["template"]["spec"]
     assert pod["volumes"] == [{"name": "scratch", "emptyDir": {}}]
     assert pod["containers"][0]["volumeMounts"] == [{"name": "scratch", "mountPath": "/scratch"}]
@@ -327,7 +333,9 @@ def test_the_master() -> None:
 
 def test_a_password_is_written_nowhere_and_the_listings_places_are_read() -> None:
     given = orchestration(
-        observability={"enabled": True}, grafana={"admin_password": "hunter2", "service_type": "LoadBalancer"}, loki={"chart": "x"}
+        observability={"enabled": True},
+        grafana={"admin_password": "hunter2", "service_type": "LoadBalancer"},
+        loki={"chart": "x"},
     )
     found = made(given)
     assert found.all["observability"] == {"enabled": True}
@@ -400,7 +408,7 @@ def test_an_error_says_where_and_what_would_be_right(given: dict[str, Any], said
 
 
 def test_a_file_without_a_job_that_deploys() -> None:
-    with pytest.raises(SpecError, match="has no job that deploys .its jobs: build."):
+    with pytest.raises(SpecError, match=r"has no job that deploys .its jobs: build."):
         imported("jobs: {build: {plugin: x}}", "Rigelfile", {}, "arms")
 
 

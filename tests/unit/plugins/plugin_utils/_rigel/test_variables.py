@@ -51,9 +51,9 @@ def test_braces_of_others_are_not_for_ansible(given: str) -> None:
 
 
 def test_the_environments_value_stays_there() -> None:
-    found, variables = filled("{{ vars.TOKEN }}", TOKEN="hunter2")
+    found, variables = filled("{{ vars.KEY }}", KEY="hunter2")
     assert found == "hunter2"
-    assert variables.used["TOKEN"].value.template == "{{ lookup('ansible.builtin.env', 'TOKEN', default=undef()) }}"
+    assert variables.used["KEY"].value.template == "{{ lookup('ansible.builtin.env', 'KEY', default=undef()) }}"
 
 
 @pytest.mark.parametrize(
