@@ -102,6 +102,6 @@ def test_what_the_validation_needs(name: str) -> None:
     assert name in variables()
 
 
-@pytest.mark.parametrize("name", ["k3s_token", "k3s_kubeconfig_path", "node_name", "update_to", "ros_app"])
+@pytest.mark.parametrize("name", ["k3s_token", "k3s_kubeconfig_path", "node_name", "ros_app"])
 def test_what_it_leaves_to_the_role(name: str) -> None:
     assert not needed(name)
