@@ -104,7 +104,7 @@ yamllint: ## YAML: style
 
 .PHONY: shellcheck
 shellcheck: ## Shell scripts (from Debian's package, which setup-tests installs)
-	git -c safe.directory="$(CURDIR)" ls-files -z | xargs -0 grep --files-with-matches --null -E '^#!.*\b(ba|da)?sh\b' | xargs -0 shellcheck
+	git -c safe.directory="$(CURDIR)" ls-files -z | xargs -0 grep --directories=skip --files-with-matches --null -E '^#!.*\b(ba|da)?sh\b' | xargs -0 shellcheck
 
 .PHONY: ansible-lint
 ansible-lint: ## Roles and playbooks
