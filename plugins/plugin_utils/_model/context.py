@@ -110,7 +110,7 @@ class Launch:
     @property
     def words(self) -> list[str]:
         """What `_pod/launch.py` and roslaunch understand (wiki.ros.org/roslaunch/Commandline Tools)."""
-        return [*self.files, *(f"{name}:={env_value(value)}" for name, value in self.args.items())]
+        return [*self.files, *(f"{name}:={env_value(value)}" for name, value in sorted(self.args.items()))]
 
 
 @dataclass(frozen=True)

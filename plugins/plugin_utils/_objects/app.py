@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -43,6 +44,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.sidecar import asking_fields, sidecar
 
 REVISION_LENGTH = 8
+_REFERENCE = re.compile(r"\$\(([-._a-zA-Z0-9]+)\)")  # kubernetes.io, "Define Dependent Environment Variables"
 # Under `overlap` the new pod comes beside the old one, under a ROS node name of its own; else the old one goes first.
 OVERLAP_STRATEGY = {"type": "RollingUpdate", "rollingUpdate": {"maxSurge": 1, "maxUnavailable": 0}}
 
@@ -156,7 +158,7 @@ def _environment(app: App, robot: Robot) -> list[Object]:
     found = _for_hooks(app, robot)
     if app.hooks == "sidecar":
         found = [*_ros_environment(app, robot), *([_revision()] if app.launch else [])]
-    found += [_said(key, value) for key, value in app.env.items()]
+    found += [_said(key, app.env[key]) for key in _in_order(app.env)]
     return list({item["name"]: item for item in found}.values())
 
 
@@ -183,6 +185,24 @@ def _for_hooks(app: App, robot: Robot) -> list[Object]:
 
 def _revision() -> Object:
     return field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']")
+
+
+def _in_order(env: Mapping[str, Any]) -> list[str]:
+    """By name, each after those that it refers to as $(NAME).
+
+    The order in the inventory tells nothing: what AWX has imported comes sorted, and no pod is made anew for that.
+    """
+    found: list[str] = []
+
+    def add(name: str, above: frozenset[str]) -> None:
+        if name in env and name not in found and name not in above:
+            for other in _REFERENCE.findall(str(env[name])):
+                add(other, above | {name})
+            found.append(name)
+
+    for name in sorted(env):
+        add(name, frozenset())
+    return found
 
 
 def _said(key: str, value: str | Mapping[str, str]) -> Object:

@@ -250,6 +250,23 @@ def test_master_modes_reach_the_app(master: dict[str, Any], uri: str, namespace:
     assert found.get("ROS_NAMESPACE") == namespace
 
 
+@pytest.mark.parametrize(
+    "env",
+    [
+        {"LOG": "$(ROOT)/log", "A": "$(LOG)/$(NOBODY)", "ROOT": "/srv", "B": "$(A)"},
+        {"B": "$(A)", "ROOT": "/srv", "A": "$(LOG)/$(NOBODY)", "LOG": "$(ROOT)/log"},
+    ],
+)
+def test_the_order_of_an_apps_environment_is_no_part_of_its_version(env: dict[str, str]) -> None:
+    said = [item["name"] for item in container(deployment(env=env))["env"] if item["name"] in env]
+    assert said == ["ROOT", "LOG", "A", "B"]
+
+
+def test_variables_that_refer_to_each_other_end_somewhere() -> None:
+    found = container(deployment(env={"B": "$(A)", "A": "$(B)"}))["env"]
+    assert [item["name"] for item in found if item["name"] in "AB"] == ["B", "A"]
+
+
 def test_an_apps_own_environment_wins() -> None:
     found = env(deployment(env={"ROS_IP": "192.0.2.9", "RATE": 5, "FAST": False}))
     assert (found["ROS_IP"], found["RATE"], found["FAST"]) == ("192.0.2.9", "5", "false")
