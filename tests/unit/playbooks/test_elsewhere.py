@@ -102,7 +102,7 @@ def test_another_control_node_sees_what_became_of_a_run(server: Server, control:
     (tmp_path / "other").mkdir()
     other = Control(tmp_path / "other", server)
     other.plays("status")
-    seen = other.run("--limit", "robot1")
+    seen = other.run("-v", "--limit", "robot1")
     assert seen.returncode == 0, seen.stdout + seen.stderr
     assert re.search(rf"LAST OUTCOMES\n.*\n  robot1 +{word[1]} +play.yml +20", seen.stdout)
     assert other.asked[1:] == ["192.0.2.1", "192.0.2.2"]

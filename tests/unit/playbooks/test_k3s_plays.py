@@ -67,8 +67,10 @@ def collection(tmp_path: Path) -> Path:
     shutil.copy(CHECKOUT / "roles/k3s/tasks/isolated.yml", role)
     found = yaml.safe_load((CHECKOUT / "playbooks/site.yml").read_text("utf-8"))
     plays = [play for play in found if "k3s" in play.get("tags", ())]
+    waves = yaml.safe_load((CHECKOUT / "playbooks/vars/fleet.yml").read_text("utf-8"))["fleet_waves"]
     for play in plays:
-        play.update(become=False, vars_files=[], vars={"fleet_self": FLEET_SELF, "fleet": FLEET})
+        variables = {"fleet_self": FLEET_SELF, "fleet": FLEET, "fleet_waves": waves}
+        play.update(become=False, vars_files=[], vars=variables)
     (tmp_path / "ansible.cfg").write_text("")
     (tmp_path / "site.yml").write_text(yaml.safe_dump([*plays, LAST]))
     return tmp_path

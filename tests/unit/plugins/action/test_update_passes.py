@@ -54,7 +54,7 @@ def collection(folder: Path) -> None:
     root = folder / "ansible_collections/rosops/fleet"
     (root / "plugins/action").mkdir(parents=True)
     (root / "plugins/modules").mkdir()
-    for name in ("roles", "meta", "galaxy.yml"):
+    for name in ("roles", "meta", "galaxy.yml", "plugins/filter", "plugins/plugin_utils", "plugins/module_utils"):
         (root / name).symlink_to(CHECKOUT / name)
     (root / "plugins/modules/robot_update.py").symlink_to(CHECKOUT / "plugins/modules/robot_update.py")
     (root / "plugins/action/robot_update.py").write_text(ACTION)
