@@ -136,9 +136,9 @@ def owners_of(graph: Graph, apps: Sequence[Mapping[str, Any]]) -> dict[str, str]
     return {name: found[0] for name, found in hosts.items() if len(found) == 1}
 
 
-def parameters(ros: Ros1Client) -> dict[str, Any]:
+def parameters(client: Ros1Client) -> dict[str, Any]:
     """All that the parameter server has, by whole name."""
-    [tree] = ros.calls([("getParam", ros.caller, "/")])
+    [tree] = client.calls([("getParam", client.caller, "/")])
     if isinstance(tree, RosError):
         raise tree
     return dict(flat(tree))

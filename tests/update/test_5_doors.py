@@ -53,7 +53,7 @@ def test_from_an_empty_home(fleet: Fleet, tmp_path: Path) -> None:
     run = fleet.playbooks.run("update", wanted, *LIMIT, **home)
     assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
     fleet.accept(wanted)
-    looked = fleet.playbooks.run("status", wanted, "--limit", "robot1", **home)
+    looked = fleet.playbooks.run("status", wanted, "-v", "--limit", "robot1", **home)
     assert looked.status == 0, looked
     assert "temperature" in looked.output, looked.output[-3000:]
     back = fleet.playbooks.run("rollback", {**wanted, "update_apps": ["temperature"]}, "--limit", "robot1", **home)

@@ -28,7 +28,7 @@ def sources(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Source]:
     laid over the other.
     """
     claims = [(host, claim) for host in sorted(listed) for claim in listed[host]]
-    keys = [(claim["namespace"], claim["claim"]) for _, claim in claims]
+    keys = [(claim["namespace"], claim["claim"]) for _place, claim in claims]
     return [
         Source(host, claim["directory"], _target(claim, keys.count(key) > 1), claim["files"], claim["passed"])
         for (host, claim), key in zip(claims, keys, strict=True)

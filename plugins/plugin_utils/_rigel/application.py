@@ -79,7 +79,7 @@ def applications(manifest: Part, wishes: Wishes) -> list[App]:
     ]
     volumes = {one.text("name"): one for one in pod.parts("volumes")}
     named = [(container.text("name") or APP_CONTAINER, container) for container in containers]
-    if wishes.name in {label(name) for name, _ in named if name != APP_CONTAINER} and len(named) > 1:
+    if wishes.name in {label(name) for name, _value in named if name != APP_CONTAINER} and len(named) > 1:
         wishes = wishes._replace(name=f"{wishes.name}-app")
     made: list[App] = []
     for name, container in named:

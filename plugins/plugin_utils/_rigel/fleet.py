@@ -60,7 +60,7 @@ def imported(text: str, name: str, environment: Mapping[str, str], fleet_name: s
         elif not job.orchestrates:
             told_job(job, notes)
     found = _joined(parts, notes, fleet_name)
-    origins = [job.path for job, one in parts for _ in one.apps]
+    origins = [job.path for job, one in parts for _app in one.apps]
     _settle_handoffs(found, origins, notes)
     notes.problems += _wrong(found, origins)
     if notes.problems:
@@ -97,7 +97,7 @@ def _joined(parts: list[tuple[Job, Deployed]], notes: Notes, fleet_name: str) ->
                 notes.say(
                     f"{job.path}.with.orchestration.persistent_storage", CHANGED, f"{volume['name']}: the first job's"
                 )
-    dashboards = tuple(dict.fromkeys(path for _, one in parts for path in one.dashboards))
+    dashboards = tuple(dict.fromkeys(path for _job, one in parts for path in one.dashboards))
     watching = {"observability": first.observability} if first.observability else {}
     shown = [f"../dashboards/{PurePosixPath(path).name}" for path in dashboards]
     return Imported(
@@ -105,7 +105,7 @@ def _joined(parts: list[tuple[Job, Deployed]], notes: Notes, fleet_name: str) ->
         robots={
             **first.master,
             **({"persistent_storage": {"volumes": list(volumes.values())}} if volumes else {}),
-            "ros_apps": [app for _, one in parts for app in one.apps],
+            "ros_apps": [app for _job, one in parts for app in one.apps],
         },
         dashboards=dashboards,
         notes=(),

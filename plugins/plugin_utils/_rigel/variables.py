@@ -107,7 +107,7 @@ class Variables:
 
     @staticmethod
     def _named(inside: str, path: str) -> str:
-        header, _, name = "".join(inside.split()).partition(".")
+        header, _dot, name = "".join(inside.split()).partition(".")
         if header == "data":
             raise SpecError(
                 f"{path}: {{{{ data.{name} }}}} is made by another job while Rigel runs, so nobody knows it here; "
