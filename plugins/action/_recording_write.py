@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.recording import Recording
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.files import text_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.files import as_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report import files
 
 
@@ -27,7 +27,7 @@ class ActionModule(FleetAction):
         path = files.placed(params["path"])
         if path is None:
             raise SpecError("record_file is empty: say where the recording goes")
-        text = text_of(found.as_dict())
+        text = as_text(found.as_dict())
         self.say(known)(
             f"{len(found.apps)} apps, {sum(len(app.nodes) for app in found.apps.values()) + len(found.others)} nodes, "
             f"{len(found.topics)} topics, {len(found.services)} services: {path}"

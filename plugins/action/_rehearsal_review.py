@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.recording import Recording
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.files import load, text_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.files import as_text, load
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.review import accounts, review
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, write
 
@@ -44,7 +44,7 @@ class ActionModule(FleetAction):
         path = placed(params["report"])
         try:
             if path is not None and not self._task.check_mode:
-                write(path, text_of(found.as_dict()))
+                write(path, as_text(found.as_dict()))
         except OSError as error:
             raise SpecError(f"the report cannot be written: {error}") from error
         return {"changed": False, "rehearsal": found.as_dict()}

@@ -37,15 +37,7 @@ class ActionModule(FleetAction):
         kept = ["They differ and stay as they are (-e force=yes overwrites them):", *planned.kept]
         return {
             "changed": bool(planned.write),
-            "diff": [
-                {
-                    "before": change.before or "",
-                    "after": change.after,
-                    "before_header": change.path,
-                    "after_header": change.path,
-                }
-                for change in planned.write
-            ],
+            "diff": [change.diff for change in planned.write],
             "msg": [f"{top}:", *(change.path for change in planned.write), *(kept if planned.kept else [])],
             "_ansible_verbose_always": True,
         }

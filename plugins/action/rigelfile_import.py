@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
 
@@ -14,6 +14,7 @@ from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import write
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.files import Change, plan, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.application import UNTOLD, label
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.files import files, screen
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rigel.fleet import Imported, imported
@@ -37,23 +38,22 @@ class ActionModule(FleetAction):
         fleet_name = params["fleet_name"] or label(dest.name) or "fleet"
         found = imported(_read(source), source.name, os.environ, fleet_name)
         wanted = {**files(found, source.name, inventory), **_dashboards(found, source.parent)}
-        before = {path: _existing(dest / path) for path in wanted}
-        changes = {path: text for path, text in wanted.items() if before[path] != text}
-        kept = sorted(path for path in changes if before[path] is not None)
+        planned = plan(wanted, read(dest, wanted), params["force"])
+        kept = sorted(planned.kept)
         display.display(f"\n{screen(found, params['dest'], inventory)}\n")
-        if kept and not params["force"]:
+        if kept:
             raise FleetError(
                 f"{params['dest']} has {', '.join(kept)} with another text, which an import does not touch; "
                 "import into another directory and compare, or overwrite them with force (-e force=yes)",
                 kept=kept,
             )
         if not self._task.check_mode:
-            _write_all(dest, changes, found)
+            _write_all(dest, planned.write, found)
         return {
-            "changed": bool(changes),
-            "files": sorted(changes),
+            "changed": bool(planned.write),
+            "files": sorted(change.path for change in planned.write),
             "notes": [note._asdict() for note in found.notes],
-            "diff": [_difference(path, before[path], text) for path, text in changes.items()],
+            "diff": [change.diff for change in planned.write],
         }
 
 
@@ -71,31 +71,16 @@ def _read(path: Path) -> str:
         raise SpecError(f"{path}: cannot be read: {error}; name a file of text, as -e rigelfile=Rigelfile") from error
 
 
-def _existing(path: Path) -> str | None:
-    """What is there already; None for nothing."""
-    if not os.path.lexists(path):
-        return None
-    try:
-        return path.read_bytes().decode("utf-8", "replace")
-    except OSError as error:
-        raise SpecError(f"{path}: is in the way: {error}; move it, or import into another directory") from error
-
-
 def _dashboards(found: Imported, directory: Path) -> dict[str, str]:
     """The dashboards that the Rigelfile names, as files of the repository."""
     return {f"dashboards/{PurePosixPath(path).name}": _read(directory / path) for path in found.dashboards}
 
 
-def _write_all(dest: Path, texts: Mapping[str, str], found: Imported) -> None:
+def _write_all(dest: Path, changes: Sequence[Change], found: Imported) -> None:
     mode = 0o600 if any(UNTOLD in note.told for note in found.notes) else 0o644
-    for path, text in texts.items():
+    for change in changes:
+        target = dest / change.path
         try:
-            write(dest / path, text, mode)
+            write(target, change.after, mode)
         except OSError as error:
-            raise FleetError(
-                f"{dest / path}: cannot be written: {error}; give a directory that is yours as dest"
-            ) from error
-
-
-def _difference(path: str, before: str | None, after: str) -> dict[str, str]:
-    return {"before": before or "", "after": after, "before_header": path, "after_header": path}
+            raise FleetError(f"{target}: cannot be written: {error}; give a directory that is yours as dest") from error

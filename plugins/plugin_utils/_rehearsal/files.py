@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.recording import Recording
 
 
-def text_of(data: Any) -> str:
+def as_text(data: Any) -> str:
     """As it is kept: the same graph is the same text."""
     return json.dumps(data, indent=1, sort_keys=True) + "\n"
 

@@ -19,6 +19,12 @@ class Change(NamedTuple):
     before: str | None
     after: str
 
+    @property
+    def diff(self) -> dict[str, str]:
+        """As `--diff` shows it."""
+        headers = {"before_header": self.path, "after_header": self.path}
+        return {"before": self.before or "", "after": self.after, **headers}
+
 
 class Plan(NamedTuple):
     write: list[Change]

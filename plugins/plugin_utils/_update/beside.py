@@ -31,12 +31,14 @@ def early(step: Step, calm: Calm) -> list[Object]:
     """
     if step.kind != "app" or step.unproven or step.drifted:
         return []
-    return [
-        item
-        for item in step.workloads
-        for app in [app_of(item)]
-        if (_keeps_its_name(step, app) and waits_for_the_old(item)) or (calm.actions and _holds_nodes(step, app))
-    ]
+    return [item for item in step.workloads if _waits_beside(step, item, calm)]
+
+
+def _waits_beside(step: Step, item: Object, calm: Calm) -> bool:
+    app = app_of(item)
+    if waits_for_the_old(item):
+        return _keeps_its_name(step, app)
+    return bool(calm.actions) and _holds_nodes(step, app)
 
 
 def _holds_nodes(step: Step, app: str) -> bool:
