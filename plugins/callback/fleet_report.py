@@ -9,7 +9,7 @@ DOCUMENTATION = r"""
 name: fleet_report
 type: aggregate
 short_description: Outcome of every host, and where the time went
-version_added: 0.1.0
+version_added: 1.0.0
 author: rosops.fleet contributors (@rosops)
 description:
   - At the end of a run prints one line per host and writes all of it as JSON.

@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = """
 name: listed
 short_description: A list, also where it was given as text
-version_added: 0.1.0
+version_added: 1.0.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Answers of an AWX survey and values that C(-e name=value) gives are text. This makes the list of it that was meant.

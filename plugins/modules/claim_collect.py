@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: claim_collect
 short_description: Collect files of persistent claims
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Brings files of the claims on a host to the control node, each into C(<dest>/<robot>/<volume>), piece by piece,
     and compares the

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: claim_files
 short_description: List and read the files of persistent claims on their host
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Finds the directories of claims that the storage class C(local-path) keeps on the host, lists their plain files,
     and reads pieces of

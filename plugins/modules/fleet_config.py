@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: fleet_config
 short_description: Check the whole fleet's variables before anything is touched
-version_added: 0.1.0
+version_added: 1.0.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Checks groups, robots, apps, volumes and masters of the inventory, one by one and against each other.

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: fleet_info
 short_description: Hosts of a fleet, and what their clusters hold
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Asks the cluster of every host of the play once, all clusters side by side, and returns rows for people.
   - The fleet is what M(rosops.fleet.fleet_config) found in this run. A cluster whose servers are all unreachable is not

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: fleet_status
 short_description: Show how a fleet stands
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Prints what needs attention, each finding under its cause, with the time since when and what to do next.
   - Prints how many hosts, nodes, masters, apps, ROS nodes, claims and last outcomes are in order. What is not known

@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: k3s_change
 short_description: Exchange the k3s of a host, and keep the one before
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Puts what lies beside its place as C(<path>.next) there, keeps what was there as C(<path>.previous), and starts
     k3s again. On a server the datastore is kept first, by C(k3s etcd-snapshot), or as a copy of the database of a k3s

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: k3s_cleanup
 short_description: Take k3s off a host
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Stops k3s, ends its pods' processes, undoes its mounts, deletes its network interfaces and firewall rules, and
     removes its files.

@@ -8,7 +8,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: k3s_download
 short_description: Download k3s's binary, checked, through the proxies of its environment
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Brings a file of known SHA-256, or of one that a list of sums next to it names, and puts it in place whole.
   - Proxies come as an option, so that a password in one is on no command line, as a task's C(environment) is.

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: k3s_info
 short_description: What k3s is installed on a host and what it runs with
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Reads in one call all that decides whether something must be done about k3s on a host, so that a host on which
     nothing is to be done costs one task.

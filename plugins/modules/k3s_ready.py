@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: k3s_ready
 short_description: Wait until k3s on a host serves
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Waits until the unit is up and, on a server, its API says that it is ready and etcd has given it a vote.
   - Ends at once when waiting cannot help, as with a unit that keeps ending.

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: node_images
 short_description: Bring container images to a k3s node
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Compares images by ID, so what is there does not travel again. On a node that has everything it costs one command.
   - Imports archives of the control node, lets the node pull the other names, and verifies that every image is there.

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: preflight_info
 short_description: Facts that decide whether k3s can run on a host
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Reads the operating system, cgroups, memory, disk, routes, sockets and traces of an earlier k3s in one call, and
     knocks at the TCP ports that the host must reach.

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: rigelfile_import
 short_description: Turn a Rigelfile into the inventory of a fleet
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Reads the jobs, sequences and variables of a Rigelfile (Rigel's configuration, with the dissertation's
     orchestration plugin) and

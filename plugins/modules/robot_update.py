@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: robot_update
 short_description: Make a robot, or change what runs on it, one gated step at a time
-version_added: 0.1.0
+version_added: 1.0.0
 author: rosops.fleet contributors (@rosops)
 description:
   - Compares the robot's apps and its ROS master with the inventory. What is as it should be is not touched.

@@ -9,7 +9,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: rollout_ready
 short_description: Wait until Kubernetes objects are rolled out
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Watches all given objects together and returns as soon as every one is rolled out by the verdicts below.
   - Fails at once, with the pod's reason, when one of them cannot get there by itself, and when O(timeout) is over,

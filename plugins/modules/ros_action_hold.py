@@ -7,7 +7,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: ros_action_hold
 short_description: Hold back new goals of idle ROS 1 actions, and let them go
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Waits until actions (actionlib) are idle, has the robot's keeper hold back the goals that come from then on, and
     looks once more. A goal that came in between is left to finish, and what was held goes to the server; then it waits

@@ -7,7 +7,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: ros_graph_info
 short_description: Read the live ROS 1 graph
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Returns nodes, topics, services and actions of a ROS 1 graph as the master and the nodes themselves tell them, and
     what launch files have started.

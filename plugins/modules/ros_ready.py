@@ -7,7 +7,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: ros_ready
 short_description: Wait until the live ROS 1 graph is what it should be
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - Asks the ROS master and the nodes themselves until every condition holds at the same time, or O(timeout) is over.
   - A registration alone counts for nothing, because it outlives its process. A node is up when it answers, a topic is

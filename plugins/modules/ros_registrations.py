@@ -7,7 +7,7 @@ from __future__ import annotations
 DOCUMENTATION = r"""
 module: ros_registrations
 short_description: Bring back lost registrations of living ROS 1 nodes, and remove those of dead ones
-version_added: 0.1.0
+version_added: 1.0.0
 description:
   - A ROS 1 node registers with the master once. A master that was restarted knows no node, and a service whose last
     provider left points to nothing although an earlier provider still lives.
