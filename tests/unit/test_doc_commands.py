@@ -57,7 +57,7 @@ RUN = {
     "::test_imported_deployed_and_collected",
     r"ansible-playbook -i my-lab rosops\.fleet\.rehearse --limit lab1,edge1 .*": REHEARSAL,
 }
-WORDS = {"PLAY ": r"ansible-playbook -i my-fleet rosops\.fleet\.", "LIMIT": r"--limit robot\d"}
+WORDS = {"PLAY ": r"ansible-playbook -i inventory rosops\.fleet\.", "LIMIT": r"--limit robot\d"}
 PATTERNS = [re.compile(re.sub("|".join(WORDS), lambda word: WORDS[word[0]], pattern)) for pattern in RUN]
 SHELL = [block for block in blocks() if block.is_shell]
 
@@ -85,11 +85,11 @@ def test_what_runs_them_is_there(pattern: str, by: str) -> None:
 
 def test_a_fleet_is_validated_without_a_host(tmp_path: Path) -> None:
     groups = {name: {"hosts": {f"{name}1": {"ansible_host": host}}} for name, host in HOSTS.items()}
-    (tmp_path / "my-fleet").mkdir()
-    (tmp_path / "my-fleet" / "hosts.yml").write_text(yaml.safe_dump({"all": {"children": groups}}))
+    (tmp_path / "inventory").mkdir()
+    (tmp_path / "inventory" / "hosts.yml").write_text(yaml.safe_dump({"all": {"children": groups}}))
     kept = {key: value for key, value in os.environ.items() if not key.startswith("ANSIBLE_")}
     run = subprocess.run(  # noqa: S603 - our own
-        [sys.executable, "-m", "ansible", "playbook", "-i", "my-fleet", "rosops.fleet.validate"],
+        [sys.executable, "-m", "ansible", "playbook", "-i", "inventory", "rosops.fleet.validate"],
         env={**kept, "ANSIBLE_COLLECTIONS_PATH": TREE, "ANSIBLE_HOME": str(tmp_path / "home")},
         cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
@@ -104,7 +104,7 @@ def test_no_pattern_is_left_over() -> None:
 
 def test_a_new_command_is_found_wherever_it_stands() -> None:
     page = """
-    ansible-playbook -i my-fleet rosops.fleet.site    # known
+    ansible-playbook -i inventory rosops.fleet.site    # known
 
 * an item
 

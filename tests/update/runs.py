@@ -160,7 +160,7 @@ class Playbooks:
     def start(self, playbook: str, variables: Mapping[str, Any], *arguments: str, **environ: str) -> Running:
         """Start `playbooks/<playbook>.yml`; variables go in as a file of JSON, so that types stay types."""
         stem = self.directory / f"{next(self._numbers):02}-{playbook}"
-        given, log, report = stem.with_suffix(".vars.json"), stem.with_suffix(".log"), stem.with_suffix(".json")
+        given, log, report = stem.with_suffix(".vars.yml"), stem.with_suffix(".log"), stem.with_suffix(".json")
         given.write_text(json.dumps(variables, indent=2), encoding="utf-8")
         report.unlink(missing_ok=True)
         environment = {
