@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rigelfiles imported and deployed on a lab's hosts, and what their apps wrote collected.
 
-`make test-rigel` makes the lab and takes it away; ROSOPS_LAB names one that stays. What the playbooks printed is kept in reports/rigel.
+`make test-rigel` makes the lab and takes it away; ROSOPS_LAB names one that stays. What the playbooks printed is kept
+in reports/rigel.
 """
 
 from __future__ import annotations

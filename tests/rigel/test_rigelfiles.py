@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,12 @@ from runs import CHECKOUT, Playbooks, Run
 RIGELFILES = CHECKOUT / "tests" / "unit" / "fixtures" / "rigel"
 LAB = CHECKOUT / "inventories" / "lab"
 # What the fleet's operator fills in: the lab's hosts, and images that its nodes have.
-FILLED_IN = {"rigel_base_image": "lab/apps:1.0", "ros_master_image": "lab/ros:noetic", "update_remove_apps": ["all"]}
+FILLED_IN = {"rigel_base_image": "lab/apps:1.0", "ros_master_image": "lab/ros:noetic"}
 # Rigelfile -> the host and the claim that its client writes to, and the file.
 RESULTS = {
+    "action": ("robot1", "primes", "prime-factors.jsonl"),
     "pubsub": ("edge1", "logs-volume", "temperature-stats.jsonl"),
     "service": ("edge1", "arithmetic-logs", "add-two-ints.jsonl"),
-    "action": ("robot1", "primes", "prime-factors.jsonl"),
 }
 
 
@@ -31,6 +32,7 @@ class Imported:
     """The repository that a Rigelfile became, on the lab's hosts."""
 
     def __init__(self, name: str, folder: Path) -> None:
+        self.name = name
         self.output = CHECKOUT / "reports" / "rigel" / name
         said = {"rigelfile": str(RIGELFILES / name / "Rigelfile"), "dest": str(folder / name)}
         # the import needs no host; Ansible wants an inventory all the same
@@ -52,16 +54,25 @@ def first_bytes(hosts: Hosts, host: str, claim: str, file: str, count: int) -> s
     return hosts.ssh(host, f"head -c {count} {path} | sha256sum").split()[0]
 
 
-@pytest.mark.parametrize("name", [*RESULTS])
-def test_imported_deployed_and_collected(hosts: Hosts, tmp_path: Path, name: str) -> None:
-    fleet = Imported(name, tmp_path)
-    assert fleet.brought.status == 0, fleet.brought
-    site = fleet.run("site")
+@pytest.fixture(scope="module")
+def fleet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, hosts: Hosts) -> Iterator[Imported]:
+    """Of the Rigelfile named, on bare hosts; they are bare again afterwards."""
+    assert hosts
+    imported = Imported(request.param, tmp_path_factory.mktemp(request.param))
+    assert imported.brought.status == 0, imported.brought
+    site = imported.run("site")
     assert site.status == 0, f"{site}\n{site.output[-3000:]}"
+    yield imported
+    reset = imported.run("reset", reset_confirm="yes")
+    assert reset.status == 0, reset
+
+
+@pytest.mark.parametrize("fleet", [*RESULTS], indirect=True, scope="module")
+def test_imported_deployed_and_collected(hosts: Hosts, fleet: Imported, tmp_path: Path) -> None:
     again = fleet.run("site")
     assert (again.status, again.changed) == (0, 0), again
 
-    host, claim, file = RESULTS[name]
+    host, claim, file = RESULTS[fleet.name]
     dest = tmp_path / "results"
     collected = fleet.run("collect", collect_dest=str(dest), collect_claims=[claim], collect_robots=["robot1"])
     assert collected.status == 0, f"{collected}\n{collected.output[-3000:]}"
@@ -72,10 +83,8 @@ def test_imported_deployed_and_collected(hosts: Hosts, tmp_path: Path, name: str
     assert f"{found}  {file}" in (dest / "robot1" / f"{claim}.sha256").read_text("utf-8").splitlines()
 
 
-def test_a_large_file_of_an_odd_name_and_a_link_that_leads_out(hosts: Hosts, tmp_path: Path) -> None:
-    fleet = Imported("action", tmp_path)
-    site = fleet.run("site")
-    assert site.status == 0, site
+@pytest.mark.parametrize("fleet", ["action"], indirect=True, scope="module")
+def test_a_large_file_of_an_odd_name_and_a_link_that_leads_out(hosts: Hosts, fleet: Imported, tmp_path: Path) -> None:
     claim = f"{STORAGE}/*_robot-robot1_primes-pvc"
     hosts.ssh("robot1", f"cd {claim} && head -c 200000000 /dev/urandom > 'a bag.bag' && ln -sf /etc/shadow out.bag")
     dest = tmp_path / "results"
