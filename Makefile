@@ -66,8 +66,8 @@ HOSTLESS := lint docs test-unit sanity dist test-bad-input test-go test-browser 
 .PHONY: test
 test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
 	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
-	    --lane artifacts molecule-default molecule-update \
-	    --lane $(HOSTLESS)
+	    --lane artifacts molecule-update \
+	    --lane $(HOSTLESS) molecule-default
 
 .PHONY: test-all
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
@@ -153,7 +153,7 @@ ee: package ## The execution environment's image (podman; needs the registries o
 
 .PHONY: test-unit
 test-unit: ## All unit tests, in a minute (TESTS="--lf": those that failed last)
-	python -m pytest -n 2 $(or $(TESTS),tests/unit)
+	python -m pytest -n 2 --durations 20 $(or $(TESTS),tests/unit)
 
 .PHONY: test-bad-input
 test-bad-input: ## Every malformed input through site.yml: refused before a host is touched

@@ -78,7 +78,7 @@ def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> 
     watch = fleet.watch()
     second = {**pair["launch"], "args": {"second": "pair_three"}}
     changed = {**fleet.variables, "ros_apps_robot": [{**pair, "launch": second}, spare]}
-    run = fleet.update(changed, *LIMIT)
+    run = fleet.update(changed, *LIMIT, update_ready_timeout=30)
     assert run.outcomes["robot1"] == "rolled-back", run  # what was there under another name is not there any more
     assert "/pair_two" in run.host("robot1")["reason"], run
     without = {name: value for name, value in fleet.variables.items() if name != "ros_apps_robot"}
