@@ -68,11 +68,19 @@ def test_results_come_with_their_sums_and_once(control: Control, storage: Path) 
     assert (status, output.count("changed=0")) == (0, 2)
 
 
-def test_one_claim_one_pattern(control: Control, storage: Path) -> None:
+@pytest.mark.parametrize(
+    "said",
+    [
+        ("-e", json.dumps({"collect_claims": ["logs"], "collect_match": ["*.bag"]})),
+        ("-e", "collect_claims=logs", "-e", "collect_match='*.bag' collect_robots=robot1"),
+    ],
+    ids=["lists", "texts"],
+)
+def test_one_claim_one_pattern(control: Control, storage: Path, said: tuple[str, ...]) -> None:
     logs = claim(storage, "robot1", "logs")
     for name in ("a.bag", "b.log"):
         (logs / name).write_text(name)
-    status, output = collect(control, "-e", json.dumps({"collect_claims": ["logs"], "collect_match": ["*.bag"]}))
+    status, output = collect(control, *said)
     assert status == 0, output
     assert {*sums(storage / "here")} == {b"robot1/logs/a.bag", b"robot1/logs.sha256"}
 
