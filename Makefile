@@ -227,7 +227,7 @@ test-faults: artifacts ## As molecule-update and molecule-observability, with th
 .PHONY: screens
 screens: ## Put the pictures that the scenario observability has taken of its fleet into docs/screens
 	@mkdir -p docs/screens
-	cp reports/observability/screens/*.svg reports/observability/screens/fleet-status.png docs/screens/
+	cp reports/observability/screens/{fleet-status.png,fleet.svg,robot.svg} docs/screens/
 
 .PHONY: dashboards
 dashboards: ## Write the shipped Grafana dashboards anew from tools/dashboards

@@ -78,14 +78,14 @@ def test_status_page(fleet: Watched, tmp_path: Path) -> None:
 
 
 def kept(page: Path, directory: Path) -> None:
-    """The page as a file, and as a picture where there is a browser."""
+    """The page as a file, and, where there is a browser, as a picture of what stands above its tables."""
     SCREENS.mkdir(parents=True, exist_ok=True)
     (SCREENS / "fleet-status.html").write_bytes(page.read_bytes())
     if chromium.found():
         browser = chromium.Chromium(directory / "profile")
         try:
             browser.open(page, 1280)
-            browser.screenshot(SCREENS / "fleet-status.png")
+            browser.screenshot(SCREENS / "fleet-status.png", above="#hosts")
         finally:
             browser.close()
 

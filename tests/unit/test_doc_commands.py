@@ -48,8 +48,7 @@ RUN = {
     r"PLAY record LIMIT": REHEARSAL,
     r"PLAY awx_access -e awx_access_dir=~/\.awx-access": "tests/update/test_8_awx.py"
     "::test_the_account_for_awx_is_enough",
-    r"PLAY collect -e (collect_dest=results|collect_robots=robot1|'\{.*\}')( --check)?": "tests/unit/playbooks/test_collect.py"
-    "::test_results_come_with_their_sums_and_once",
+    r"PLAY collect -e (collect_dest=results|collect_robots=robot1|'\{.*\}')( --check)?": "tests/unit/playbooks/test_collect.py::test_results_come_with_their_sums_and_once",
     r"ansible-playbook rosops\.fleet\.awx_setup -e @my-awx\.yml": "tests/unit/playbooks/test_awx_setup.py"
     "::test_an_awx_has_it_all_and_a_second_run_changes_nothing",
     r"ansible-playbook rosops\.fleet\.import_rigelfile -e rigelfile=Rigelfile -e dest=my-fleet.*": IMPORT,

@@ -16,6 +16,7 @@ from .panels import Json
 UNITS = {"cps": " c/s", "reqps": " req/s", "Bps": " B/s", "bytes": " B", "s": " s", "celsius": " °C", "percent": " %"}
 SCALED = {"bytes", "Bps", "short"}
 LARGE = (("G", 1e9), ("M", 1e6), ("k", 1e3))
+LONG = (("days", 86400), ("hours", 3600), ("min", 60))
 
 
 def number(value: float, unit: str) -> str:
@@ -28,6 +29,10 @@ def number(value: float, unit: str) -> str:
         return "-"
     if unit == "percentunit":
         return f"{value * 100:.3g} %"
+    if unit == "s":
+        for word, size in LONG:
+            if abs(value) >= size:
+                return f"{value / size:.3g} {word}"
     if unit in SCALED:
         for letter, size in LARGE:
             if abs(value) >= size:

@@ -20,7 +20,7 @@ ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
 
 
 class Places:
-    """Where ROS nodes run, and for which app, by the addresses that they are registered with."""
+    """Where ROS nodes run, and for which app, by the addresses that they are registered with. `apps`: masters, too."""
 
     def __init__(self, apps: Iterable[Row], nodes: Iterable[Row]) -> None:
         self._apps = list(apps)
@@ -29,10 +29,16 @@ class Places:
     def of(self, graph: str, node: Mapping[str, Any]) -> dict[str, str]:
         """`at`: the host, or the bare address of a process that no pod of ours has. `app`: empty where nobody knows."""
         address = host_of(str(node.get("uri") or ""))
-        own = apps_of(graph, self._apps)
-        hosts = {host for row in own if address in row.get("addresses", ()) for host in row["nodes"]}
+        here = [row for row in apps_of(graph, self._apps) if address in row.get("addresses", ())]
+        if len(_hosts(here)) > 1:  # pods of two clusters may have it: then the robot's own is meant
+            here = [row for row in here if row["robot"] == graph]
+        hosts = _hosts(here)
         at = hosts.pop() if len(hosts) == 1 else self._nodes.get(address, address)
-        return {"at": at, "app": owners_of(own).get(address, ("", ""))[1]}
+        return {"at": at, "app": owners_of(here).get(address, ("", ""))[1]}
+
+
+def _hosts(rows: Iterable[Row]) -> set[str]:
+    return {host for row in rows for host in row["nodes"]}
 
 
 def drawn(robot: str, graph: Mapping[str, Any], places: Places) -> Row:

@@ -331,7 +331,7 @@ def status_rows(
 
     Outcomes are those that the clusters keep (`runs`, `updates`) and those of reports: the newer one of each host.
     """
-    places = Places(fleet.get("apps", ()), fleet.get("nodes", ()))
+    places = Places([*fleet.get("masters", ()), *fleet.get("apps", ())], fleet.get("nodes", ()))
     ros_nodes, topics = graph_rows(graphs, places)
     crashes, ended = launched_rows(fleet.get("apps", ()), graphs)
     found, unreadable = read_reports(reports)

@@ -130,6 +130,7 @@ def test_a_gap_in_the_answer_is_a_gap_in_the_band() -> None:
         (1500.0, "Bps", "1.5 kB/s"),
         (2000.0, "short", "2 k"),
         (0.0123, "s", "0.0123 s"),
+        (28562.0, "s", "7.93 hours"),
     ],
 )
 def test_numbers_have_their_units(value: float, unit: str, said: str) -> None:

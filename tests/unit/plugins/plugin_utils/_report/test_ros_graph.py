@@ -31,6 +31,17 @@ def test_a_node_runs_where_its_pod_does() -> None:
     assert places.of("robot2", {"uri": "http://10.42.0.9:1/"})["app"] == ""  # another robot's
 
 
+def test_clusters_have_the_same_addresses() -> None:
+    """A robot that is a cluster of its own, and an app of the whole fleet's at the edge."""
+    address = a_robot.ADDRESSES["robot1"]
+    shared = {"robot": "(shared)", "name": "map", "nodes": ["edge1"], "addresses": [address]}
+    places = Places([*a_robot.APPS, shared], NODES)
+    assert places.of("robot1", {"uri": f"http://{address}:1/"}) == {"at": "robot1", "app": "base"}
+    # in one host's network both have the same, and nobody knows whose the node is
+    places = Places([*a_robot.APPS, {**shared, "nodes": ["robot1"]}], NODES)
+    assert places.of("robot1", {"uri": f"http://{address}:1/"}) == {"at": "robot1", "app": ""}
+
+
 def test_who_is_registered_and_alive_and_not_connected_is_broken() -> None:
     row, links = found(broken=(("/merger", "/amcl"), ("/joystick", "/mux"), ("/safety", "/arm_driver")), down=("/mux",))
     assert {name: link["broken"] for name, link in links.items() if link["broken"]} == {
