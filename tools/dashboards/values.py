@@ -16,7 +16,7 @@ from .panels import Json
 UNITS = {"cps": " c/s", "reqps": " req/s", "Bps": " B/s", "bytes": " B", "s": " s", "celsius": " °C", "percent": " %"}
 SCALED = {"bytes", "Bps", "short"}
 LARGE = (("G", 1e9), ("M", 1e6), ("k", 1e3))
-LONG = (("days", 86400), ("hours", 3600), ("min", 60))
+LONG = (("days", 86400.0), ("hours", 3600.0), ("min", 60.0))
 
 
 def number(value: float, unit: str) -> str:
