@@ -20,6 +20,7 @@ import os
 import signal
 import socket
 import struct
+import subprocess
 import sys
 import threading
 import time
@@ -247,19 +248,17 @@ def play_all(path: str) -> int:
     told = threading.Event()
     for word in (signal.SIGTERM, signal.SIGINT):
         signal.signal(word, lambda _word, _frame: told.set())
-    left = set()
+    processes = []
     for number, node in enumerate(nodes):
         space = {"ROS_LOG_DIR": LOGS, **os.environ, "ROS_NAMESPACE": node["name"].rpartition("/")[0] or "/"}
-        left.add(os.posix_spawn(sys.executable, [sys.executable, __file__, path, str(number)], space))
-    ended = 0
-    while not told.is_set() and ended not in left:
+        words = [sys.executable, __file__, path, str(number)]
+        processes.append(subprocess.Popen(words, env=space))  # noqa: S603 - ourselves
+    while not told.is_set() and all(process.poll() is None for process in processes):
         told.wait(PERIOD)
-        ended = os.waitpid(-1, os.WNOHANG)[0] if left else 0
-    left.discard(ended)
-    for process in left:
-        os.kill(process, signal.SIGTERM)
-    for process in left:
-        os.waitpid(process, 0)
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        process.wait()
     return 0 if told.is_set() else 1
 
 
