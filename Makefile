@@ -152,7 +152,7 @@ ee: package ## The execution environment's image (podman; needs the registries o
 	ansible-builder build --container-runtime podman --file execution-environment/execution-environment.yml --context .cache/ee/context
 
 .PHONY: test-unit
-test-unit: ## All unit tests, in a minute (TESTS="--lf": those that failed last)
+test-unit: ## All unit tests, in eight minutes (TESTS="--lf": those that failed last)
 	python -m pytest -n 2 --durations 20 $(or $(TESTS),tests/unit)
 
 .PHONY: test-bad-input

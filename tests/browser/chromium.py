@@ -154,8 +154,8 @@ class Chromium:
         """The whole page, however long; or what stands above an element."""
         part: dict[str, Any] = {}
         if above:
-            box = self.evaluate(f"JSON.stringify(document.querySelector({above!r}).getBoundingClientRect())")
             width = self.evaluate("document.documentElement.clientWidth")
-            part = {"clip": {"x": 0, "y": 0, "width": width, "height": json.loads(box)["top"], "scale": 1}}
+            height = self.evaluate(f"document.querySelector({above!r}).getBoundingClientRect().top")
+            part = {"clip": {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}}
         answer = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True, **part)
         file.write_bytes(base64.b64decode(answer["data"]))

@@ -55,9 +55,9 @@ def first_bytes(hosts: Hosts, host: str, claim: str, file: str, count: int) -> s
 
 
 @pytest.fixture(scope="module")
-def fleet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, hosts: Hosts) -> Iterator[Imported]:
+def fleet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Imported]:
     """Of the Rigelfile named, on bare hosts; they are bare again afterwards."""
-    assert hosts
+    request.getfixturevalue("lab")  # the playbooks find its name in their environment
     imported = Imported(request.param, tmp_path_factory.mktemp(request.param))
     assert imported.brought.status == 0, imported.brought
     site = imported.run("site")
