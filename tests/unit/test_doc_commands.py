@@ -12,11 +12,12 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 import yaml
-from doc_blocks import CHECKOUT, Block, blocks, blocks_of
+from doc_blocks import CHECKOUT, PAGES, Block, blocks, blocks_of
 
 TREE = str(CHECKOUT / ".ansible" / "collections")
 HOSTS = {"edge": "192.0.2.10", "robots": "192.0.2.21"}
@@ -53,11 +54,11 @@ RUN = {
     r"ansible-playbook rosops\.fleet\.awx_setup -e @my-awx\.yml": "tests/unit/playbooks/test_awx_setup.py"
     "::test_an_awx_has_it_all_and_a_second_run_changes_nothing",
     r"ansible-playbook rosops\.fleet\.import_rigelfile -e rigelfile=Rigelfile -e dest=my-fleet.*": IMPORT,
-    r"ansible-playbook -i inventory rosops\.fleet\.(validate|site)": "tests/rigel/test_rigelfiles.py"
+    r"ansible-playbook rosops\.fleet\.(validate|site)": "tests/rigel/test_rigelfiles.py"
     "::test_imported_deployed_and_collected",
     r"ansible-playbook -i my-lab rosops\.fleet\.rehearse --limit lab1,edge1 .*": REHEARSAL,
 }
-WORDS = {"PLAY ": r"ansible-playbook -i inventory rosops\.fleet\.", "LIMIT": r"--limit robot\d"}
+WORDS = {"PLAY ": r"ansible-playbook rosops\.fleet\.", "LIMIT": r"--limit robot\d"}
 PATTERNS = [re.compile(re.sub("|".join(WORDS), lambda word: WORDS[word[0]], pattern)) for pattern in RUN]
 SHELL = [block for block in blocks() if block.is_shell]
 
@@ -97,6 +98,34 @@ def test_a_fleet_is_validated_without_a_host(tmp_path: Path) -> None:
     assert re.search(r"^edge1 +: ok=2 +changed=0", run.stdout, re.MULTILINE), run.stdout
 
 
+ONE_WAY = {  # a program -> how every page writes it; `my-lab` is the rehearsal's second inventory
+    "ansible-playbook": re.compile(r"ansible-playbook (-i my-lab )?rosops\.fleet\.\w+"),
+    "kubectl": re.compile(r"(sudo )?k3s kubectl "),
+}
+OF_REPOSITORY = sorted(path for path in (CHECKOUT / "playbooks" / "files" / "repository").rglob("*") if path.is_file())
+
+
+def misspelt(texts: Iterable[str]) -> list[str]:
+    """Commands that are written in another way than on all other pages."""
+    commands = [one for one in texts if (re.match(r"ansible-playbook -?\w|(sudo )?(k3s )?kubectl -n ", one))]
+    return [one for one in commands if not any(way.match(one) for name, way in ONE_WAY.items() if name in one)]
+
+
+def test_commands_are_spelled_in_one_way() -> None:
+    said = [one for block in SHELL for one in block.commands]
+    for path in [*PAGES, *OF_REPOSITORY]:
+        text = path.read_text("utf-8")
+        said += re.findall(r"`([^`\n]+)`", text) + re.findall(r"(?:#|-|run:) +(ansible-playbook .+)", text)
+    assert misspelt(said) == []
+
+
+@pytest.mark.parametrize(
+    "command", ["ansible-playbook site.yml", "ansible-playbook -i inventory rosops.fleet.site", "kubectl -n a get pods"]
+)
+def test_another_spelling_is_found(command: str) -> None:
+    assert misspelt([command]) == [command]
+
+
 def test_no_pattern_is_left_over() -> None:
     said = [one for block in SHELL for one in block.commands]
     assert [pattern.pattern for pattern in PATTERNS if not any(pattern.fullmatch(one) for one in said)] == []
@@ -104,7 +133,7 @@ def test_no_pattern_is_left_over() -> None:
 
 def test_a_new_command_is_found_wherever_it_stands() -> None:
     page = """
-    ansible-playbook -i inventory rosops.fleet.site    # known
+    ansible-playbook rosops.fleet.site    # known
 
 * an item
 

@@ -187,28 +187,29 @@ def _host(row: Row) -> Told:
 
 def _node(row: Row) -> Told:
     name, ready = str(row.get("name")), row.get("ready")
-    todo = f"kubectl uncordon {name}" if ready else f"ansible {name} -b -a 'systemctl status k3s k3s-agent'"
+    todo = f"k3s kubectl uncordon {name}" if ready else f"ansible {name} -b -a 'systemctl status k3s k3s-agent'"
     what = _with("Ready" if ready else "NotReady", row.get("reason"))
     return Told(f"node {name}", what, _since(row), todo, "" if ready else "RobotOffline")
 
 
 def _workload(where: str, row: Row, runbook: str) -> Told:
     namespace, name, note = row.get("namespace"), row.get("name"), str(row.get("note") or "")
-    todo = f"kubectl -n {namespace} describe pod -l rosops.fleet/app={name}"
+    todo = f"k3s kubectl -n {namespace} describe pod -l rosops.fleet/app={name}"
     if "CrashLoopBackOff" in note:
-        todo = f"kubectl -n {namespace} logs deploy/{name} --previous"
+        todo = f"k3s kubectl -n {namespace} logs deploy/{name} --previous"
     what = _with(f"{row.get('ready', 0)} of {row.get('wanted', 1)} ready", note)
     return Told(where, what, _since(row), todo, runbook)
 
 
 def _claim(row: Row) -> Told:
     where = f"claim {row.get('name')} of {row.get('robot')}"
+    kubectl = f"k3s kubectl -n {row.get('namespace')}"
     if row.get("bound"):
         share = used_share(row)
         # a host that is off takes its claims along; one without a number is not told by itself
         what = "not measured" if share is None else f"{share:.0%} used"
-        return Told(where, what, "", f"kubectl -n {row.get('namespace')} get pvc {row.get('name')}", "PvcNearlyFull")
-    todo = f"kubectl -n {row.get('namespace')} describe pvc {row.get('name')}"
+        return Told(where, what, "", f"{kubectl} get pvc {row.get('name')}", "PvcNearlyFull")
+    todo = f"{kubectl} describe pvc {row.get('name')}"
     return Told(where, str(row.get("phase") or "not bound"), _since(row), todo)
 
 

@@ -44,7 +44,7 @@ def launched_rows(apps: Iterable[Row], graphs: Mapping[str, Mapping[str, Any]]) 
 def logs_of(robot: str, app: str, more: str = "") -> str:
     """How one reads what an app has written."""
     namespace = names.FLEET_NAMESPACE if robot == SHARED else names.robot_namespace(robot)
-    return f"kubectl -n {namespace} logs deploy/{app}{more}"
+    return f"k3s kubectl -n {namespace} logs deploy/{app}{more}"
 
 
 def owners_of(apps: Iterable[Mapping[str, Any]]) -> dict[str, Owner]:

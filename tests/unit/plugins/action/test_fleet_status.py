@@ -97,7 +97,7 @@ def test_a_graph_that_cannot_be_read_is_a_problem(said: list[str], result: dict[
             {
                 "where": "ROS graph of robot1",
                 "what": what,
-                "todo": "kubectl -n fleet logs deploy/ros-master",
+                "todo": "k3s kubectl -n fleet logs deploy/ros-master",
                 "graph": "(shared)",
             }
             for what in problems

@@ -100,7 +100,7 @@ def test_who_has_ended_in_a_launch_file_is_for_a_person_to_judge() -> None:
     found = attention({"hosts": [UP], "ended": [known, {**known, "app": ""}]})
     what = "/map has ended; its exit code is in the pod's log alone"
     assert lines(found) == [("warn", "app base of robot1", what), ("warn", "launch file at 10.42.0.7 of robot1", what)]
-    assert [one.told.todo for one in found] == ["kubectl -n robot-robot1 logs deploy/base", ""]
+    assert [one.told.todo for one in found] == ["k3s kubectl -n robot-robot1 logs deploy/base", ""]
 
 
 @pytest.mark.parametrize(
@@ -108,13 +108,13 @@ def test_who_has_ended_in_a_launch_file_is_for_a_person_to_judge() -> None:
     [
         ("apps", app("robot1", note="CrashLoopBackOff: 3 restarts"), "logs deploy/sensor --previous"),
         ("apps", app("robot1", note="Unschedulable"), "describe pod -l rosops.fleet/app=sensor"),
-        ("nodes", {"name": "robot1", "ready": True, "reason": "cordoned"}, "kubectl uncordon robot1"),
-        ("claims", {"name": "c", "robot": "r", "namespace": "n", "bound": False}, "kubectl -n n describe pvc c"),
+        ("nodes", {"name": "robot1", "ready": True, "reason": "cordoned"}, "k3s kubectl uncordon robot1"),
+        ("claims", {"name": "c", "robot": "r", "namespace": "n", "bound": False}, "k3s kubectl -n n describe pvc c"),
         ("claims", {"name": "c", "robot": "r", "bound": True, "size": "1Ki", "used_bytes": 1000}, "get pvc c"),
         ("outcomes", {**MISSED, "outcome": "failed"}, "rosops.fleet.update --limit robot2 --check --diff"),
         ("outcomes", {**MISSED, "playbook": "mine.yml", "outcome": "deferred-busy"}, "mine.yml --limit robot2"),
         ("went_back", {"name": "a", "robot": "r", "from": "2", "to": "1", "reason": "", "at": LOST}, "ros-keeper"),
-        ("ros_nodes", {"name": "/a", "robot": "r", "app": "b", "reachable": False}, "kubectl -n robot-r logs deploy/b"),
+        ("ros_nodes", {"name": "/a", "robot": "r", "app": "b", "reachable": False}, "-n robot-r logs deploy/b"),
     ],
 )  # fmt: skip
 def test_what_to_do_next(section: str, row: dict[str, Any], todo: str) -> None:

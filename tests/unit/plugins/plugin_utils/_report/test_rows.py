@@ -256,7 +256,7 @@ def test_a_process_of_a_launch_file_that_crashed_stands_beside_its_app() -> None
         "graphs": {"robot1": {"launched": [died, {**died, "node": "/map", "exit_code": None, "crash": ""}]}},
     }
     status = fleet_status(sources)
-    todo = "kubectl -n robot-robot1 logs deploy/base"
+    todo = "k3s kubectl -n robot-robot1 logs deploy/base"
     problem = {"where": "app base of robot1", "what": "/lidar ended with exit code 3", "todo": todo}
     assert status["problems"] == [problem]
     text = status_text(status)
