@@ -22,7 +22,10 @@ import urllib.request
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections"), str(CHECKOUT / "tests" / "ros")]
+sys.path[:0] = [
+    str(CHECKOUT / ".ansible" / "collections"),
+    *(str(CHECKOUT / "tests" / name) for name in ("ros", "tools")),
+]
 
 from exporter_scene import ExporterScene, Metrics  # noqa: E402 - found through the lines above
 from scene import until  # noqa: E402

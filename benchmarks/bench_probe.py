@@ -24,7 +24,10 @@ from pathlib import Path
 from typing import Any
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections"), str(CHECKOUT / "tests" / "ros")]
+sys.path[:0] = [
+    str(CHECKOUT / ".ansible" / "collections"),
+    *(str(CHECKOUT / "tests" / name) for name in ("ros", "tools")),
+]
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files  # noqa: E402
 from at_rest import measure as measure_rest  # noqa: E402 - found through the lines above

@@ -11,11 +11,15 @@ Each stage's output is printed in one piece when it ends, and kept in reports/st
 at the end: of a long log often only that is at hand.
 
 The first lane is the one that works on hosts, and hosts have clocks: the others leave it half of the machine's cores.
+
+What a stage starts ends with it. What the run finds at its end that is still there (tests/tools/remains.py), it takes
+away, says, and counts as a failed stage. How long the stages took is written to reports/stages/times.json.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
 import signal
@@ -27,8 +31,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
-PREPARING = ("setup-tests", "artifacts")
 CHECKOUT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(CHECKOUT / "tests" / "tools"))
+
+from remains import PATIENCE, Watched  # noqa: E402 - found through the line above
+
+PREPARING = ("setup-tests", "artifacts")
+NOTHING_LEFT = "nothing-left"
 LOGS = CHECKOUT / "reports" / "stages"
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # pytest's, also where another tool prints it within its own lines
@@ -47,8 +56,8 @@ class Result(NamedTuple):
 class Stages:
     """Runs stages; `command` is what a stage's name is given to."""
 
-    def __init__(self, command: list[str], logs: Path) -> None:
-        self._command, self._logs = command, logs
+    def __init__(self, command: list[str], logs: Path, environment: dict[str, str]) -> None:
+        self._command, self._logs, self._environment = command, logs, environment
         self._printing = threading.Lock()
         self._running: list[subprocess.Popen[bytes]] = []
         self._ended = False
@@ -74,7 +83,8 @@ class Stages:
             process = subprocess.Popen(  # noqa: S603 - make itself started this
                 [*self._command, name],
                 cwd=CHECKOUT,
-                env={**os.environ, "COLUMNS": "200"},  # pytest and Molecule cut and break lines at 80
+                # pytest and Molecule cut and break lines at 80
+                env={**os.environ, **self._environment, "COLUMNS": "200"},
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )
@@ -116,6 +126,13 @@ def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result
         return results + [result for lane in running for result in lane.result()]
 
 
+def nothing_left(watched: Watched, patience: float) -> Result:
+    """Whether all that the stages started has ended."""
+    began = time.monotonic()
+    left = tuple(watched.end(patience))
+    return Result(NOTHING_LEFT, "FAILED" if left else "passed", time.monotonic() - began, left)
+
+
 def reasons(output: str) -> tuple[str, ...]:
     """The lines that say why: pytest's, or the last ones."""
     lines = COLOUR.sub("", output).splitlines()
@@ -131,13 +148,21 @@ def summary(results: list[Result], seconds: float) -> str:
     return "\n".join([*whys, "=== stages", *lines, *ending])
 
 
-def main(words: list[str], command: tuple[str, ...] = ("make",), logs: Path = LOGS) -> int:
+def times(results: list[Result], seconds: float) -> dict[str, object]:
+    """What tests/tools/times.py keeps: seconds of each stage that passed, and of the whole run if all did."""
+    passed = {one.name: round(one.seconds) for one in results if one.verdict == "passed" and one.name != NOTHING_LEFT}
+    whole = round(seconds) if all(one.verdict == "passed" for one in results) else None
+    return {"stages": passed, "whole": whole, "cores": len(os.sched_getaffinity(0))}
+
+
+def main(words: list[str], command: tuple[str, ...] = ("make",), logs: Path = LOGS, patience: float = PATIENCE) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--first", nargs="+", default=[], metavar="STAGE")
     parser.add_argument("--lane", nargs="+", action="append", required=True, metavar="STAGE")
     options = parser.parse_args(words)
-    stages = Stages(list(command), logs)
+    watched = Watched()
+    stages = Stages(list(command), logs, watched.environment)
 
     def stop(number: int, _frame: object) -> NoReturn:
         stages.end()
@@ -146,8 +171,14 @@ def main(words: list[str], command: tuple[str, ...] = ("make",), logs: Path = LO
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop)
     began = time.monotonic()
-    results = run(stages, options.first, options.lane)
-    print(summary(results, time.monotonic() - began), flush=True)
+    try:
+        results = run(stages, options.first, options.lane)
+        seconds = time.monotonic() - began
+    finally:
+        left = nothing_left(watched, patience)
+    (logs / "times.json").write_text(json.dumps(times(results, seconds), indent=2) + "\n", "utf-8")
+    results.append(left)
+    print(summary(results, seconds), flush=True)
     return 0 if all(one.verdict == "passed" for one in results) else 1
 
 

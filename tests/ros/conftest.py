@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the tests import what stands beside them
 CHECKOUT = Path(__file__).resolve().parents[2]
+# the tests import what stands beside them, and our own tools
+sys.path[:0] = [str(Path(__file__).parent), str(CHECKOUT / "tests" / "tools")]
 TREE = CHECKOUT / ".ansible" / "collections"
 if (TREE / "ansible_collections" / "rosops" / "fleet").exists():
     sys.path.insert(0, str(TREE))

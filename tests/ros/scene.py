@@ -1,6 +1,9 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A ROS master, nodes and the keeper as processes on loopback, ended together."""
+"""A ROS master, nodes and the keeper as processes on loopback, ended together.
+
+All of a scene end with it: those that a name was given to twice, too, and those that they started themselves.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ import signal
 import socket
 import subprocess
 import time
+import uuid
 import xmlrpc.client
 from collections.abc import Callable
 from pathlib import Path
@@ -19,11 +23,13 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import Entry
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
+from started import kill, marked
 
 NODES = Path(__file__).with_name("nodes.py")
 PYTHON = "/usr/bin/python3"  # Debian's ROS packages are for this one
 SUCCEEDED, RECALLED, LOST = 3, 8, 9
 LAST_LINES = 40
+MARK = "ROSOPS_TEST_SCENE"
 
 
 def free_port() -> int:
@@ -47,7 +53,7 @@ def until(what: str, true: Callable[[], Any], seconds: float = 30.0) -> Any:
 
 class Scene:
     def __init__(self, directory: Path) -> None:
-        self.directory = directory
+        self.directory, self.mark = directory, uuid.uuid4().hex
         self.port, self.keeper_port = free_port(), free_port()
         self.uri = f"http://127.0.0.1:{self.port}/"
         self.ros = Registrar(self.uri, 2.0, "/tester")
@@ -65,6 +71,7 @@ class Scene:
             "ROS_IP": "127.0.0.1",
             "ROS_LOG_DIR": str(self.directory / "roslog"),
             "HOME": str(self.directory),
+            MARK: self.mark,
             **self.environment,
         }
         with (self.directory / f"{name.strip('/')}.out").open("ab") as out:
@@ -101,11 +108,9 @@ class Scene:
             self.processes[name].wait()
 
     def end(self) -> None:
+        kill(lambda: marked(MARK, self.mark))
         for process in self.processes.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGCONT)
-                process.kill()
-                process.wait()
+            process.wait()
 
     # ---- what is there
 

@@ -9,7 +9,6 @@ import itertools
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -18,6 +17,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
+
+from started import kill, marked
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 MARK = "ROSOPS_TEST_RUN"
@@ -115,26 +116,8 @@ class Running:
 
         Ansible's workers are sessions of their own, so the process group alone is not all of it.
         """
-        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first: nothing acts on the end of something else
-            for process in self._processes():
-                try:
-                    os.kill(process, number)
-                except ProcessLookupError:
-                    continue
+        kill(lambda: marked(MARK, self.mark))
         self._process.wait(timeout=30)
-        wait_until(self._processes, lambda left: not left, 30, "the end of the control node's processes", pause=0.05)
-
-    def _processes(self) -> list[int]:
-        """Everything that was started by it."""
-        wanted = f"{MARK}={self.mark}".encode()
-        found = []
-        for path in Path("/proc").glob("[0-9]*/environ"):
-            try:
-                if wanted in path.read_bytes().split(b"\0"):
-                    found.append(int(path.parent.name))
-            except OSError:  # it has ended, or is another user's
-                continue
-        return found
 
     def finish(self, seconds: float = LONGEST) -> Run:
         """Wait for its end."""

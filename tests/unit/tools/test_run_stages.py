@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import re
 import signal
 import subprocess
 import sys
@@ -35,6 +37,16 @@ sys.exit(word.startswith(("bad", "setup")) and 1)
 """
 
 
+# Deaf to SIGTERM, in a session of its own, and nobody's child when its stage has ended.
+LEFT = """
+import pathlib, signal, subprocess, sys, tempfile
+deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(600)"
+started = subprocess.Popen([sys.executable, "-c", deaf], stdout=subprocess.PIPE, start_new_session=True)
+started.stdout.readline()
+pathlib.Path(sys.argv[1]).write_text(tempfile.mkdtemp())
+"""
+
+
 def staged(tmp_path: Path, *words: str) -> int:
     here = tmp_path / "seen"
     here.mkdir()
@@ -44,13 +56,13 @@ def staged(tmp_path: Path, *words: str) -> int:
 
 def table(output: str) -> dict[str, str]:
     lines = output.partition("=== stages\n")[2].splitlines()[:-2]
-    return {line.split()[0]: line[23:31].strip() for line in lines}
+    return {line.split()[0]: line[23:31].strip() for line in lines if line.split()[0] != "nothing-left"}
 
 
 def test_lanes_run_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert staged(tmp_path, "--first", "a", "--lane", "b+c", "e+d", "--lane", "c+b", "d+e") == 0
     printed = capsys.readouterr().out
-    assert printed.splitlines()[-1] == "5 passed, 0 failed"
+    assert printed.splitlines()[-1] == "6 passed, 0 failed"
     assert table(printed) == dict.fromkeys(["a", "b+c", "e+d", "c+b", "d+e"], "passed")
     for name in "abcde":  # whole, whatever else was printed meanwhile
         assert f"\n{name} begins\n{name} ends\n" in printed
@@ -61,9 +73,30 @@ def test_a_failed_stage_stops_no_other(tmp_path: Path, capsys: pytest.CaptureFix
     assert staged(tmp_path, "--lane", "bad", "b", "--lane", "c") == 1
     printed = capsys.readouterr().out
     assert table(printed) == {"bad": "FAILED", "b": "passed", "c": "passed"}
-    assert printed.splitlines()[-1] == "2 passed, 1 failed"
+    assert printed.splitlines()[-1] == "3 passed, 1 failed"
     assert "c ends\n=== c passed" in printed
     assert "=== bad: why it failed\nbad begins\nbad ends\n=== stages\n" in printed
+
+
+def test_what_a_stage_leaves_is_taken_away_and_makes_the_run_red(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "place"
+    assert run_stages.main(["--lane", "a"], (sys.executable, "-c", LEFT, str(place)), tmp_path / "logs", 0.5) == 1
+    printed = capsys.readouterr().out
+    found = re.search(r"^process (\d+): .*SIG_IGN", printed, re.MULTILINE)
+    assert found is not None
+    process = Path(f"/proc/{found[1]}/cmdline")
+    assert not process.exists() or process.read_bytes() == b""  # ended, and perhaps nobody has asked for its status
+    assert "=== nothing-left: why it failed\n" in printed
+    assert printed.splitlines()[-1] == "1 passed, 1 failed"
+    assert not Path(place.read_text()).parent.exists()
+
+
+def test_times_are_those_of_what_passed(tmp_path: Path) -> None:
+    assert staged(tmp_path, "--lane", "bad", "b") == 1
+    kept = json.loads((tmp_path / "logs" / "times.json").read_text())
+    assert (kept["stages"], kept["whole"]) == ({"b": 0}, None)
 
 
 def test_why_a_stage_failed_is_what_pytest_says() -> None:
