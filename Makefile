@@ -21,8 +21,8 @@ export PYTHONDONTWRITEBYTECODE := 1
 export LC_ALL := C.UTF-8
 
 .PHONY: help
-help: ## List the targets
-	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "  %-18s %s\n", $$1, $$2 }' Makefile
+help: ## List the targets, with the times that a run wrote (two cores; `make times`)
+	@"$$(tests/lab/find_python)" tests/tools/times.py help
 
 .PHONY: setup
 setup: ## Install missing Debian packages, make .venv, link the collection
@@ -61,7 +61,7 @@ status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes,
 	@ansible-playbook $(if $(TABLES),-v) -i $(INVENTORY) playbooks/status.yml
 
 # What needs no host, beside what works on them.
-HOSTLESS := lint docs test-unit sanity dist test-bad-input test-go test-browser test-ros
+HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-go test-browser test-ros
 
 .PHONY: test
 test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
@@ -152,8 +152,12 @@ ee: package ## The execution environment's image (podman; needs the registries o
 	ansible-builder build --container-runtime podman --file execution-environment/execution-environment.yml --context .cache/ee/context
 
 .PHONY: test-unit
-test-unit: ## All unit tests, in eight minutes (TESTS="--lf": those that failed last)
-	python -m pytest -n 2 --durations 20 $(or $(TESTS),tests/unit)
+test-unit: ## Unit tests but for those of playbooks (TESTS="--lf": those that failed last)
+	python -m pytest -n 2 --durations 20 $(or $(TESTS),--ignore tests/unit/playbooks tests/unit)
+
+.PHONY: test-playbooks
+test-playbooks: ## The collection's playbooks, run against stand-ins of hosts, clusters and AWX
+	python -m pytest -n 2 --durations 20 tests/unit/playbooks
 
 .PHONY: test-bad-input
 test-bad-input: ## Every malformed input through site.yml: refused before a host is touched
@@ -214,7 +218,7 @@ molecule-update: artifacts ## Molecule: updates, bad versions, busy and absent r
 	molecule test --scenario-name update
 
 .PHONY: molecule-observability
-molecule-observability: artifacts ## Molecule: a fleet and what watches it (the first time builds Prometheus, Loki, ...: some ten minutes more)
+molecule-observability: artifacts ## Molecule: a fleet and what watches it (builds Prometheus, Loki and others the first time)
 	@$(LAB) artifacts --observability
 	molecule test --scenario-name observability
 
@@ -265,6 +269,10 @@ bench-fleet: ## What the engine costs per robot, in simulated fleets of 10, 30 a
 .PHONY: bench-site
 bench-site: ## What site.yml and update.yml cost, in seconds and processor time (BENCH="--before DIR --rounds 3": beside another checkout)
 	python benchmarks/bench_site.py $(BENCH)
+
+.PHONY: times
+times: ## Keep the times of the last whole run: in tests/times.json, docs/developing.md and `make help` (WHOLE=test-all: it was of that)
+	@python tests/tools/times.py keep $(or $(WHOLE),test)
 
 .PHONY: clean
 clean: lab-down ## Remove what make wrote into the checkout; the cache stays
