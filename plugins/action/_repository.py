@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import contents, fleet_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import EXAMPLES, contents, fleet_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.files import plan, read, write
 
 COLLECTION = Path(__file__).resolve().parents[2]
@@ -24,13 +24,14 @@ class ActionModule(FleetAction):
     ARGUMENTS: ClassVar = {
         "dest": {"type": "str", "required": True},
         "force": {"type": "bool", "default": False},
+        "example": {"type": "str", "choices": list(EXAMPLES), "default": EXAMPLES[0]},
     }
 
     def work(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
         if not params["dest"]:
             raise FleetError("It is not said where the repository shall be. Give a directory: -e dest=my-fleet")
         top = Path(params["dest"]).expanduser().absolute()
-        wanted = contents(COLLECTION, fleet_name(top.name))
+        wanted = contents(COLLECTION, fleet_name(top.name), params["example"])
         planned = plan(wanted, read(top, wanted), params["force"])
         if not self._task.check_mode:
             write(top, planned.write)

@@ -27,6 +27,8 @@ TAKEN = [
     "status.yml",
     "update.yml",
     "validate.yml",
+    "playbooks/files/examples/launch/images/base/Dockerfile",
+    "playbooks/files/examples/launch/images/base/driver.py",
     "playbooks/files/repository/ansible.cfg",
     "playbooks/files/repository/dot-github/workflows/fleet.yml",
     "playbooks/files/repository/dot-gitignore",

@@ -17,6 +17,7 @@ PLAYBOOKS = ("site.yml", "update.yml", "rollback.yml", "status.yml", "guarded.ym
 # Hidden files stand under another name, or they would be this checkout's own settings.
 HIDDEN = "dot-"
 EXAMPLE_NAME = "fleet_name: example"
+EXAMPLES = ("talker", "launch")  # the first is inventories/example, another is laid over it
 LONGEST = 63
 COLLECTIONS = """---
 collections: # and what it needs itself
@@ -28,15 +29,16 @@ ansible-core{core}
 """
 
 
-def contents(collection: Path, fleet: str) -> dict[str, str]:
-    """Path -> text, of the collection in that directory for a fleet of that name."""
+def contents(collection: Path, fleet: str, example: str = EXAMPLES[0]) -> dict[str, str]:
+    """Path -> text, of the collection in that directory for a fleet of that name with that example."""
     found = {name: _text(collection / name) for name in PLAYBOOKS}
     version = _version(collection)
     for path, text in _tree(collection / "playbooks" / "files" / "repository"):
         name = "/".join(re.sub(f"^{HIDDEN}", ".", part) for part in path.parts)
-        found[name] = text.replace("@fleet@", fleet).replace("@version@", version)
+        found[name] = text.replace("@fleet@", fleet)
     for path, text in _tree(collection / "inventories" / "example"):
         found[f"inventory/{path}"] = text.replace(EXAMPLE_NAME, f"fleet_name: {fleet}")
+    found |= {str(path): text for path, text in _tree(collection / "playbooks" / "files" / "examples" / example)}
     found["collections/requirements.yml"] = COLLECTIONS.format(version=version)
     core = yaml.safe_load(_text(collection / "meta" / "runtime.yml"))["requires_ansible"]
     found["requirements.txt"] = PACKAGES.format(core=core) + _text(collection / "meta" / "ee-requirements.txt")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -75,6 +76,42 @@ def test_its_yaml_is_clean(repository: Path) -> None:
     for program, *arguments in (["yamllint", "--strict", "."], ["ansible-lint", "--offline"]):
         done = run(repository, program, *arguments)
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_example_with_a_launch_file_is_valid_and_clean_at_once(tmp_path: Path) -> None:
+    assert changed(new(tmp_path, "-e", "example=launch")) == 1
+    where = tmp_path / "My_Fleet"
+    (where / "images" / "base-1.0.tar").write_bytes(b"")  # before it is filled
+    for program, *arguments in (
+        ["ansible-playbook", "validate.yml"],
+        ["ansible-playbook", "--syntax-check", "secrets.yml"],
+        ["yamllint", "--strict", "."],
+        ["ansible-lint", "--offline"],
+    ):
+        done = run(where, program, *arguments)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "[WARNING]" not in done.stdout + done.stderr
+    archives = json.loads(
+        run(
+            where,
+            "ansible",
+            "robot1",
+            "-m",
+            "debug",
+            "-a",
+            "var=images_archives",
+            ANSIBLE_CALLBACK_RESULT_FORMAT="json",
+        ).stdout.partition("=> ")[2]
+    )
+    assert [Path(item["path"]).resolve() for item in archives["images_archives"]] == [where / "images" / "base-1.0.tar"]
+    assert changed(new(tmp_path, "-e", "example=launch")) == 0
+
+
+def test_an_example_that_is_not_there_is_refused_by_those_that_are(tmp_path: Path) -> None:
+    done = new(tmp_path, "-e", "example=lunch")
+    assert done.returncode == 2
+    assert "talker, launch" in done.stdout
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_its_playbooks_are_the_collection_s(repository: Path) -> None:

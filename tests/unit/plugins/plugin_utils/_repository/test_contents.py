@@ -5,12 +5,17 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import contents, fleet_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import (
+    EXAMPLES,
+    contents,
+    fleet_name,
+)
 
 CHECKOUT = Path(__file__).resolve().parents[5]
 
@@ -47,7 +52,27 @@ def test_hidden_files_are_hidden_there_and_the_name_is_put_in() -> None:
     assert [path for path in found if "dot-" in path] == []
     assert yaml.safe_load(found["inventory/group_vars/all.yml"]) == {"fleet_name": "mine"}
     assert "@fleet@" not in "".join(found.values())
-    assert "@version@" not in "".join(found.values())
+
+
+def test_another_example_is_laid_over_the_first() -> None:
+    talker, launch = (contents(CHECKOUT, "mine", example) for example in EXAMPLES)
+    assert {"secrets.yml", "images/base/Dockerfile", "images/base/base.launch"} == {
+        path for path in set(launch) - set(talker) if not path.endswith((".py", "package.xml"))
+    }
+    robots, following = "inventory/group_vars/robots.yml", "molecule/update/vars/next.yml"
+    assert {path for path, text in talker.items() if launch[path] != text} == {robots, following}
+    given = yaml.safe_load(launch[robots])
+    assert set(yaml.safe_load(launch[following])) <= set(given), "what is next is a variable of the inventory"
+    [app] = given["ros_apps"]
+    secrets = {item["secret"] for item in app["env"].values()}
+    assert [name for name in secrets if f"name: {name}," not in launch["secrets.yml"]] == []
+    assert f"images/{app['launch']['package']}/{app['launch']['file']}" in launch
+
+
+def test_packages_come_from_registries_alone() -> None:
+    """One that cannot be had there takes all others of its file with it."""
+    lines = contents(CHECKOUT, "x")["requirements-test.txt"].splitlines()
+    assert [line for line in lines if line[0] != "#" and not re.fullmatch(r"[a-z-]+>=[\d.]+", line)] == []
 
 
 @pytest.mark.parametrize(
