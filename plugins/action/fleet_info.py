@@ -5,21 +5,22 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from functools import partial
-from itertools import chain
 from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import KINDS, ask
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import ask
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
     cluster_problems,
     clusters_of,
     graphs_to_read,
     members,
+    promised_rates,
     unmeasured,
     usage_of,
 )
@@ -46,13 +47,14 @@ class ActionModule(ClusterAction):
 
         answers = ask({cluster: partial(connect, host) for cluster, host in asked.items()})
         problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
-        together = {kind: list(chain(*(one.objects.get(kind, ()) for one in answers.values()))) for kind in KINDS}
-        rows = cluster_rows(together, usage_of(results.values()))
+        rows = cluster_rows([one.objects for one in answers.values()], usage_of(results.values()), time.time())
         services = {name: one.objects.get("Service", ()) for name, one in answers.items()}
         return {
             "changed": False,
+            "name": fleet.name,
             "hosts": [host.row() for host in hosts],
             "graphs": graphs_to_read(hosts, services, rows["apps"]),
+            "promised": promised_rates(hosts),
             "problems": [
                 *cluster_problems(problems, hosts),
                 *unmeasured(results),

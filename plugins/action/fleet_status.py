@@ -39,30 +39,26 @@ class ActionModule(FleetAction):
         results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in fleet["graphs"]}
         graphs = {fleet["graphs"][host]["robot"]: one["graph"] for host, one in results.items() if "graph" in one}
         problems = [*fleet["problems"], *graph_problems(results, fleet["graphs"])]
-        status = status_rows({**fleet, "problems": problems}, graphs, report_texts(callback_path()))
+        status = status_rows(
+            {**fleet, "problems": problems}, graphs, report_texts(callback_path()), fleet.get("promised") or {}
+        )
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        text = summary_text(status, now) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
+        name = str(fleet.get("name") or "")
+        text = summary_text(status, now, name) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
         display.display(f"\n{text}")
         # what -v would print of the result is what has just been shown
         result: dict[str, Any] = {"status": status, "text": text, "_ansible_verbose_override": True}
         try:
-            result["changed"] = self._write(
-                status, now, params["page"], params["mode"], str(known.get("ansible_limit") or "")
-            )
+            limit = str(known.get("ansible_limit") or "")
+            path = placed(params["page"])
+            before = text_of(path) if path else ""
+            page = status_page(status, now, before, limit, name) if path else ""
+            result["changed"] = page != before
+            if path and page != before and not self._task.check_mode:
+                write(path, page, int(params["mode"], 8))
         except OSError as error:
             result.update(failed=True, msg=f"the page cannot be written: {error}")
         return result
-
-    def _write(self, status: Mapping[str, Any], now: str, given: str, mode: str, limit: str) -> bool:
-        """Whether the page says, or in check mode would say, something new."""
-        path = placed(given)
-        if path is None:
-            return False
-        before = text_of(path)
-        page = status_page(status, now, before, limit)
-        if page != before and not self._task.check_mode:
-            write(path, page, int(mode, 8))
-        return page != before
 
 
 def callback_path() -> str:

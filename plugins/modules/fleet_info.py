@@ -54,6 +54,10 @@ EXAMPLES = r"""
 """
 
 RETURN = r"""
+name:
+  description: The fleet's name, C(fleet_name); empty where the inventory has none.
+  returned: success
+  type: str
 hosts:
   description: "The hosts of the play: name, group, address, role, cluster, reachable, reason."
   returned: success
@@ -72,12 +76,18 @@ placement:
   elements: dict
 masters:
   description: "ROS masters: name, namespace, robot, placement, ready, wanted, nodes, addresses, images,
-    restarts, since (when it is not ready), note."
+    restarts, ended (how a container ended in the last ten minutes that was started again), ended_at,
+    since (when it is not ready), note."
+  returned: success
+  type: list
+  elements: dict
+helpers:
+  description: The same of what stands beside the masters, keepers and exporters.
   returned: success
   type: list
   elements: dict
 apps:
-  description: The same of the apps that this collection manages.
+  description: The same of the inventory's apps.
   returned: success
   type: list
   elements: dict
@@ -89,7 +99,8 @@ went_back:
   type: list
   elements: dict
 claims:
-  description: "Name, namespace, robot, bound, since (when it waits), phase, storage_class, size, used_bytes."
+  description: "Name, namespace, robot, bound, unused (not bound because no app mounts it, which is in order), since
+    (when it waits), phase, storage_class, size, used_bytes, note."
   returned: success
   type: list
   elements: dict
@@ -102,6 +113,12 @@ graphs:
   type: dict
   sample:
     robot1: {robot: robot1, master_uri: "http://10.43.0.17:11311", addresses: [10.42.1.7]}
+promised:
+  description: "What apps' readiness says of topics' rates, by graph and topic: min_rate, app, robot (whose app it is)."
+  returned: success
+  type: dict
+  sample:
+    robot1: {/imu/data: {min_rate: 90, app: bringup, robot: robot1}}
 runs:
   description: The last run of each host, as its cluster keeps it for other control nodes; reports of one host each.
   returned: success

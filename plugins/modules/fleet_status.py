@@ -12,8 +12,10 @@ short_description: Show how a fleet stands
 version_added: 1.0.0
 description:
   - Prints what needs attention, each finding under its cause, with the time since when and what to do next.
-  - Prints how many hosts, nodes, masters, apps, ROS nodes, claims and last outcomes are in order. What is not known
-    counts as unknown, never as good.
+  - Holds topics' rates against what apps' readiness promises, and tells of containers that ended in the last ten
+    minutes and were started again.
+  - Prints how many hosts, nodes, masters, helpers, apps, ROS nodes, claims and last outcomes are in order. What is not
+    known counts as unknown, never as good.
   - With C(-v) prints tables of all of them, of topics with live rates, and of the last updates' steps.
   - Writes all of it on the control node as a page for the browser, with each ROS graph drawn.
   - The page is one file without scripts. It loads nothing, and everything in it is escaped. It is written only when it
@@ -84,12 +86,12 @@ EXAMPLES = r"""
 RETURN = r"""
 status:
   description:
-    - Lists of rows under C(problems), C(hosts), C(nodes), C(placement), C(masters), C(apps), C(went_back),
+    - Lists of rows under C(problems), C(hosts), C(nodes), C(placement), C(masters), C(helpers), C(apps), C(went_back),
       C(ended), C(ros_nodes), C(topics), C(graphs), C(claims), C(outcomes), C(steps). Those that are not here are as
       M(rosops.fleet.fleet_info) returns them.
     - "C(problems): where, what, and where it is known todo, what to do next; C(cluster) or C(graph) where it is that
       which cannot be looked at. Among them are the processes of launch files that crashed or were started again, each
-      by the app that it belongs to."
+      by the app that it belongs to, and containers that ended lately."
     - "C(ended), processes of launch files that have ended, nobody but the pod's log knows with what exit code: robot,
       app, node, host."
     - "C(ros_nodes): robot, name, at (the host that it runs on, or the address of a process that no pod has), app,
@@ -97,7 +99,8 @@ status:
     - "C(graphs), what of a ROS graph is drawn: robot, nodes (name, at, up), links (name, rate, action, publishers,
       subscribers, and as broken the pairs that are registered and alive and not connected), unheard (how many topics
       nobody listens to). The topics of an action are one link."
-    - "C(topics): robot, name, type, publishers, subscribers, connections, rate, note; without rosout and clock."
+    - "C(topics): robot, name, type, publishers, subscribers, connections, rate, promised (min_rate, app, robot of the
+      app whose readiness names one), note; without rosout and clock."
     - "C(outcomes), of the newest report that has the host, but for those of check mode and of playbooks that only look:
       host, outcome, playbook, started, changed, note."
     - "C(steps), of the robot's newest update: robot, id, name, handoff, outcome, from, to, seconds, busy_wait, phases,

@@ -193,6 +193,23 @@ def error_end(pod: Mapping[str, Any], before: Mapping[str, int]) -> Verdict | No
     return None
 
 
+def last_end(pod: Mapping[str, Any]) -> tuple[str, str] | None:
+    """When one of its containers ended last and was started again, and how that was, in words.
+
+    An end from before the pod's sandbox does not count: the host was started anew, and all its pods with it.
+    """
+    sandbox = str(condition(pod, "PodReadyToStartContainers").get("lastTransitionTime") or "")
+    found = []
+    for container in containers(pod):
+        again = int(container.get("restartCount") or 0)
+        ended = dict((container.get("lastState") or {}).get("terminated") or {})
+        at = str(ended.get("finishedAt") or "")
+        if again and at and at >= sandbox:
+            times = f"restarted {again} time{'' if again == 1 else 's'}"
+            found.append((at, _words(f"container {container.get('name', '?')} {times}, last", _exit(ended))))
+    return max(found, default=None)
+
+
 def why_not_ready(pod: Mapping[str, Any]) -> str:
     """One line on what this pod waits for."""
     who = f"pod {name_of(pod)}"

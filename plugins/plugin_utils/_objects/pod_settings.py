@@ -22,13 +22,6 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
     Names are full but for private ones that follow the node's name of a revision: those keep their `~`.
     """
     readiness, command = app.readiness, app.readiness.command
-
-    def full(name: str) -> str:
-        kept = app.handoff != "overlap" or name[1:].lstrip("/") in app.private_names
-        if name.startswith("~") and not kept:
-            return f"~{name[1:].lstrip('/')}"
-        return resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot))
-
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
     params = {_param(name): value for name, value in app.params.items()}
@@ -37,10 +30,10 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "app": app.name,
         "node": context.graph_node(app, robot),
         "expect_node": readiness.nodes,
-        "actions": [full(action["name"]) for action in readiness.actions],
+        "actions": [_full(action["name"], app, robot) for action in readiness.actions],
         "stop_deadline": app.stop_deadline,
         "command": probe_command(command) if command and app.hooks == "app" else None,
-        "min_rates": {full(topic["name"]): topic["min_rate"] for topic in rated},
+        "min_rates": {_full(topic["name"], app, robot): topic["min_rate"] for topic in rated},
         "keeper": keeper_url(robot),
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
@@ -48,6 +41,19 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         **({"params": params} if params or keep else {}),
         **({"keep_params": keep} if keep else {}),
     }
+
+
+def promised(app: App, robot: Robot) -> dict[str, float]:
+    """Hz that topics have at least, their publishers together. Which name a private one has the graph alone knows."""
+    rates = {_full(topic["name"], app, robot): topic.get("min_rate") for topic in app.readiness.topics}
+    return {topic: rate for topic, rate in rates.items() if rate and not topic.startswith("~")}
+
+
+def _full(name: str, app: App, robot: Robot) -> str:
+    kept = app.handoff != "overlap" or name[1:].lstrip("/") in app.private_names
+    if name.startswith("~") and not kept:
+        return f"~{name[1:].lstrip('/')}"
+    return resolve(name, context.graph_namespace(app, robot), context.graph_node(app, robot))
 
 
 def _param(name: str) -> str:

@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
     BAD,
     WARN,
+    WORKLOADS,
     Status,
     hosts_away,
     is_unknown,
@@ -92,6 +93,7 @@ def _keys(section: str, row: Row) -> list[Key]:
     return {
         "nodes": [("host", name)],
         "masters": [("graph", robot)],
+        "helpers": [("app", f"{robot}/{name}")],
         "apps": [("app", f"{robot}/{name}")],
     }.get(section, [])
 
@@ -101,13 +103,16 @@ def _causes(section: str, row: Row, status: Status) -> Iterator[Key]:
     robot = str(row.get("robot"))
     if section == "nodes":
         yield "host", str(row.get("name"))
-    elif section in ("masters", "apps"):
+    elif section in WORKLOADS:
         if row.get("nodes"):
             yield from (("host", str(node)) for node in row["nodes"][:1] if len(row["nodes"]) == 1)
     elif section == "ros_nodes":
         yield "app", f"{robot}/{row.get('app')}"
         yield "graph", robot
         yield "host", str(row.get("at") or robot)
+    elif section == "topics":
+        yield "app", "{robot}/{app}".format(**row["promised"])
+        yield "graph", robot
     elif section == "claims":
         yield "host", robot
     elif section == "outcomes" and row.get("outcome") == OFFLINE:
@@ -148,8 +153,8 @@ def _unconnected(status: Status) -> Iterator[Finding]:
 # ---- in words
 
 _PLURAL = {
-    "nodes": "node", "masters": "ROS master", "apps": "app", "ros_nodes": "ROS node", "claims": "claim",
-    "outcomes": "last run", "problems": "",
+    "nodes": "node", "masters": "ROS master", "helpers": "helper", "apps": "app", "ros_nodes": "ROS node",
+    "topics": "topic", "claims": "claim", "outcomes": "last run", "problems": "",
 }  # fmt: skip
 
 
@@ -195,8 +200,11 @@ def _node(row: Row) -> Told:
 def _workload(where: str, row: Row, runbook: str) -> Told:
     namespace, name, note = row.get("namespace"), row.get("name"), str(row.get("note") or "")
     todo = f"k3s kubectl -n {namespace} describe pod -l rosops.fleet/app={name}"
+    logs = f"k3s kubectl -n {namespace} logs deploy/{name} --previous"
     if "CrashLoopBackOff" in note:
-        todo = f"k3s kubectl -n {namespace} logs deploy/{name} --previous"
+        todo = logs
+    elif row.get("ended"):
+        note, todo = "; ".join(filter(None, (note, str(row["ended"])))), logs
     what = _with(f"{row.get('ready', 0)} of {row.get('wanted', 1)} ready", note)
     return Told(where, what, _since(row), todo, runbook)
 
@@ -210,7 +218,16 @@ def _claim(row: Row) -> Told:
         what = "not measured" if share is None else f"{share:.0%} used"
         return Told(where, what, "", f"{kubectl} get pvc {row.get('name')}", "PvcNearlyFull")
     todo = f"{kubectl} describe pvc {row.get('name')}"
-    return Told(where, str(row.get("phase") or "not bound"), _since(row), todo)
+    return Told(where, str(row.get("note") or row.get("phase") or "not bound"), _since(row), todo)
+
+
+def _topic(row: Row) -> Told:
+    promised, rate = row["promised"], row.get("rate")
+    found = "nobody publishes it" if rate is None else f"{rate:.1f} Hz"
+    told = f"{found}; {promised['app']} promises at least {promised['min_rate']:g} Hz"
+    todo = logs_of(promised["robot"], promised["app"], " --since 10m")
+    runbook = "RosTopicSilent" if rate is None else "RosTopicRateDrop"
+    return Told(f"topic {row['name']} of {row['robot']}", told, "", todo, runbook)
 
 
 def _outcome(row: Row) -> Told:
@@ -240,6 +257,7 @@ _TOLD: Mapping[str, Callable[[Row], Told]] = {
     "problems": lambda row: Told(
         str(row.get("where", "")), str(row.get("what", "")), _since(row), str(row.get("todo") or "")
     ),
+    "helpers": lambda row: _workload(f"{row.get('name')} of {row.get('robot')}", row, ""),
     "apps": lambda row: _workload(f"app {row.get('name')} of {row.get('robot')}", row, ""),
     "went_back": lambda row: Told(
         f"app {row.get('name')} of {row.get('robot')}",
@@ -256,6 +274,7 @@ _TOLD: Mapping[str, Callable[[Row], Told]] = {
         logs_of(str(row.get("robot")), str(row["app"]), " --since 10m") if row.get("app") else "",
         "RosNodeDown",
     ),
+    "topics": _topic,
     "claims": _claim,
     "outcomes": _outcome,
 }

@@ -26,6 +26,7 @@ KINDS = {
     "Pod": names.LABEL_APP,
     "PersistentVolumeClaim": "",
     "Service": "",
+    "StorageClass": "",
 }
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import RATE_TOLERANCE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED
@@ -19,6 +20,7 @@ Status = Mapping[str, Rows]  # by section
 
 OK, WARN, BAD = "ok", "warn", "bad"
 NEARLY_FULL = 0.9
+WORKLOADS = ("masters", "helpers", "apps")
 NAMED = 6  # a line has no room for the names of a whole fleet
 _OUTCOMES = {FAILED: BAD, ROLLED_BACK: BAD, OFFLINE: WARN, BUSY: WARN}
 
@@ -41,7 +43,7 @@ def _workload(row: Mapping[str, Any]) -> str:
 
 def _claim(row: Mapping[str, Any]) -> str:
     if not row.get("bound"):
-        return BAD
+        return OK if row.get("unused") else BAD
     share = used_share(row)
     return WARN if share is not None and share >= NEARLY_FULL else OK
 
@@ -51,6 +53,16 @@ def used_share(row: Mapping[str, Any]) -> float | None:
     size = quantity_value(str(row.get("size") or ""))
     used = row.get("used_bytes")
     return float(used) / float(size) if size and used is not None else None
+
+
+def _topic(row: Mapping[str, Any]) -> str:
+    """By what an app's readiness says of it, as its update holds it. A rate that nobody can tell is not held."""
+    promised, rate = row.get("promised"), row.get("rate")
+    if not promised:
+        return ""
+    if not row.get("publishers"):
+        return BAD
+    return WARN if rate is not None and rate < promised["min_rate"] * (1 - RATE_TOLERANCE) else OK
 
 
 def _outcome(row: Mapping[str, Any]) -> str:
@@ -63,10 +75,12 @@ _JUDGES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "hosts": _host,
     "nodes": _node,
     "masters": _workload,
+    "helpers": _workload,
     "apps": _workload,
     "went_back": lambda _row: WARN,
     "ended": lambda _row: WARN,
     "ros_nodes": lambda row: OK if row.get("reachable") else BAD,
+    "topics": _topic,
     "claims": _claim,
     "outcomes": _outcome,
     "steps": _outcome,
@@ -97,7 +111,7 @@ def hosts_away(status: Status) -> frozenset[str]:
 def because_off(section: str, row: Mapping[str, Any], off: Collection[str]) -> bool:
     if section == "nodes":
         return row.get("name") in off
-    if section in ("masters", "apps"):
+    if section in WORKLOADS:
         return bool(row.get("nodes")) and all(node in off for node in row["nodes"])
     if section in ("outcomes", "steps"):
         return row.get("outcome") == OFFLINE and row.get("host", row.get("robot")) in off
@@ -109,6 +123,7 @@ _COUNTED = (
     ("Hosts", "hosts", "up"),
     ("Nodes", "nodes", "ready"),
     ("ROS masters", "masters", "ready"),
+    ("Helpers", "helpers", "ready"),
     ("Apps", "apps", "ready"),
     ("ROS nodes", "ros_nodes", "up"),
     ("Claims", "claims", "in order"),
@@ -187,7 +202,7 @@ def is_unknown(section: str, row: Mapping[str, Any], off: Collection[str]) -> bo
     """Its host does not answer, so what was last said of it says nothing now."""
     if section == "claims":  # that it is there is known, what it holds is not
         return row.get("used_bytes") is None and row.get("robot") in off
-    return section in ("nodes", "masters", "apps") and level(section, row) == BAD and because_off(section, row, off)
+    return section in ("nodes", *WORKLOADS) and level(section, row) == BAD and because_off(section, row, off)
 
 
 def host_lines(status: Status) -> list[Row]:
@@ -216,7 +231,7 @@ def host_level(status: Status, host: Mapping[str, Any]) -> str:
     """The worst of what belongs to the host. What a host that is off cannot show is no further fault."""
     if level("hosts", host) != OK:
         return level("hosts", host)
-    found = [level(section, row) for section in ("masters", "apps", "ros_nodes", "claims")
+    found = [level(section, row) for section in (*WORKLOADS, "ros_nodes", "topics", "claims")
              for row in _own(section, status, host)]  # fmt: skip
     found += [level("nodes", row) for row in status.get("nodes") or [] if row.get("name") == host.get("name")]
     found += [level("outcomes", row) for row in status.get("outcomes") or [] if row.get("host") == host.get("name")]

@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED, apps_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
@@ -115,6 +116,20 @@ def graphs_to_read(
             taken.add(host.graph)
             pods = {address for row in apps_of(host.graph, apps) for address in row["addresses"]}
             found[host.name] = {"robot": host.graph, "master_uri": uri, "addresses": sorted(pods)}
+    return found
+
+
+def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Row]]:
+    """What apps' readiness says of topics' rates, by graph and topic: `min_rate`, `app`, and whose it is as `robot`."""
+    found: dict[str, dict[str, Row]] = {}
+    for host in hosts:
+        robot = host.robot
+        if robot is None:
+            continue
+        for app in robot.apps:
+            owner = host.name if app.scope == "robot" else SHARED
+            for topic, rate in promised(app, robot).items():
+                found.setdefault(host.graph, {})[topic] = {"min_rate": rate, "app": app.name, "robot": owner}
     return found
 
 

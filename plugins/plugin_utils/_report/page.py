@@ -38,7 +38,7 @@ NUMBERS = frozenset({
     "restarts", "publishes", "subscribes", "services", "publishers", "subscribers", "connections", "rate", "size",
     "used", "changed", "seconds", "waited for idle", "topics", "messages/s",
 })  # fmt: skip
-NAMES = frozenset({"app", "node", "topic", "claim", "step"})
+NAMES = frozenset({"app", "helper", "node", "topic", "claim", "step"})
 # What a terminal has no room for.
 MORE_COLUMNS: Mapping[str, Columns] = {"steps": [("phases, s", "phases"), ("id", "id")]}
 # A rate with the digits that mean something, so that a page is new only when the fleet is.
@@ -67,16 +67,16 @@ class Section(NamedTuple):
     naming: int
 
 
-def status_page(status: Status, made: str, previous: str = "", limit: str = "") -> str:
-    """The page. `made` is when, as in 2026-11-21T09:07:52Z, `limit` is what a run was limited to.
+def status_page(status: Status, made: str, previous: str = "", limit: str = "", name: str = "") -> str:
+    """The page. `made` is when, as in 2026-11-21T09:07:52Z, `limit` is what a run was limited to, `name` the fleet's.
 
     With the text of the `previous` page that one is returned when nothing but the time is new.
     """
-    page = _rendered(status, made, limit)
+    page = _rendered(status, made, limit, name)
     return previous if _MADE.sub("", previous) == _MADE.sub("", page) else page
 
 
-def _rendered(status: Status, made: str, limit: str) -> str:
+def _rendered(status: Status, made: str, limit: str, name: str) -> str:
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -98,6 +98,7 @@ def _rendered(status: Status, made: str, limit: str) -> str:
     return environment.get_template("page.html.j2").render(
         made=made,
         limit=limit,
+        title=f"{words(name)}: fleet status" if name else "Fleet status",
         counts=counts(status),
         attention=attention(status),
         hosts=_section("glance", "By host", HOST_COLUMNS, hosts, [str(line["level"]) for line in hosts]),

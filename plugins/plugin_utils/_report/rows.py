@@ -12,19 +12,27 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from itertools import chain
+from types import MappingProxyType
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ways_back
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     condition,
     is_ready,
     is_terminating,
+    last_end,
     meta,
     name_of,
     why_not_ready,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import judge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED, launched_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED, launched_rows, logs_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import PLUMBING_TOPICS, Places, drawn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import note_of
 
@@ -33,7 +41,9 @@ Row = dict[str, Any]
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
 BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.kubernetes.io")
 ROLE_LABEL = "node-role.kubernetes.io/"
-_OF_CLUSTERS = ("hosts", "nodes", "placement", "masters", "apps", "went_back", "claims")
+_OF_CLUSTERS = ("hosts", "nodes", "placement", "masters", "helpers", "apps", "went_back", "claims")
+HELPERS = frozenset({names.KEEPER_NAME, EXPORTER_NAME})  # beside each master; nobody has written them into an inventory
+LATELY = 600.0  # s, in which the end of a container that was started again is news
 # Runs that only look. Whoever looks twice still wants to know what became of the last change.
 LOOKING = frozenset({"status.yml", "validate.yml"})
 
@@ -104,13 +114,20 @@ def _unready_since(deployment: Mapping[str, Any], open_pods: Sequence[Mapping[st
     return next((time for time in times if time), "")
 
 
-def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any]]) -> Row:
+def _lately(pods: Iterable[Mapping[str, Any]], now: float) -> tuple[str, str]:
+    """When and how a container ended that was started again since. By the clock of its host, which may be ahead."""
+    at, how = max((end for pod in pods if (end := last_end(pod))), default=("", ""))
+    return (at, how) if at and now - datetime.fromisoformat(at).timestamp() < LATELY else ("", "")
+
+
+def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any]], now: float) -> Row:
     spec, status = deployment.get("spec") or {}, deployment.get("status") or {}
     pod_spec = (spec.get("template") or {}).get("spec") or {}
     live = [pod for pod in pods if not is_terminating(pod)]
     open_pods = [pod for pod in live if not is_ready(pod)]
     wanted = spec.get("replicas", 1)
     why = why_not_ready(open_pods[0]) if open_pods else ""
+    ended_at, ended = _lately(live, now)
     return {
         "name": name_of(deployment),
         "namespace": meta(deployment).get("namespace", ""),
@@ -122,24 +139,40 @@ def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any
         "addresses": sorted({str(address) for pod in live if (address := (pod.get("status") or {}).get("podIP"))}),
         "images": [str(one.get("image", "")) for one in pod_spec.get("containers") or []],
         "restarts": _restarts(pods),
+        "ended": ended,
+        "ended_at": ended_at,
         "since": _unready_since(deployment, open_pods),
         "note": why.partition(": ")[2] or why,  # the row itself says whose pod it is
     }
 
 
 def workload_rows(
-    deployments: Iterable[Mapping[str, Any]], pods: Iterable[Mapping[str, Any]]
-) -> tuple[list[Row], list[Row]]:
-    """Masters, and apps. Only what this collection manages."""
+    deployments: Iterable[Mapping[str, Any]], pods: Iterable[Mapping[str, Any]], now: float
+) -> dict[str, list[Row]]:
+    """Masters, what helps them, and apps. Only what this collection manages."""
     all_pods = list(pods)
-    masters: list[Row] = []
-    apps: list[Row] = []
+    found: dict[str, list[Row]] = {"masters": [], "helpers": [], "apps": []}
     for one in deployments:
         if _labels(one).get("app.kubernetes.io/managed-by") != names.MANAGER:
             continue
-        row = _workload_row(one, _pods_of(one, all_pods))
-        (masters if row["name"] == names.MASTER_NAME else apps).append(row)
-    return _sorted(masters), _sorted(apps)
+        row = _workload_row(one, _pods_of(one, all_pods), now)
+        section = "masters" if row["name"] == names.MASTER_NAME else "helpers" if row["name"] in HELPERS else "apps"
+        found[section].append(row)
+    return {section: _sorted(rows) for section, rows in found.items()}
+
+
+def ending_rows(workloads: Iterable[Row]) -> list[Row]:
+    """Problems: what is ready, and is so again and again. Of what is not ready its own row says it."""
+    return [
+        {
+            "where": f"{row['name']} of {row['robot']}",
+            "what": row["ended"],
+            "since": row["ended_at"],
+            "todo": logs_of(row["robot"], row["name"], " --previous"),
+        }
+        for row in workloads
+        if row["ended"] and row["ready"] >= row["wanted"]
+    ]
 
 
 def went_back_rows(deployments: Iterable[Mapping[str, Any]]) -> list[Row]:
@@ -167,33 +200,43 @@ def placement_rows(nodes: Iterable[Row], workloads: Iterable[Row]) -> list[Row]:
     return rows
 
 
-def claim_rows(claims: Iterable[Mapping[str, Any]], usage: Mapping[str, int]) -> list[Row]:
-    """`usage`: bytes used, by `<namespace>/<claim>`."""
-    rows = []
-    for claim in claims:
+def claim_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mapping[str, int]) -> list[Row]:
+    """Of one cluster's objects by kind. `usage`: bytes used, by `<namespace>/<claim>`."""
+    view, rows = View(), []
+    for kind in ("PersistentVolumeClaim", "StorageClass", "Deployment"):
+        view.replace(kind, "", objects.get(kind, ()))
+    workloads = [Ref("Deployment", name_of(one), str(meta(one).get("namespace"))) for one in view.all("Deployment")]
+    for claim in view.all("PersistentVolumeClaim"):
         spec, status = claim.get("spec") or {}, claim.get("status") or {}
         namespace = str(meta(claim).get("namespace", ""))
         asked = ((spec.get("resources") or {}).get("requests") or {}).get("storage", "")
+        bound = status.get("phase") == "Bound"
+        verdict = judge(Ref("PersistentVolumeClaim", name_of(claim), namespace), view, workloads)
         rows.append(
             {
                 "name": name_of(claim),
                 "namespace": namespace,
                 "robot": _robot(claim),
-                "bound": status.get("phase") == "Bound",
-                "since": "" if status.get("phase") == "Bound" else str(meta(claim).get("creationTimestamp") or ""),
+                "bound": bound,
+                "unused": not bound and verdict.verdict == PASS,
+                "since": "" if bound else str(meta(claim).get("creationTimestamp") or ""),
                 "phase": str(status.get("phase") or "Pending"),
                 "storage_class": spec.get("storageClassName") or "",
                 "size": (status.get("capacity") or {}).get("storage") or asked,
                 "used_bytes": usage.get(f"{namespace}/{name_of(claim)}"),
+                "note": "" if bound else verdict.reason,
             }
         )
-    return _sorted(rows)
+    return rows
 
 
-def graph_rows(graphs: Mapping[str, Mapping[str, Any]], places: Places) -> tuple[list[Row], list[Row]]:
-    """ROS nodes, and topics; of each robot, as ros_graph_info returns its graph."""
+def graph_rows(
+    graphs: Mapping[str, Mapping[str, Any]], places: Places, promised: Mapping[str, Mapping[str, Row]]
+) -> tuple[list[Row], list[Row]]:
+    """ROS nodes, and topics; of each robot, as ros_graph_info returns its graph, and as `promised_rates` does."""
     nodes, topics = [], []
     for robot, graph in sorted(graphs.items()):
+        promises = promised.get(robot, {})
         for name, node in sorted((graph.get("nodes") or {}).items()):
             nodes.append(
                 {
@@ -207,7 +250,7 @@ def graph_rows(graphs: Mapping[str, Mapping[str, Any]], places: Places) -> tuple
                     "services": list(node.get("services") or []),
                 }
             )
-        for name, topic in sorted((graph.get("topics") or {}).items()):
+        for name, topic in sorted({**{name: {} for name in promises}, **(graph.get("topics") or {})}.items()):
             if name in PLUMBING_TOPICS:
                 continue
             topics.append(
@@ -219,6 +262,7 @@ def graph_rows(graphs: Mapping[str, Mapping[str, Any]], places: Places) -> tuple
                     "subscribers": len(topic.get("subscribers") or []),
                     "connections": len(topic.get("connections") or []),
                     "rate": topic.get("rate"),
+                    "promised": promises.get(name),
                     "note": topic.get("rate_error") or "",
                 }
             )
@@ -310,33 +354,49 @@ def _versions(apps: Any) -> list[str]:
     return [f"{version.get('image', '')} ({version.get('revision', '')})" for version in versions]
 
 
-def cluster_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mapping[str, int]) -> dict[str, list[Row]]:
-    """What the clusters hold, from their objects by kind. `usage`: bytes used, by `<namespace>/<claim>`."""
-    nodes = node_rows(objects.get("Node", ()))
-    masters, apps = workload_rows(objects.get("Deployment", ()), objects.get("Pod", ()))
+def cluster_rows(
+    clusters: Sequence[Mapping[str, Sequence[Mapping[str, Any]]]], usage: Mapping[str, int], now: float
+) -> dict[str, list[Row]]:
+    """What the clusters hold, from the objects of each by kind. `usage`: bytes used, by `<namespace>/<claim>`; `now` is
+    a time in seconds since 1970."""
+
+    def all_of(kind: str) -> list[Mapping[str, Any]]:
+        return [*chain(*(objects.get(kind, ()) for objects in clusters))]
+
+    nodes = node_rows(all_of("Node"))
+    workloads = workload_rows(all_of("Deployment"), all_of("Pod"), now)
     return {
         "nodes": nodes,
-        "placement": placement_rows(nodes, [*masters, *apps]),
-        "masters": masters,
-        "apps": apps,
-        "went_back": went_back_rows(objects.get("Deployment", ())),
-        "claims": claim_rows(objects.get("PersistentVolumeClaim", ()), usage),
+        "placement": placement_rows(nodes, chain(*workloads.values())),
+        **workloads,
+        "went_back": went_back_rows(all_of("Deployment")),
+        "claims": _sorted([row for objects in clusters for row in claim_rows(objects, usage)]),
     }
 
 
 def status_rows(
-    fleet: Mapping[str, Iterable[Row]], graphs: Mapping[str, Mapping[str, Any]], reports: Mapping[str, str]
+    fleet: Mapping[str, Iterable[Row]],
+    graphs: Mapping[str, Mapping[str, Any]],
+    reports: Mapping[str, str],
+    promised: Mapping[str, Mapping[str, Row]] = MappingProxyType({}),
 ) -> dict[str, list[Row]]:
     """All sections: hosts, problems and what the clusters hold (`fleet`), ROS graphs by robot, texts of reports.
 
+    `promised` are the rates of topics, by robot, of apps that may not be there yet.
     Outcomes are those that the clusters keep (`runs`, `updates`) and those of reports: the newer one of each host.
     """
-    places = Places([*fleet.get("masters", ()), *fleet.get("apps", ())], fleet.get("nodes", ()))
-    ros_nodes, topics = graph_rows(graphs, places)
+    workloads = [*chain(*(fleet.get(section, ()) for section in ("masters", "helpers", "apps")))]
+    places = Places(workloads, fleet.get("nodes", ()))
+    there = {(row["robot"], row["name"]) for row in workloads}
+    kept = {
+        graph: {topic: one for topic, one in topics.items() if (one["robot"], one["app"]) in there}
+        for graph, topics in promised.items()
+    }
+    ros_nodes, topics = graph_rows(graphs, places, kept)
     crashes, ended = launched_rows(fleet.get("apps", ()), graphs)
     found, unreadable = read_reports(reports)
     return {
-        "problems": [*fleet.get("problems", ()), *crashes, *unreadable],
+        "problems": [*fleet.get("problems", ()), *ending_rows(workloads), *crashes, *unreadable],
         **{key: list(fleet.get(key, ())) for key in _OF_CLUSTERS},
         "ended": ended,
         "ros_nodes": ros_nodes,

@@ -15,10 +15,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import w
 TABLES = "All tables: the same with -v."
 
 
-def summary_text(status: Status, now: str) -> str:
-    """Findings are said whole, however long the line. `now` is a time as in 2026-11-21T09:07:52Z."""
+def summary_text(status: Status, now: str, name: str = "") -> str:
+    """Findings are said whole, however long the line. `now` is as in 2026-11-21T09:07:52Z, `name` is the fleet's."""
     findings = attention(status)
-    lines = ["NEEDS ATTENTION"]
+    lines = [*([f"FLEET {words(name)}", ""] if name else []), "NEEDS ATTENTION"]
     for finding in findings:
         lines += _finding(finding, now)
     lines += ["  nothing"] if not findings else []

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import OK, level
 
 WIDTH = 120
 GAP = "  "
@@ -52,6 +53,12 @@ def _rate(row: Mapping[str, Any]) -> str:
     return "" if rate is None else f"{float(rate):.1f} Hz"
 
 
+def _promised(row: Mapping[str, Any]) -> str:
+    """Marked where it is not kept; for that there is no colour on a terminal."""
+    promised, broken = row.get("promised"), level("topics", row) not in ("", OK)
+    return f"{promised['min_rate']:g} Hz{' not kept' if broken else ''}" if promised else ""
+
+
 def _state(row: Mapping[str, Any]) -> str:
     return "up" if row.get("reachable") else f"down: {row.get('error') or 'no answer'}"
 
@@ -74,6 +81,7 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
     )),
     ("PLACEMENT", "placement", columns("node", ("deploymentType", "placement"), "runs")),
     ("ROS MASTERS", "masters", columns("robot", ("ready", _count), *WORKLOAD)),
+    ("HELPERS", "helpers", columns("robot", ("helper", "name"), ("ready", _count), *WORKLOAD)),
     ("APPS", "apps", columns("robot", ("app", "name"), "placement", ("ready", _count), *WORKLOAD)),
     ("TAKEN BACK BY THE KEEPER", "went_back", columns("robot", ("app", "name"), "from", "to", "at", "reason")),
     ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
@@ -82,10 +90,11 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
         ("services", lambda row: len(row.get("services") or [])),
     )),
     ("TOPICS", "topics", columns(
-        "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections", ("rate", _rate), "note",
+        "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections", ("rate", _rate),
+        ("promised", _promised), "note",
     )),
     ("CLAIMS", "claims", columns(
-        "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size", ("used", _used),
+        "robot", ("claim", "name"), ("state", "phase"), ("class", "storage_class"), "size", ("used", _used), "note",
     )),
     ("LAST OUTCOMES", "outcomes", columns("host", "outcome", ("run", "playbook"), "started", "changed", "note")),
     ("LAST UPDATE STEPS", "steps", columns(
@@ -93,9 +102,9 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
         ("waited for idle", "busy_wait"), "note",
     )),
 )  # fmt: skip
-OPTIONAL = frozenset({"note", "other labels", "id"})  # columns that go when nobody has anything in them
+OPTIONAL = frozenset({"note", "other labels", "id", "promised"})  # columns that go when nobody has anything in them
 # Sections that are worth a line only when there is something in them.
-ONLY_WITH_ROWS = frozenset({"problems", "went_back", "ended", "outcomes", "steps"})
+ONLY_WITH_ROWS = frozenset({"problems", "helpers", "went_back", "ended", "outcomes", "steps"})
 
 
 def words(value: Any) -> str:

@@ -26,7 +26,8 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
 
     monkeypatch.setattr(fleet_info, "ask", ask)
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
-    given = {"hostvars": hostvars, "fleet": fleet(GROUPS, hostvars).as_dict(), "ansible_play_hosts_all": list(hostvars)}
+    known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
+    given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
     return {**run(fleet_info, {"volumes": "usage"}, given), "asked": asked}
 
 
@@ -34,6 +35,7 @@ def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> 
     answer = Answer({"Node": [NODE], "Service": [MASTER]})
     found = info(monkeypatch, {"edge": answer}, robot2={"unreachable": True, "msg": "timed out"})
     assert (found["asked"], found["problems"], found["changed"]) == (["edge"], [], False)
+    assert (found["name"], found["promised"]) == ("demo", {})
     assert [(row["name"], row["reachable"]) for row in found["hosts"]] == [
         ("edge1", True),
         ("robot1", True),

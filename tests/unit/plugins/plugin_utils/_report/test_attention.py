@@ -149,6 +149,10 @@ def test_a_fleet_without_a_finding_says_so() -> None:
     assert summary_text({}, NOW).endswith("SUMMARY\n  nothing was found\n")
 
 
+def test_the_screen_says_which_fleet() -> None:
+    assert summary_text({"hosts": [UP]}, NOW, "my-fleet").startswith("FLEET my-fleet\n\nNEEDS ATTENTION\n")
+
+
 def test_a_large_fleet_is_still_a_page() -> None:
     hosts = [{**UP, "name": f"robot{number}"} for number in range(100)]
     apps = [app(host["name"], 1) for host in hosts for _one in range(10)]

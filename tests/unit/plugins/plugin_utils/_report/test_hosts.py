@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     clusters_of,
     graphs_to_read,
     members,
+    promised_rates,
     unmeasured,
     usage_of,
 )
@@ -146,3 +147,16 @@ def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
         "off": OFF,
     }
     assert [problem["where"] for problem in unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
+
+
+def test_rates_that_apps_promise() -> None:
+    topics = [{"name": "odom", "min_rate": 18}, {"name": "~own", "min_rate": 5}, {"name": "/scan", "publishers": 2}]
+    app = {"name": "base", "image": "a:1", "command": ["a"], "pattern": "pubsub", "readiness": {"topics": topics}}
+    fused = {**app, "name": "fused", "readiness": {"topics": [{"name": "/scan", "min_rate": 10, "publishers": 2}]}}
+    told = promised_rates(found("robot1", "edge1", robot1={"ros_apps": [app, fused]}))
+    assert told == {
+        "robot1": {
+            "/odom": {"min_rate": 18, "app": "base", "robot": "robot1"},
+            "/scan": {"min_rate": 10, "app": "fused", "robot": "robot1"},
+        }
+    }

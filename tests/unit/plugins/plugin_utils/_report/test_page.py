@@ -106,7 +106,8 @@ def test_the_page_is_whole_and_needs_nothing_else() -> None:
     assert not {"script", "img", "iframe", "object"} & {*found.tags}
     assert found.attributes[0] == ("html", {"lang": "en"})
     assert ("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}) in found.attributes
-    assert "Fleet status" in found.texts
+    assert found.texts.count("Fleet status") == 2  # title and heading
+    assert page(name="my <fleet>").texts.count("my <fleet>: fleet status") == 2
 
 
 def test_the_check_of_this_test_finds_what_is_wrong() -> None:

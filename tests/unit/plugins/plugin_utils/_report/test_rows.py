@@ -9,9 +9,15 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import level as level_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows, nodes_off, status_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import size_words, status_text
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.html_check import Page
+
+NOW = 1_795_536_750.0  # 2026-11-24T16:12:30Z
 
 
 def node(name: str, ready: str = "True", **labels: str) -> Object:
@@ -131,10 +137,13 @@ SOURCES: dict[str, Any] = {
 
 
 def fleet_status(sources: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    kinds = {"Node": "nodes", "Deployment": "deployments", "Pod": "pods", "PersistentVolumeClaim": "claims"}
+    kinds = {
+        "Node": "nodes", "Deployment": "deployments", "Pod": "pods", "PersistentVolumeClaim": "claims",
+        "StorageClass": "classes",
+    }  # fmt: skip
     found = {kind: sources[key] for kind, key in kinds.items() if key in sources}
-    fleet = {"hosts": sources.get("hosts", []), **cluster_rows(found, sources.get("usage", {}))}
-    return status_rows(fleet, sources.get("graphs", {}), {})
+    fleet = {"hosts": sources.get("hosts", []), **cluster_rows([found], sources.get("usage", {}), NOW)}
+    return status_rows(fleet, sources.get("graphs", {}), {}, sources.get("promised", {}))
 
 
 def test_nodes() -> None:
@@ -181,6 +190,8 @@ def test_masters_and_apps() -> None:
         "addresses": ["10.42.0.7"],
         "images": ["lab/apps:1.0"],
         "restarts": 2,
+        "ended": "",
+        "ended_at": "",
         "since": "",
         "note": "",
     }
@@ -280,6 +291,128 @@ def test_claims() -> None:
         "100Mi",
         None,
     )
+
+
+def mounts(name: str, **more: Any) -> Object:
+    there = workload(name)
+    there["spec"]["template"]["spec"]["volumes"] = [{"persistentVolumeClaim": {"claimName": "logs-pvc"}}]
+    return {**there, **more}
+
+
+@pytest.mark.parametrize(
+    ("mode", "apps", "unused", "note"),
+    [
+        ("WaitForFirstConsumer", [workload("other")], True, "waits for its first consumer, and none "),
+        ("WaitForFirstConsumer", [mounts("rosbag")], False, "waits for the pod of Deployment rosbag"),
+        ("Immediate", [workload("other")], False, "Pending: no volume is bound yet"),
+    ],
+)
+def test_a_claim_that_nobody_mounts_is_in_order(mode: str, apps: list[Object], unused: bool, note: str) -> None:
+    """As a run's own wait has it, which ends there."""
+    classes = [{"metadata": {"name": "local-path"}, "volumeBindingMode": mode}]
+    status = fleet_status({"claims": [claim("Pending")], "classes": classes, "deployments": apps})
+    [row] = status["claims"]
+    assert row["unused"] is unused and row["note"].startswith(note)
+    about = [one.told.what for one in attention(status) if one.section == "claims"]
+    assert about == ([] if unused else [row["note"]])
+
+
+def ended(app: str, at: str, restarts: int = 2, code: int = 1, sandbox: str = "2026-11-24T10:00:00Z") -> Object:
+    found = pod(app, "robot1", restarts=restarts)
+    last = {"exitCode": code, "reason": "Error", "finishedAt": at}
+    found["status"]["containerStatuses"][0]["lastState"] = {"terminated": last}
+    made = {"type": "PodReadyToStartContainers", "status": "True", "lastTransitionTime": sandbox}
+    found["status"]["conditions"].append(made)
+    return found
+
+
+def test_a_container_that_ended_lately_needs_attention() -> None:
+    """Ready, and down every 20 s: nothing else would say so."""
+    lately = "2026-11-24T16:12:10Z"
+    status = fleet_status({"deployments": [workload("bringup")], "pods": [ended("bringup", lately)]})
+    [row] = status["apps"]
+    assert (row["ready"], row["restarts"], row["ended_at"]) == (1, 2, lately)
+    [told] = [one.told for one in attention(status)]
+    assert (told.where, told.since) == ("bringup of robot1", lately)
+    assert told.what == "container ros-app restarted 2 times, last: exit code 1 (Error)"
+    assert told.todo == "k3s kubectl -n robot-robot1 logs deploy/bringup --previous"
+
+
+@pytest.mark.parametrize(
+    ("at", "restarts", "sandbox"),
+    [
+        ("2026-11-24T16:02:29Z", 2, "2026-11-24T10:00:00Z"),  # long ago
+        ("2026-11-24T16:12:10Z", 0, "2026-11-24T10:00:00Z"),  # of another container of the same name
+        ("2026-11-24T16:12:10Z", 1, "2026-11-24T16:12:20Z"),  # with its host
+    ],
+)
+def test_an_end_that_is_no_news(at: str, restarts: int, sandbox: str) -> None:
+    there = ended("bringup", at, restarts, 255, sandbox)
+    status = fleet_status({"deployments": [workload("bringup")], "pods": [there]})
+    assert (status["apps"][0]["ended"], attention(status)) == ("", [])
+
+
+def test_what_ended_lately_and_is_not_ready_is_one_finding() -> None:
+    there = ended("bringup", "2026-11-24T16:12:10Z")
+    there["status"]["conditions"][0]["status"] = "False"
+    status = fleet_status({"deployments": [workload("bringup", ready=0)], "pods": [there]})
+    [told] = [one.told for one in attention(status)]
+    assert told.what.startswith("0 of 1 ready") and told.what.endswith("2 times, last: exit code 1 (Error)")
+    assert told.todo == "k3s kubectl -n robot-robot1 logs deploy/bringup --previous"
+
+
+def promise(least: float, app: str = "bringup") -> dict[str, Any]:
+    return {"min_rate": least, "app": app, "robot": "robot1"}
+
+
+@pytest.mark.parametrize(
+    ("rate", "least", "level", "cell"),
+    [
+        (87.0, 90, "warn", "90 Hz not kept"),
+        (17.9, 18, "ok", "18 Hz"),  # which a window of some seconds cannot tell apart, as at an update
+        (17.8, 18, "warn", "18 Hz not kept"),
+        (90.0, 90, "ok", "90 Hz"),
+        (None, 90, "ok", "90 Hz"),  # nobody listens, so nobody counts
+    ],
+)
+def test_rates_are_held_against_what_was_promised(rate: float | None, least: float, level: str, cell: str) -> None:
+    topic = {"type": "sensor_msgs/Imu", "publishers": ["/imu"], "subscribers": [], "connections": [], "rate": rate}
+    sources = {
+        "deployments": [workload("bringup")],
+        "pods": [pod("bringup", "robot1")],
+        "graphs": {"robot1": {"topics": {"/imu/data": topic, "/free": topic}}},
+        "promised": {"robot1": {"/imu/data": promise(least)}},
+    }
+    status = fleet_status(sources)
+    free, imu = status["topics"]
+    assert (level_of("topics", free), level_of("topics", imu)) == ("", level)
+    assert cell in status_text(status).partition("TOPICS")[2]
+    found = [(one.told.where, one.told.what) for one in attention(status)]
+    told = ("topic /imu/data of robot1", f"{rate} Hz; bringup promises at least {least} Hz")
+    assert found == ([told] if level == "warn" else [])
+    assert ("tr", {"role": "row", "class": "warn"}) not in Page(status_page(status, "")).attributes or level == "warn"
+
+
+def test_a_promised_topic_that_nobody_publishes() -> None:
+    """Only of an app that is there: what the inventory has new is no fault of the robot."""
+    sources: dict[str, Any] = {"graphs": {"robot1": {}}, "promised": {"robot1": {"/imu": promise(90)}}}
+    assert fleet_status(sources)["topics"] == []
+    status = fleet_status({**sources, "deployments": [workload("bringup")]})
+    [row] = status["topics"]
+    assert level_of("topics", row) == "bad"
+    assert [one.told.what for one in attention(status)] == ["nobody publishes it; bringup promises at least 90 Hz"]
+    down = fleet_status({**sources, "deployments": [workload("bringup", ready=0)]})
+    assert [(one.told.where, one.takes) for one in attention(down)] == [("app bringup of robot1", ["topic /imu"])]
+
+
+def test_what_stands_beside_a_master_is_no_app() -> None:
+    names = ("ros-master", "ros-keeper", "ros-exporter", "sensor")
+    status = fleet_status({"hosts": HOSTS, "deployments": [workload(name) for name in names]})
+    assert [row["name"] for row in status["apps"]] == ["sensor"]
+    assert [row["name"] for row in status["helpers"]] == ["ros-exporter", "ros-keeper"]
+    told = {count.label: count.words for count in counts(status)}
+    assert (told["Apps"], told["Helpers"]) == ("1 of 1 ready", "2 of 2 ready")
+    assert "HELPERS\n  robot   helper" in status_text(status)
 
 
 def test_nothing_found() -> None:
