@@ -36,9 +36,9 @@ def contents(collection: Path, fleet: str, example: str = EXAMPLES[0]) -> dict[s
     for path, text in _tree(collection / "playbooks" / "files" / "repository"):
         name = "/".join(re.sub(f"^{HIDDEN}", ".", part) for part in path.parts)
         found[name] = text.replace("@fleet@", fleet)
-    for path, text in _tree(collection / "inventories" / "example"):
-        found[f"inventory/{path}"] = text.replace(EXAMPLE_NAME, f"fleet_name: {fleet}")
-    found |= {str(path): text for path, text in _tree(collection / "playbooks" / "files" / "examples" / example)}
+    examples = {f"inventory/{path}": text for path, text in _tree(collection / "inventories" / "example")}
+    examples |= {str(path): text for path, text in _tree(collection / "playbooks" / "files" / "examples" / example)}
+    found |= {path: text.replace(EXAMPLE_NAME, f"fleet_name: {fleet}") for path, text in examples.items()}
     found["collections/requirements.yml"] = COLLECTIONS.format(version=version)
     core = yaml.safe_load(_text(collection / "meta" / "runtime.yml"))["requires_ansible"]
     found["requirements.txt"] = PACKAGES.format(core=core) + _text(collection / "meta" / "ee-requirements.txt")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import re
@@ -91,20 +92,46 @@ def test_the_example_with_a_launch_file_is_valid_and_clean_at_once(tmp_path: Pat
         done = run(where, program, *arguments)
         assert done.returncode == 0, done.stdout + done.stderr
         assert "[WARNING]" not in done.stdout + done.stderr
-    archives = json.loads(
-        run(
-            where,
-            "ansible",
-            "robot1",
-            "-m",
-            "debug",
-            "-a",
-            "var=images_archives",
-            ANSIBLE_CALLBACK_RESULT_FORMAT="json",
-        ).stdout.partition("=> ")[2]
-    )
+    asked = ["robot1", "-m", "debug", "-a", "var=images_archives"]
+    shown = run(where, "ansible", *asked, ANSIBLE_CALLBACK_RESULT_FORMAT="json").stdout
+    archives = json.loads(shown.partition("=> ")[2])
     assert [Path(item["path"]).resolve() for item in archives["images_archives"]] == [where / "images" / "base-1.0.tar"]
     assert changed(new(tmp_path, "-e", "example=launch")) == 0
+
+
+K3S = """#!/bin/sh
+# keeps what it is given, one directory for each host
+cat >{where}/new
+cmp -s {where}/new {where}/old && echo secret/cloud-1 unchanged && exit
+mv {where}/new {where}/old && echo "$@" >{where}/words && echo secret/cloud-1 configured
+"""
+
+
+def test_its_secrets_are_applied_on_the_server_of_each_robot_s_cluster(tmp_path: Path) -> None:
+    assert changed(new(tmp_path, "-e", "example=launch")) == 1
+    where = tmp_path / "My_Fleet"
+    hosts = {}
+    for host in ("edge1", "robot1", "robot2"):
+        asked = tmp_path / host
+        asked.mkdir()
+        (asked / "k3s").write_text(K3S.format(where=asked))
+        (asked / "k3s").chmod(0o755)
+        shell = f"/usr/bin/env PATH={asked}:/usr/bin:/bin /bin/sh"
+        hosts[host] = {"ansible_connection": "local", "ansible_shell_executable": shell}
+    hosts["robot2"]["robot_mode"] = "standalone"
+    given = {"ansible_become": False, "ansible_python_interpreter": sys.executable, "vault_cloud_token": "open sesame"}
+    (where / "inventory" / "local.yml").write_text(yaml.safe_dump({"all": {"hosts": hosts, "vars": given}}))
+    done = run(where, "ansible-playbook", "secrets.yml")
+    assert (done.returncode, done.stdout.count("changed=1")) == (0, 2), done.stdout + done.stderr
+    assert "sesame" not in done.stdout
+    for host, robot in (("edge1", "robot1"), ("robot2", "robot2")):
+        assert (tmp_path / host / "words").read_text() == "kubectl apply --filename -\n"
+        secret = json.loads((tmp_path / host / "old").read_text())
+        assert (secret["kind"], secret["metadata"]) == ("Secret", {"name": "cloud-1", "namespace": f"robot-{robot}"})
+        assert base64.b64decode(secret["data"]["token"]) == b"open sesame"
+    assert not (tmp_path / "robot1" / "words").exists()
+    done = run(where, "ansible-playbook", "secrets.yml")
+    assert (done.returncode, done.stdout.count("changed=0")) == (0, 2), done.stdout + done.stderr
 
 
 def test_an_example_that_is_not_there_is_refused_by_those_that_are(tmp_path: Path) -> None:

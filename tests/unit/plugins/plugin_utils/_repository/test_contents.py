@@ -59,14 +59,16 @@ def test_another_example_is_laid_over_the_first() -> None:
     assert {"secrets.yml", "images/base/Dockerfile", "images/base/base.launch"} == {
         path for path in set(launch) - set(talker) if not path.endswith((".py", "package.xml"))
     }
-    robots, following = "inventory/group_vars/robots.yml", "molecule/update/vars/next.yml"
-    assert {path for path, text in talker.items() if launch[path] != text} == {robots, following}
+    fleet, robots = (f"inventory/group_vars/{name}.yml" for name in ("all", "robots"))
+    following = "molecule/update/vars/next.yml"
+    assert {path for path, text in talker.items() if launch[path] != text} == {fleet, robots, following}
+    assert yaml.safe_load(launch[fleet])["fleet_name"] == "mine"
     given = yaml.safe_load(launch[robots])
     assert set(yaml.safe_load(launch[following])) <= set(given), "what is next is a variable of the inventory"
-    [app] = given["ros_apps"]
-    secrets = {item["secret"] for item in app["env"].values()}
+    base, monitor = given["ros_apps"]
+    assert f"images/{base['launch']['package']}/{base['launch']['file']}" in launch
+    secrets = {item["secret"] for item in monitor["env"].values()}
     assert [name for name in secrets if f"name: {name}," not in launch["secrets.yml"]] == []
-    assert f"images/{app['launch']['package']}/{app['launch']['file']}" in launch
 
 
 def test_packages_come_from_registries_alone() -> None:
