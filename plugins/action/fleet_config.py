@@ -18,6 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.folded import folded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.images import archive_problems, image_warnings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import inventory_problems, near_misses
 
 
@@ -30,10 +31,14 @@ class ActionModule(FleetAction):
         try:
             hostvars = HostVariables(known["hostvars"])
             hosts = fleet_hosts(hostvars, names)
-            found = check_fleet({"groups": groups, "hosts": hosts}, Archives().find)
+            archives = Archives()
+            found = check_fleet({"groups": groups, "hosts": hosts}, archives.find)
             wrong = inventory_problems(hostvars, names, load_extra_vars(self._loader))
+            wrong += archive_problems(found.hosts, archives.unusable)
             warnings = [*found.warnings, *near_misses(hostvars, names)]
             fleet = None if wrong else found.fleet
+            if fleet:
+                warnings += image_warnings(fleet, found.hosts, archives.instead)
             return outcome(found._replace(problems=[*found.problems, *wrong], warnings=warnings, fleet=fleet))
         except FleetError as error:
             error.details.setdefault("valid", False)

@@ -154,6 +154,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.started = time.time()
         self.playbook = ""
         self.silence = Silence(self._display.display, time.monotonic)
+        self.ahead: set[str] = set()  # plays that have not begun
         self.beside = contextlib.ExitStack()
 
     # --- what happens -----------------------------------------------------------------------------------------------
@@ -161,10 +162,12 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
     @harmless
     def v2_playbook_on_start(self, playbook: Any) -> None:
         self.playbook = Path(str(playbook._file_name)).name
+        self.ahead = {play._uuid for play in playbook.get_plays()}
         self.beside.enter_context(ticking(LOOK, self.silence.look))
 
     @harmless
     def v2_playbook_on_play_start(self, play: Any) -> None:
+        self.ahead.discard(play._uuid)
         manager = play.get_variable_manager()
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
@@ -212,6 +215,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
     @harmless
     def v2_playbook_on_stats(self, stats: Any) -> None:
         self.beside.close()
+        if self.ahead:
+            self.report.cut_short()
         report = self.report.finish(
             {host: stats.summarize(host) for host in stats.processed},
             time.monotonic(),

@@ -18,7 +18,7 @@ author:
   - rosops.fleet contributors (@rosops)
 options:
   archives:
-    description: Archives (docker or OCI) on the control node, plain or compressed by gzip, bzip2 or xz.
+    description: Archives (docker or OCI) on the control node, plain or compressed by gzip.
     type: list
     elements: dict
     default: []

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
@@ -17,12 +18,16 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive impor
     is_plain,
     normal_ref,
     opened,
+    unusable,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import local_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.tree import merged, python_version
 
 # Where containerd looks for a program, unless the image says it (containerd, oci/spec.go).
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+
+
+_UNSEEN = (OSError, ValueError, RuntimeError)  # no file, no path, nobody's home
 
 
 @dataclass(frozen=True)
@@ -59,18 +64,38 @@ class Archives:
 
     def find(self, paths: Iterable[str], ref: str) -> ArchivedImage | None:
         """The image of this name in the archives at these paths; the last one has it, as on a node."""
-        name, found = normal_ref(ref), [self._read(path) for path in paths]
+        name, found = normal_ref(ref), [self._read(path) or {} for path in paths]
         return next((images[name] for images in reversed(found) if name in images), None)
 
+    def unusable(self, path: str) -> str:
+        """Why no node can take the archive, as far as that is seen."""
+        try:
+            return unusable(local_path(path))
+        except _UNSEEN:
+            return ""
 
-def _read(path: str) -> Mapping[str, ArchivedImage]:
-    """Its images by their full names."""
+    def instead(self, archives: Sequence[Mapping[str, Any]], ref: str) -> list[str]:
+        """The images that archives (`{path, images}`) hold where none of them has this one.
+
+        Nothing where one has it, or cannot be looked into.
+        """
+        held: set[str] = set()
+        for archive in archives:
+            images = self._read(archive["path"])
+            if images is None:
+                return []
+            held |= {*map(normal_ref, archive.get("images") or images)}
+        return [] if normal_ref(ref) in held else sorted(held)
+
+
+def _read(path: str) -> Mapping[str, ArchivedImage] | None:
+    """Its images by their full names; None where they are not seen."""
     try:
         place = local_path(path)
         with Path(place).open("rb") as file:
             if not is_plain(file) and Path(place).stat().st_size > LARGEST_COMPRESSED:
-                return {}
+                return None
         with opened(place) as archive:
             return {image.ref: ArchivedImage(place, image) for image in archive.images()}
-    except (SpecError, OSError, ValueError, RuntimeError):  # no archive, no file, no path, nobody's home
-        return {}
+    except (SpecError, *_UNSEEN):
+        return None

@@ -114,7 +114,7 @@ class NodeImages:
         elif plan.bring or plan.pull:
             try:
                 self._import(plan.bring)
-                self._pull(plan.pull)
+                self._pull(plan)
             except ImagesError as error:  # whoever goes on without it has to know what there is
                 error.details["present"] = sorted(self.present().images)
                 raise
@@ -134,13 +134,16 @@ class NodeImages:
             finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
                 self._run("ansible.builtin.file", {"path": place, "state": "absent"})
 
-    def _pull(self, names: Sequence[str]) -> None:
-        for name in names:
+    def _pull(self, plan: Plan) -> None:
+        for name in plan.pull:
             self.say(f"pulling {name}")
-            if not (found := auths(name, self.logins)):
-                self._command("crictl", "pull", name)
-            elif (result := self._pull_as(name, found)).get("failed"):
-                raise ImagesError(f"{BINARY} crictl pull {name}: {_reason(result)}")
+            if found := auths(name, self.logins):
+                result = self._pull_as(name, found)
+            else:
+                result = self.host.module("ansible.builtin.command", {"argv": [BINARY, "crictl", "pull", name]})
+            held = ", ".join(plan.archived)
+            more = f"; no archive in images_archives has it, only {held}" if held else ""
+            _require(result, f"{BINARY} crictl pull {name}", more)
 
     def _pull_as(self, name: str, found: Sequence[str]) -> Result:
         """With each of the credentials, until one will do. They go by standard input: command lines are seen by all."""
@@ -180,9 +183,9 @@ def _brought(plan: Plan, before: Present, after: Present) -> Brought:
     )
 
 
-def _require(result: Result, what: str) -> None:
+def _require(result: Result, what: str, more: str = "") -> None:
     if result.get("failed"):
-        raise ImagesError(f"{what}: {_reason(result)}")
+        raise ImagesError(f"{what}: {_reason(result)}{more}")
 
 
 def _reason(result: Result) -> str:

@@ -35,6 +35,11 @@ class Plan:
     pull: tuple[str, ...]
     wanted: Mapping[str, str]
 
+    @property
+    def archived(self) -> list[str]:
+        """Names that archives hold."""
+        return sorted(ref for ref, digest in self.wanted.items() if digest)
+
 
 def node_images(listing: str | Mapping[str, Any]) -> dict[str, str]:
     """Name to ID of a node's images, out of what `crictl images -o json` prints. Names by digest are in it, too."""

@@ -234,6 +234,16 @@ class RunReport:
         self._note(key, host, now)
         self.host(host).unreachable = message_of(result)
 
+    def cut_short(self) -> None:
+        """All hosts of a play failed, and Ansible begins no further one: so much of the hosts that those were for."""
+        there = {name: self._hosts[name] for name in (self._plays[-1].hosts if self._plays else ())}
+        ended = [(name, host) for name, host in there.items() if host.failure or host.unreachable]
+        for name, host in ended[:1]:
+            how = f"{host.failure['task']} failed" if host.failure else "the connection was lost"
+            why = host.failure.get("message") or host.unreachable
+            for other in self._hosts.keys() - there.keys():
+                self._hosts[other].blocked.append((name, f"not carried on: the run ended on {name}: {how}: {why}"))
+
     def _note(self, key: str, host: str, now: float) -> _Task | None:
         task = self._tasks.get(key)
         self.host(host)
@@ -329,7 +339,8 @@ class RunReport:
         message = host.failure.get("message", "")
         # A host may fail on purpose, for the exit status: then the word that was declared says more.
         on_purpose = declared in (ROLLED_BACK, BUSY, OFFLINE, FAILED)
-        left = [why for other, why in host.blocked if (stats.get(other) or {}).get("failures")]
+        ends = {name for name, one in stats.items() if one.get("failures") or one.get("unreachable")}
+        left = [why for other, why in host.blocked if other in ends]
         if counts.get("failures"):
             outcome = (declared, why or message) if on_purpose else (FAILED, message)
         elif counts.get("unreachable") or host.unreachable:  # the second where a play reads on without the host

@@ -80,8 +80,8 @@ def _command(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
         yield Problem(
             f"{path}.command",
             "is missing, as is args",
-            "command or args: what the image would run by itself is replaced when the ROS node name is appended"
-            + _own_command(draft.inside(app)),
+            "args: [], where the image's own entry point hands its arguments on: the ROS node name is appended, and "
+            "they replace the image's; or what is to run, as command and args" + _own_command(draft.inside(app)),
         )
 
 

@@ -5,28 +5,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.contents import Contents, Find
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import members
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 
 Inside = Callable[[App], Contents | None]
+Hosts = Mapping[str, Mapping[str, Any]]
+Archive = Mapping[str, Any]  # an item of images_archives
+# What archives hold in the place of an image; nothing where one has it, or nobody can see.
+Instead = Callable[[Sequence[Archive], str], Sequence[str]]
 
 
-def inside(robot: str, groups: Mapping[str, Any], hosts: Mapping[str, Mapping[str, Any]], find: Find) -> Inside:
+def inside(robot: str, groups: Mapping[str, Any], hosts: Hosts, find: Find) -> Inside:
     """What an app of the robot finds in its image: by the archives of the hosts on which it may run."""
 
     def look(app: App) -> Contents | None:
         places = [robot] if app.placement == "local" else members(groups, "edge")
-        return find([path for host in places for path in _archives(hosts.get(host, {}))], app.image)
+        return find([item["path"] for host in places for item in _archives(hosts.get(host, {}))], app.image)
 
     return look
 
 
-def _archives(variables: Mapping[str, Any]) -> list[str]:
-    """The paths in `images_archives`, which may be wrong in part."""
+def archive_problems(hosts: Hosts, unusable: Callable[[str], str]) -> Iterator[Problem]:
+    """Archives of which it is seen here that no node can take them."""
+    for host, variables in hosts.items():
+        for index, item in enumerate(_archives(variables)):
+            if wrong := unusable(item["path"]):
+                yield Problem(join_path("hosts", host, "images_archives", index, "path"), wrong)
+
+
+def image_warnings(fleet: Fleet, hosts: Hosts, instead: Instead) -> Iterator[Problem]:
+    """Images that hosts with archives will pull all the same, though nobody says so in `images_refs`."""
+    remote = sorted({image for robot in fleet.robots.values() for image in images(robot, "remote")})
+    for host, variables in hosts.items():
+        archives = _archives(variables)
+        if not archives:
+            continue
+        needed = images(fleet.robots[host], "local") if host in fleet.robots else remote
+        for image in needed:
+            if image not in (variables.get("images_refs") or ()) and (held := instead(archives, image)):
+                told = f"none of them has {image}, so the node will pull it (images_refs says that this is meant)"
+                yield Problem(f"hosts.{host}.images_archives", f"{told}; they hold {', '.join(held)}")
+
+
+def _archives(variables: Mapping[str, Any]) -> list[Archive]:
+    """The items of `images_archives` that have a path; others may be wrong."""
     given = variables.get("images_archives")
     items = given if isinstance(given, list) else []
-    return [item["path"] for item in items if isinstance(item, Mapping) and isinstance(item.get("path"), str)]
+    return [item for item in items if isinstance(item, Mapping) and isinstance(item.get("path"), str)]

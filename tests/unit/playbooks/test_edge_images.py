@@ -23,6 +23,14 @@ def test_each_edge_host_is_looked_at_once(control: Control, playbook: str, edge2
     assert run.status == status
 
 
+def test_a_robot_is_told_why_the_run_ended_before_its_turn(control: Control) -> None:
+    """All hosts of the play have failed, so no further play begins: it was not looked at, and is not `unchanged`."""
+    run = Run(control, "edge2,robot1", "--tags", "images", playbook="site")
+    outcome, reason = run.outcome("robot1")
+    assert (outcome, run.status) == ("failed", 2)
+    assert reason.startswith("not carried on: the run ended on edge2: Say what is not there failed")
+
+
 def test_credentials_are_collected_once(control: Control) -> None:
     """Of all robots, and not by every edge host anew."""
     secret = {"name": LOGIN % control.folder, "registry": "r.example", "username": "u", "password": "hunter2"}

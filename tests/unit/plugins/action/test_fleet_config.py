@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import bz2
 import json
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate import explain
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 from ansible_collections.rosops.fleet.tests.unit.plugins.action import actions
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import docker
 
 CASES = [case for case in table.load_cases() if "pure" not in case]
 GOOD: dict[str, Any] = {
@@ -220,3 +222,32 @@ def test_without_jsonschema_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path
     result = run(tmp_path, GOOD)
     assert result["failed"]
     assert "`pip install jsonschema`" in result["msg"]
+
+
+def archived(tmp_path: Path, place: str, **more: Any) -> dict[str, Any]:
+    """The good fleet, whose app's host has an archive with the app's image in another version."""
+    path = docker(tmp_path / "apps.tar", ["example.org/talker:1.0"])
+    app = {**table.GOOD_APP, "image": "example.org/talker:1.0.1", "placement": place}
+    hosts: dict[str, Any] = {"edge1": {}, "robot1": {"ros_apps": [app], "ros_master_image": "example.org/talker:1.0"}}
+    hosts["robot1" if place == "local" else "edge1"].update({"images_archives": [{"path": path}], **more})
+    return {**GOOD, "hosts": hosts}
+
+
+@pytest.mark.parametrize(("place", "host"), [("local", "robot1"), ("remote", "edge1")])
+def test_an_image_that_no_archive_has_is_said_before_a_host_is_touched(place: str, host: str, tmp_path: Path) -> None:
+    result = run(tmp_path, archived(tmp_path, place))
+    assert result["valid"]
+    assert result["warnings"] == [
+        f"hosts.{host}.images_archives: none of them has example.org/talker:1.0.1, so the node will pull it "
+        "(images_refs says that this is meant); they hold example.org/talker:1.0"
+    ]
+    assert run(tmp_path, archived(tmp_path, place, images_refs=["example.org/talker:1.0.1"]))["warnings"] == []
+    assert run(tmp_path, archived(tmp_path, place, images_archives=[{"path": "/away.tar"}]))["warnings"] == []
+
+
+def test_an_archive_that_no_node_can_take_is_refused(tmp_path: Path) -> None:
+    packed = tmp_path / "apps.tar.bz2"
+    packed.write_bytes(bz2.compress(b"whatever"))
+    result = run(tmp_path, archived(tmp_path, "local", images_archives=[{"path": str(packed)}]))
+    told = f"hosts.robot1.images_archives[0].path: {packed} is compressed by bzip2: unpack it, or compress it by gzip"
+    assert result["msg"].splitlines()[1:] == [told]

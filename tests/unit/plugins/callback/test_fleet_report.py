@@ -37,7 +37,7 @@ class FakeDisplay:
 
 def play(*hosts: str) -> Any:
     manager = SimpleNamespace(get_vars=lambda **_: {"ansible_play_hosts_all": list(hosts)})
-    return SimpleNamespace(get_name=lambda: "Robots", get_variable_manager=lambda: manager)
+    return SimpleNamespace(_uuid="p1", get_name=lambda: "Robots", get_variable_manager=lambda: manager)
 
 
 def task(**more: Any) -> Any:
@@ -59,7 +59,8 @@ def callback(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     made._display = FakeDisplay()
     monkeypatch.setattr(made, "get_option", lambda _name: str(tmp_path / "deep" / "report.json"))
     monkeypatch.setattr(context, "CLIARGS", CLIArgs({"check": False}))
-    made.v2_playbook_on_start(SimpleNamespace(_file_name="/x/playbooks/site.yml"))
+    plays = [play("robot1")]
+    made.v2_playbook_on_start(SimpleNamespace(_file_name="/x/playbooks/site.yml", get_plays=lambda: plays))
     made.v2_playbook_on_play_start(play("robot1", "robot2"))
     return made
 

@@ -4,13 +4,21 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
+import lzma
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, archive_images, normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
+    Image,
+    archive_images,
+    normal_ref,
+    unusable,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ARM,
     CONFIG,
@@ -51,6 +59,22 @@ def test_compressed_archives_are_read(tmp_path: Path) -> None:
     packed = tmp_path / "a.tar.gz"
     packed.write_bytes(gzip.compress(Path(path).read_bytes()))
     assert archive_images(str(packed)) == archive_images(path)
+
+
+@pytest.mark.parametrize(
+    ("pack", "name"),
+    [(bz2.compress, "bzip2"), (lzma.compress, "xz"), (lambda content: b"\x28\xb5\x2f\xfd" + content, "zstd")],
+)
+def test_what_containerd_or_the_control_node_cannot_unpack_is_refused(
+    tmp_path: Path, pack: Callable[[bytes], bytes], name: str
+) -> None:
+    """By its content: it would be copied whole, and refused on the robot."""
+    packed = tmp_path / "a.tar.gz"
+    packed.write_bytes(pack(Path(docker(tmp_path / "a.tar", ["a:1"])).read_bytes()))
+    told = f"{packed} is compressed by {name}: unpack it, or compress it by gzip"
+    assert unusable(str(packed)) == told
+    with pytest.raises(SpecError, match=told):
+        archive_images(str(packed))
 
 
 @pytest.mark.parametrize(("machine", "config"), [("x86_64", CONFIG), ("aarch64", ARM)])

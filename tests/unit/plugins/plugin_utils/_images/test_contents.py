@@ -170,3 +170,21 @@ def test_each_archive_is_listed_once_and_layers_only_when_they_are_asked_for(
     assert seen == [path]
     assert [image.python for image in images if image] == ["3.8", "3.8"]
     assert seen == [path, path]
+
+
+def test_what_archives_hold_where_none_has_an_image(tmp_path: Path) -> None:
+    old, other = (docker_image(tmp_path / f"{name}.tar", f"lab/{name}:1", [BASE]) for name in ("scout", "mule"))
+    both = [{"path": old}, {"path": other}]
+    archives = Archives()
+    assert archives.instead(both, "docker.io/lab/scout:1") == []
+    assert archives.instead(both, "lab/scout:1.0.1") == ["docker.io/lab/mule:1", "docker.io/lab/scout:1"]
+    assert archives.instead([{"path": old, "images": ["lab/none:1"]}], "lab/scout:1") == ["docker.io/lab/none:1"]
+    assert archives.instead([*both, {"path": str(tmp_path / "away.tar")}], "lab/scout:2") == []  # it may have it
+    assert archives.instead([], "lab/scout:2") == []
+
+
+def test_what_no_node_can_take_is_seen_as_far_as_it_is_there(tmp_path: Path) -> None:
+    packed = tmp_path / "a.tar.xz"
+    packed.write_bytes(lzma.compress(BASE))
+    assert "compressed by xz" in Archives().unusable(str(packed))
+    assert [Archives().unusable(path) for path in (str(tmp_path / "none"), "~nobody-at-all/x.tar")] == ["", ""]

@@ -147,6 +147,14 @@ def test_a_step_that_fails_is_named_with_its_reason(archive: dict[str, str], bro
         NodeImages(Node(broken), ROOM).bring([archive], ["redis:7"])
 
 
+def test_an_image_that_no_archive_has_is_said_to_be_so(archive: dict[str, str]) -> None:
+    told = rf"crictl pull docker.io/lab/apps:1.0.1: no space; no archive in images_archives has it, only {APPS}"
+    with pytest.raises(ImagesError, match=told):
+        NodeImages(Node("pull"), ROOM).bring([archive], ["lab/apps:1.0.1"])
+    with pytest.raises(ImagesError, match=r"redis:7: no space$"):
+        NodeImages(Node("pull"), ROOM).bring([], ["redis:7"])
+
+
 def test_an_interrupted_transfer_is_kept_for_the_next(archive: dict[str, str]) -> None:
     node = Node(broken="copy")
     with pytest.raises(ImagesError):

@@ -92,6 +92,21 @@ def test_a_run_once_failure_ends_the_run_for_all() -> None:
     assert row(report, "robot2", robot1={**OK, "rescued": 1}, robot2=OK)["outcome"] == "unchanged"
 
 
+@pytest.mark.parametrize("how", ["failed", "unreachable"])
+def test_what_ended_the_run_is_told_of_those_for_whom_there_was_more_to_do(how: str) -> None:
+    """All hosts of a play failed: Ansible begins no further one."""
+    report = started("robot1")
+    report.play("Images are on the edge hosts", ["edge1"], 2.0)
+    getattr(report, how)("t1", "edge1", {"msg": "no such host"}, 3.0)
+    counts = {"edge1": FAILED if how == "failed" else DARK, "robot1": OK}
+    report.cut_short()
+    found = {host["host"]: host for host in report.finish(counts, 4.0)["hosts"]}
+    told = "Apply failed" if how == "failed" else "the connection was lost"
+    assert found["robot1"]["outcome"] == "failed"
+    assert found["robot1"]["reason"] == f"not carried on: the run ended on edge1: {told}: no such host"
+    assert found["edge1"]["reason"] == "no such host"
+
+
 def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
     found = row(started("robot1", "robot2"), "robot2", robot1=OK)
     assert (found["outcome"], found["reason"]) == ("unchanged", "no task ran for it")

@@ -208,7 +208,8 @@ def test_what_an_image_runs_by_itself_is_told_where_it_would_be_replaced(
     given = {"groups": table.GROUPS, "hosts": {"robot1": {"ros_apps": [table.changed_app({"args": None})]}}}
     (problem,) = check_fleet(given, lambda _paths, _image: inside).problems
     assert problem.path == "hosts.robot1.ros_apps[0].command"
-    assert problem.allowed.endswith(f"is replaced when the ROS node name is appended{told}")
+    assert problem.allowed.startswith("args: [], where the image's own entry point hands its arguments on")
+    assert problem.allowed.endswith(f"; or what is to run, as command and args{told}")
 
 
 @pytest.mark.parametrize(
