@@ -44,6 +44,7 @@ THERE = {
     "an action",
     "a service",
     "a claim",
+    "an app with metrics of its own",
     "a topic that has been known for 4 minutes",
 }
 RAMP = 300.0  # the longest look back that an answer waits for: `offset 3m`, and a minute of it

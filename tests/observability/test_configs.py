@@ -21,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.stack import stack_objects
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 from loopback import eventually, free_port, program, running
+from rosops_apps.metrics import Metrics
 from watchers import Loki
 
 PROFILES: dict[str, dict[str, Any]] = {
@@ -88,6 +89,14 @@ def test_prometheus_reads_it(tmp_path: Path, profile: str) -> None:
 @pytest.mark.parametrize("name", ["prometheus-rules/ros.yml", "prometheus-rules/recording.yml"])
 def test_promtool_reads_the_rules(tmp_path: Path, name: str) -> None:
     accepted(tmp_path, rendered("standalone")[name], "promtool", "check", "rules", "FILE")
+
+
+def test_promtool_finds_nothing_amiss_in_the_apps_own_metrics() -> None:
+    metrics = Metrics("service", "/add_two_ints")
+    metrics.answered(0.002)
+    command = [program("promtool"), "check", "metrics"]
+    done = subprocess.run(command, input=metrics.text(), capture_output=True, text=True, check=False, timeout=60)  # noqa: S603
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 
 @pytest.fixture

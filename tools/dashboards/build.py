@@ -14,6 +14,7 @@ import json
 import sys
 from pathlib import Path
 
+from .application import application
 from .fleet import fleet, robot
 from .hosts import hosts
 from .page import PREFIX
@@ -28,7 +29,7 @@ FOLDER = CHECKOUT / "roles" / "observability" / "files" / "dashboards"
 
 def dashboards() -> dict[str, Json]:
     """Every dashboard by its name, the way they stand in Grafana's list."""
-    made = [fleet(), robot(), ros_graph(), topics(), updates(), hosts(), log_pages(), telemetry()]
+    made = [fleet(), robot(), application(), ros_graph(), topics(), updates(), hosts(), log_pages(), telemetry()]
     return {str(page["uid"]).removeprefix(PREFIX): page for page in made}
 
 

@@ -34,6 +34,7 @@ NEEDS = {
     r"^ros_action_goals$": "an action",
     r"^ros_service_up$": "a service",
     r"^robot_update_": "an update",
+    r"^rosops_app_": "an app with metrics of its own",
     r"^rosops_claim_": "a claim",
     r"^kubelet_volume_stats_": "a volume that the kubelet can measure (local-path is none)",
     r"^k3s_": "k3s itself; the lab's stand-in has no such metric",
@@ -74,7 +75,7 @@ def filled(expr: str, robot: str = ".*") -> str:
         expr = expr.replace(name, value)
     expr = re.sub(r"\$\{?robot\b\}?", robot, expr)
     expr = re.sub(r"\$\{?namespace\b\}?", ".+", expr)
-    return re.sub(r"\$\{?search\b\}?", "", re.sub(r"\$\{?(node|topic)\b\}?", ".*", expr))
+    return re.sub(r"\$\{?search\b\}?", "", re.sub(r"\$\{?(app|node|topic)\b\}?", ".*", expr))
 
 
 def of_page(page: dict[str, Any], robot: str = ".*") -> Iterator[Query]:

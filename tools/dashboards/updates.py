@@ -10,9 +10,9 @@ from .page import ROBOTS, SENT, TO_ROBOT, UPDATE_LINES, page
 from .panels import RED_ABOVE, Json, graph, latest, log_query, logs, query, stat, states, table
 
 
-def latest_updates() -> Json:
+def latest_updates(which: str = R) -> Json:
     """What became of each app's latest update."""
-    info = f"robot_update_info{{{R}}}"
+    info = f"robot_update_info{{{which}}}"
     return table(
         "Latest update of each app",
         {

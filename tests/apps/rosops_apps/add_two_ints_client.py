@@ -19,6 +19,7 @@ from rospy.exceptions import TransportException  # type: ignore[import-not-found
 from . import node, settings
 from .arithmetic import operands, operation_of
 from .jsonl import JsonLinesLog, last_record
+from .metrics import Metrics
 
 LOG_NAME = "add-two-ints.jsonl"
 SERVICE = "add_two_ints"
@@ -26,7 +27,7 @@ SERVICE = "add_two_ints"
 FAILURES = (rospy.ServiceException, TransportException, AttributeError)
 
 
-def ask(proxy: Any, request: int) -> dict[str, Any]:
+def ask(proxy: Any, request: int, metrics: Metrics) -> dict[str, Any]:
     """One request, made once: a failed one is written down as failed, not repeated."""
     a, b = operands(request)
     record: dict[str, Any] = {"time": round(time.time(), 3), "node": rospy.get_name(), "request": request}
@@ -38,8 +39,12 @@ def ask(proxy: Any, request: int) -> dict[str, Any]:
     else:
         operation = operation_of(a, b, result)
         outcome = {"ok": operation != "wrong", "sum": result, "operation": operation}
-    latency = round((time.monotonic() - started) * 1e3, 3)
-    return {**record, "a": a, "b": b, **outcome, "latency_ms": latency}
+    seconds = time.monotonic() - started
+    if outcome["ok"]:
+        metrics.answered(seconds)
+    else:
+        metrics.failed()
+    return {**record, "a": a, "b": b, **outcome, "latency_ms": round(seconds * 1e3, 3)}
 
 
 def read_settings() -> tuple[float, bool, Path]:
@@ -56,6 +61,7 @@ def request_answers(values: tuple[float, bool, Path]) -> None:
     previous = last_record(directory / LOG_NAME, key="request")
     log = JsonLinesLog(directory / LOG_NAME)
     request = previous["request"] + 1 if previous else 0
+    metrics = node.measured("service", SERVICE)
     rospy.wait_for_service(SERVICE)
     # Unless persistent, every request looks the server up, so the next one after an update finds the new server.
     proxy = rospy.ServiceProxy(SERVICE, AddTwoInts, persistent=persistent)
@@ -66,7 +72,7 @@ def request_answers(values: tuple[float, bool, Path]) -> None:
         if pause > 0:
             time.sleep(min(pause, 0.5))
             continue
-        record = ask(proxy, request)
+        record = ask(proxy, request, metrics)
         log.write(record)
         request += 1
         # A request that took long is not made up for by a burst: the next one is due a period from now.

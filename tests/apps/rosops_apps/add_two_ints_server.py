@@ -5,12 +5,15 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import rospy  # type: ignore[import-not-found]
 
 from . import node, settings
 from .arithmetic import OPERATIONS, wrap
+
+SERVICE = "add_two_ints"
 
 
 def read_settings() -> str:
@@ -24,10 +27,15 @@ def serve(name: str) -> None:
 
     operation = OPERATIONS[name]
 
-    def answer(request: Any) -> Any:
-        return AddTwoIntsResponse(wrap(operation(request.a, request.b)))
+    metrics = node.measured("service", SERVICE)
 
-    service = rospy.Service("add_two_ints", AddTwoInts, answer)
+    def answer(request: Any) -> Any:
+        started = time.monotonic()
+        response = AddTwoIntsResponse(wrap(operation(request.a, request.b)))
+        metrics.answered(time.monotonic() - started)
+        return response
+
+    service = rospy.Service(SERVICE, AddTwoInts, answer)
     node.ready()
     service.spin()
 

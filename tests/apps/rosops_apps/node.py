@@ -13,6 +13,7 @@ import time
 from typing import Any, Callable, TypeVar
 
 from . import settings
+from .metrics import Metrics
 
 os.environ.setdefault("ROS_LOG_DIR", "/tmp/ros-log")  # noqa: S108 - rospy wants a home directory, a container has none
 
@@ -61,6 +62,15 @@ def ready() -> None:
     say("ready")
 
 
+def measured(pattern: str, name: str) -> Metrics:
+    """The metrics of a topic, service or action, shown at METRICS_PORT where there is one."""
+    metrics = Metrics(pattern, str(rospy.resolve_name(name)))
+    port = settings.metrics_port()
+    if port:
+        metrics.serve(port)
+    return metrics
+
+
 def _crash_after(seconds: float) -> None:
     """End the process as a fault would: at once, without a word to the ROS master."""
 
@@ -91,6 +101,7 @@ def run(name: str, read_settings: Callable[[], T], application: Callable[[T], No
     try:
         values = read_settings()
         faults = settings.faults()
+        settings.metrics_port()
     except settings.SettingError as error:
         sys.exit(f"{name}: {error}")
     settings.ready_file().unlink(missing_ok=True)

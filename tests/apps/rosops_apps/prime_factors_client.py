@@ -18,6 +18,7 @@ from actionlib_msgs.msg import GoalStatus  # type: ignore[import-not-found]
 from . import goals, node, settings
 from .factors import batch_numbers, count_right
 from .jsonl import JsonLinesLog, last_record
+from .metrics import Metrics
 
 LOG_NAME = "prime-factors.jsonl"
 ACTION = "prime_factors"
@@ -106,6 +107,7 @@ def send_batches(values: Settings) -> None:
 
     batch = goals.next_batch(last_record(values.directory / LOG_NAME, key="batch"))
     log = JsonLinesLog(values.directory / LOG_NAME)
+    metrics = node.measured("action", ACTION)
     client = actionlib.SimpleActionClient(ACTION, PrimeFactorsAction)
     # Once, as most clients do: a goal that is sent while no server is there is not repeated.
     client.wait_for_server()
@@ -113,6 +115,7 @@ def send_batches(values: Settings) -> None:
     while not node.stopping():
         goal = Goal(client, PrimeFactorsGoal(batch=batch, numbers=batch_numbers(batch)))
         record = goal.report(goal.wait(values.timeout))
+        count(record, metrics)
         log.write(record)
         log.sync()
         batch += 1
@@ -121,6 +124,14 @@ def send_batches(values: Settings) -> None:
             node.ready()
         pause(values.pause)
     log.close()
+
+
+def count(record: dict[str, Any], metrics: Metrics) -> None:
+    """One goal that is over. One that this client gave up itself has not failed."""
+    if record["outcome"] == "succeeded":
+        metrics.answered(record["completion_ms"] / 1e3)
+    elif record["outcome"] != goals.ABANDONED:
+        metrics.failed()
 
 
 def pause(seconds: float) -> None:

@@ -20,6 +20,7 @@ from actionlib_msgs.msg import GoalStatus  # type: ignore[import-not-found]
 from . import goals, node, settings
 from .factors import prime_factors
 from .jsonl import JsonLinesLog
+from .metrics import Metrics
 
 ACTION = "prime_factors"
 SLICE_SECONDS = 0.02  # it notices within this time that it is asked to stop, or that the goal was cancelled
@@ -36,12 +37,13 @@ class FactorServer:
     Not actionlib's SimpleActionServer: that one gives up the goal it works on, and the one that waits, for a new one.
     """
 
-    def __init__(self, pause: float, log: JsonLinesLog | None) -> None:
+    def __init__(self, pause: float, log: JsonLinesLog | None, metrics: Metrics) -> None:
         from . import msg  # noqa: PLC0415 - made when the image is built
 
         self._msg = msg
         self._pause = pause
         self._log = log
+        self._metrics = metrics
         # Not SimpleQueue: its get(timeout) waits for ever where a signal's handler takes longer than the timeout.
         self._waiting: queue.Queue[Any] = queue.Queue()
         self._server = actionlib.ActionServer(
@@ -58,12 +60,14 @@ class FactorServer:
                 continue
         while not self._waiting.empty():
             self._waiting.get().set_rejected(text="the server stops")
+            self._metrics.failed()
 
     def _execute(self, handle: Any) -> None:
         goal = handle.get_goal()
         result = self._msg.PrimeFactorsResult(batch=goal.batch, server=rospy.get_name())
         if min(goal.numbers, default=1) < 1:
             handle.set_rejected(result, "a number below 1 has no prime factors")
+            self._metrics.failed()
             return
         handle.set_accepted()
         self._record(handle, goals.STARTED, batch=goal.batch)
@@ -72,9 +76,11 @@ class FactorServer:
             for number in goal.numbers:
                 result.factors.append(self._msg.Factors(number=number, factors=self._factorise(handle, number)))
             handle.set_succeeded(result)
+            self._metrics.answered(time.monotonic() - started)
         except EndedEarlyError as reason:
             end = handle.set_canceled if self._cancelled(handle) else handle.set_aborted
             end(result, str(reason))
+            self._metrics.failed()
         status = GoalStatus.to_string(handle.get_goal_status().status).lower()
         seconds = round(time.monotonic() - started, 3)
         self._record(handle, goals.ENDED, batch=goal.batch, status=status, seconds=seconds)
@@ -124,7 +130,7 @@ def serve(values: tuple[float, Path | None]) -> None:
     # A file for each pod (its host name): two servers that share a volume do not write into one file.
     log = JsonLinesLog(directory / f"prime-factors-server-{socket.gethostname()}.jsonl") if directory else None
     # A signal's handler runs in the main thread: the work is done in another, which can then still tell its clients.
-    worker = threading.Thread(target=FactorServer(pause, log).spin, daemon=True)
+    worker = threading.Thread(target=FactorServer(pause, log, node.measured("action", ACTION)).spin, daemon=True)
     worker.start()
     rospy.on_shutdown(lambda: wait_for(worker, STOP_SECONDS))
     node.ready()

@@ -19,7 +19,7 @@ from dashboards.queries import FILES, Query, all_queries, filled, needs, of_rule
 
 METRICS = Path(__file__).resolve().parent / "metrics"
 MODULE_UTILS = FILES.parents[2] / "plugins" / "module_utils"
-NAMES = {"fleet", "robot", "ros-graph", "topics", "updates", "hosts-k3s", "logs", "telemetry"}
+NAMES = {"fleet", "robot", "application", "ros-graph", "topics", "updates", "hosts-k3s", "logs", "telemetry"}
 QUERIES = all_queries()
 
 
@@ -95,6 +95,11 @@ def test_nothing_is_left_to_fill_in() -> None:
 def test_the_exporters_metrics_are_those_in_its_code() -> None:
     code = "".join(path.read_text("utf-8") for path in MODULE_UTILS.glob("_exporter/*.py"))
     assert [name for name in listed("ros-exporter") if name not in code] == []
+
+
+def test_the_apps_metrics_are_those_of_the_validation_apps() -> None:
+    code = (FILES.parents[2] / "tests" / "apps" / "rosops_apps" / "metrics.py").read_text("utf-8")
+    assert [name for name in listed("apps") if name not in code] == []
 
 
 @pytest.mark.parametrize(
