@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import yaml
+
 CHECKOUT = Path(__file__).resolve().parents[2]
 DOCS = CHECKOUT / "docs"
 LINK = re.compile(r"\]\(([^)#:\s]+)")
@@ -31,6 +33,53 @@ def test_every_page_is_in_the_index() -> None:
     there = {path.resolve() for path in [*DOCS.glob("*.md"), *CHECKOUT.glob("roles/*/README.md")]}
     listed = {(DOCS / name).resolve() for name in LINK.findall((DOCS / "index.md").read_text("utf-8"))}
     assert there - listed == {DOCS / "index.md"}
+
+
+# --- links ------------------------------------------------------------------------------------------------------------
+
+TARGET = re.compile(r"\]\(([^)\s]+)\)|^\[[^\]]+\]: (\S+)$", re.MULTILINE)
+USED = re.compile(r"(?<!\])\[([^\]\n]+)\](?:\[([^\]\n]+)\])?(?![(:\w])")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+
+
+def anchors(page: Path) -> set[str]:
+    """Of its headings, as GitHub makes them."""
+    headings = HEADING.findall(page.read_text("utf-8"))
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def broken(page: Path, target: str) -> bool:
+    """Whether a link of that page leads to no file of the checkout, or to no heading of it."""
+    name, _, anchor = target.partition("#")
+    to = (page.parent / name).resolve() if name else page
+    return not to.exists() or bool(anchor and anchor not in anchors(to))
+
+
+def test_readme_s_links_work_where_it_stands_alone() -> None:
+    """Galaxy shows README and no other page: its links are whole addresses in the repository that galaxy.yml names."""
+    repository = yaml.safe_load((CHECKOUT / "galaxy.yml").read_text("utf-8"))["repository"]
+    page = CHECKOUT / "README.md"
+    text = page.read_text("utf-8")
+    targets = [inline or defined for inline, defined in TARGET.findall(text)]
+    assert [target for target in targets if not target.startswith("https://")] == []
+    ours = [target.removeprefix(f"{repository}/blob/main/") for target in targets if target.startswith(repository)]
+    assert len(ours) > 20
+    assert [target for target in ours if broken(page, target)] == []
+
+
+def test_readme_s_links_are_defined_and_used() -> None:
+    text = (CHECKOUT / "README.md").read_text("utf-8")
+    prose = re.sub(r"`[^`]*`|^    .*$", "", text, flags=re.MULTILINE)
+    defined = set(re.findall(r"^\[([^\]]+)\]: ", text, re.MULTILINE))
+    assert {(by or said).lower() for said, by in USED.findall(prose)} == {name.lower() for name in defined}
+
+
+def test_links_of_pages_lead_somewhere() -> None:
+    pages = [*DOCS.rglob("*.md"), *CHECKOUT.glob("roles/*/README.md"), *CHECKOUT.glob("tests/*/README.md")]
+    links = [(page, inline or defined) for page in pages for inline, defined in TARGET.findall(page.read_text("utf-8"))]
+    links = [(page, target) for page, target in links if "://" not in target]
+    assert len(links) > 200
+    assert [f"{page.relative_to(CHECKOUT)}: {target}" for page, target in links if broken(page, target)] == []
 
 
 # --- messages ---------------------------------------------------------------------------------------------------------

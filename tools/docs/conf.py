@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 GALAXY = yaml.safe_load((CHECKOUT / "galaxy.yml").read_text("utf-8"))
+REPOSITORY = f"{GALAXY['repository']}/blob/main"
 
 project = f"{GALAXY['namespace']}.{GALAXY['name']}"
 copyright = f"2026, {GALAXY['authors'][0]}"
@@ -84,7 +85,7 @@ def linked(text: str, page: Path, source: Path) -> str:
         if plugin := PLUGIN.fullmatch(name):
             up = "../" * len(page.relative_to(source).parent.parts)
             return f"]({up}reference/{plugin[plugin.lastgroup or 0]}_{plugin.lastgroup}.rst)"
-        return f"]({GALAXY['repository']}/blob/main/{name}{found['anchor'] or ''})"
+        return f"]({REPOSITORY}/{name}{found['anchor'] or ''})"
 
     return LINK.sub(target, text)
 
@@ -93,6 +94,7 @@ def prepare(app: Sphinx, name: str, content: list[str]) -> None:
     """What GitHub does not need and Sphinx does."""
     page = Path(app.env.doc2path(name)).resolve()
     if page.suffix == ".md":
+        content[0] = content[0].replace(f"]: {REPOSITORY}/", "]: ")  # README's, which Galaxy shows without the others
         content[0] = linked(content[0], page, Path(app.srcdir).resolve())
         if name in LISTS:
             content[0] += contents(content[0])
