@@ -46,7 +46,7 @@ class ActionModule(FleetAction):
             return {"failed": True, "msg": read.get("msg", f"{KUBECONFIG} cannot be read")}
         text = base64.b64decode(read["content"])
         digest = hashlib.sha256(text).hexdigest()
-        config = local_kubeconfig(text.decode(), part.url, variables["k3s_cluster"], digest)
+        config = local_kubeconfig(text.decode(errors="replace"), part.url, variables["k3s_cluster"], digest)
         return {"changed": keep(part.kubeconfig, config, self._task.check_mode), "path": part.kubeconfig}
 
     def forget(self, part: Wanted, cluster: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -15,14 +16,24 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 
 HEAD = "# rosops.fleet: "
+AUTHORITY = "certificate-authority-data"
+CERTIFICATE, TOKEN = ("client-certificate-data", "client-key-data"), ("token",)
 
 
 def local_kubeconfig(text: str, server: str, cluster: str, source: str = "") -> str:
     """k3s's kubeconfig for use elsewhere: the server's real address, everything named after the cluster.
 
-    The first line says what it was made from, so that a look at it tells whether it must be made again.
+    Whoever is root on the server writes that file, and a client obeys all of a kubeconfig: it runs commands, reads
+    files, leaves certificates unchecked. So the authority and the credentials are taken, as plain text, and nothing
+    else. The first line says what it was made from, so that a look at it tells whether it must be made again.
     """
-    inner, user = _parts(text)
+    said_cluster, said_user = _parts(text)
+    inner, user = _texts(said_cluster, (AUTHORITY,)), _texts(said_user, (*CERTIFICATE, *TOKEN))
+    if not any(user.keys() >= set(kind) for kind in (CERTIFICATE, TOKEN)):
+        raise SpecError(
+            f"the server's k3s.yaml has neither {' with '.join(CERTIFICATE)} nor a token, and nothing else of it is "
+            "taken. k3s writes it anew when its service restarts"
+        )
     config = {
         "apiVersion": "v1",
         "kind": "Config",
@@ -35,18 +46,29 @@ def local_kubeconfig(text: str, server: str, cluster: str, source: str = "") -> 
 
 
 def url_at(text: str, host: str) -> str:
-    """The URL of a kubeconfig's server, which is the loopback's there, at its real address."""
-    url = urlsplit(str(_parts(text)[0].get("server")))
-    return f"{url.scheme}://{host}:{url.port or 443}"
+    """The URL of a server at `host`: its kubeconfig, which has the loopback's there, says scheme and port alone."""
+    try:
+        url = urlsplit(str(_parts(text)[0].get("server")))
+        port = url.port or 443
+    except ValueError as error:
+        raise SpecError("the server's k3s.yaml names no port of its API") from error
+    if url.scheme not in ("https", "http"):
+        raise SpecError("the server's k3s.yaml names no http or https URL of its API")
+    return f"{url.scheme}://{host}:{port}"
 
 
 def _parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """The first cluster and the first user."""
     try:
-        document = yaml.safe_load(text)
+        # Texts, lists and mappings alone. The safe loader merges mappings, and a few lines of merges fill the memory.
+        document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it makes no objects either
         return dict(document["clusters"][0]["cluster"]), dict(document["users"][0]["user"])
-    except (yaml.YAMLError, TypeError, KeyError, IndexError, ValueError) as error:
+    except (yaml.YAMLError, TypeError, KeyError, IndexError, ValueError, RecursionError) as error:
         raise SpecError("the server's k3s.yaml is no kubeconfig") from error
+
+
+def _texts(said: Mapping[str, Any], names: Iterable[str]) -> dict[str, str]:
+    return {name: said[name] for name in names if isinstance(said.get(name), str) and said[name]}
 
 
 def kubeconfig_head(source: str, server: str, cluster: str) -> str:

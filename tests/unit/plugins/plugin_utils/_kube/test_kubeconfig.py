@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import access_from, forget_key_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
     is_foreign,
     is_made_from,
@@ -41,6 +42,82 @@ def test_the_kubeconfig_names_the_cluster_and_says_what_it_was_made_from() -> No
     assert config["contexts"] == [{"name": "edge", "context": {"cluster": "edge", "user": "edge"}}]
     assert config["clusters"][0]["cluster"] == {"certificate-authority-data": "Q0E=", "server": "https://10.0.0.1:6443"}
     assert config["users"][0]["user"]["client-key-data"] == "S0VZ"
+
+
+def hostile(proof: Path, user: str = "client-certificate-data: Q0VSVA==, client-key-data: S0VZ") -> str:
+    """What somebody with root on a server would write there."""
+    return f"""clusters:
+- name: default
+  cluster:
+    server: "https://evil.example.org:6444"
+    insecure-skip-tls-verify: true
+    tls-server-name: evil.example.org
+    proxy-url: http://evil.example.org:3128
+    certificate-authority: /root/.ssh/id_ed25519
+    certificate-authority-data: Q0E=
+users:
+- name: default
+  user:
+    {{{user},
+     exec: {{apiVersion: client.authentication.k8s.io/v1, command: sh, args: [-c, "id > {proof}"]}},
+     auth-provider: {{name: gcp, config: {{cmd-path: sh, cmd-args: "-c id", expiry: ""}}}},
+     client-certificate: /root/.ssh/id_ed25519, client-key: /root/.ssh/id_ed25519, tokenFile: /etc/shadow,
+     as: somebody, username: admin, password: admin}}
+"""
+
+
+def test_of_a_hostile_one_nothing_but_authority_and_credentials_is_taken(tmp_path: Path) -> None:
+    """A client runs the command of such a file, and leaves the certificate of its server unchecked."""
+    text = hostile(tmp_path / "proof")
+    config = yaml.safe_load(local_kubeconfig(text, url_at(text, "10.0.0.1"), "robot1"))
+    assert config["clusters"][0]["cluster"] == {"certificate-authority-data": "Q0E=", "server": "https://10.0.0.1:6444"}
+    assert config["users"][0]["user"] == {"client-certificate-data": "Q0VSVA==", "client-key-data": "S0VZ"}
+    keep(str(tmp_path / "robot1.yaml"), local_kubeconfig(text, url_at(text, "10.0.0.1"), "robot1"))
+    access = access_from({"kubeconfig": str(tmp_path / "robot1.yaml")}, environment=False)
+    assert not (tmp_path / "proof").exists()
+    configuration = access.configuration
+    assert (configuration.host, configuration.verify_ssl) == ("https://10.0.0.1:6444", True)
+    assert (configuration.proxy, configuration.username, configuration.api_key) == (None, None, {})
+    assert Path(configuration.key_file).read_text() == "KEY"
+    forget_key_files()
+
+
+@pytest.mark.parametrize(
+    "user",
+    [
+        "username: a",
+        "client-key-data: S0VZ",
+        "client-certificate-data: Q0VSVA==",
+        'token: ""',
+        "token: [t]",
+        "client-certificate-data: {a: b}, client-key-data: S0VZ",
+    ],
+)
+def test_without_credentials_of_its_own_it_gives_no_access(tmp_path: Path, user: str) -> None:
+    text = hostile(tmp_path / "proof", user)
+    with pytest.raises(SpecError, match="neither client-certificate-data with client-key-data nor a token"):
+        local_kubeconfig(text, "https://10.0.0.1:6443", "robot1")
+
+
+def test_a_token_stays_what_it_is(tmp_path: Path) -> None:
+    config = yaml.safe_load(local_kubeconfig(hostile(tmp_path, "token: 0123"), "https://10.0.0.1:6443", "robot1"))
+    assert config["users"][0]["user"] == {"token": "0123"}
+
+
+@pytest.mark.parametrize(
+    "url", ["https://x:six", "https://x:-1", "https://x:99999999", "file:///etc/shadow", "unix:///run/x", ""]
+)
+def test_a_server_that_is_none(url: str) -> None:
+    with pytest.raises(SpecError, match=r"k3s.yaml names no (port|http or https URL) of its API"):
+        url_at(ADMIN.replace("https://127.0.0.1:6443", url), "10.0.0.1")
+
+
+def test_a_kubeconfig_that_would_fill_the_memory_is_read_in_no_time() -> None:
+    """Each line doubles the one before: a thousand million entries, were they merged."""
+    lines = ["m0: &m0 {a: b}", *(f"m{n}: &m{n} {{<<: [*m{n - 1}, *m{n - 1}]}}" for n in range(1, 31))]
+    assert url_at("\n".join([*lines, ADMIN]), "10.0.0.1") == "https://10.0.0.1:6443"
+    with pytest.raises(SpecError, match="no kubeconfig"):
+        url_at("[" * 500, "10.0.0.1")
 
 
 def test_one_that_the_role_wrote_is_not_somebody_elses(tmp_path: Path) -> None:
