@@ -53,7 +53,8 @@ class K3sExchange:
         self.before = self.after = str(plan["version"])
         self._coming = str(variables["k3s_version"] if release else AIRGAP) if plan["binary"] else ""
         self.unproven, self.earlier = False, ""
-        self._start, self._alone, self._switched = "", not plan["member"], False
+        # SQLite is one server's alone, also of one that others are to join
+        self._start, self._alone, self._switched = "", not (plan["member"] and plan["etcd"]), False
 
     def look(self) -> None:
         """What is staged, and whether anybody has proven what is there."""

@@ -28,6 +28,7 @@ class ActionModule(FleetAction):
         "write": PATHS,
         "remove": PATHS,
         "joins": {"type": "str", "default": ""},
+        "etcd": {"type": "bool", "default": False},
         "staged": {"type": "str", "default": ""},
     }
 
@@ -35,7 +36,8 @@ class ActionModule(FleetAction):
         # where it is staged, its place is looked at only
         host = ActionHost(self, known, check_mode=self._task.check_mode or bool(params["staged"]))
         variables = role_variables("k3s", self._templar, known)
-        files = wanted(variables, known["inventory_hostname"], known["hostvars"], plain(params["joins"])).files
+        joins, etcd = plain(params["joins"]), params["etcd"]
+        files = wanted(variables, known["inventory_hostname"], known["hostvars"], joins, etcd).files
         result = {"changed": False, "diff": [], "written": params["write"], "removed": params["remove"]}
         done = [
             host.write(file.path, file.content, file.mode, diff=self._task.diff and not file.secret)

@@ -39,7 +39,7 @@ class ActionModule(FleetAction):
         if now.get("failed") or now.get("unreachable"):
             return now
         joins = "" if part.init else join_url(variables, known["hostvars"], now)
-        part = wanted(variables, known["inventory_hostname"], known["hostvars"], joins)
+        part = wanted(variables, known["inventory_hostname"], known["hostvars"], joins, now["etcd"])
         found = _plan(now, part, variables, known)
         if found["unsure"]:
             self.say(known)("k3s is up and does not serve just now; that is waited for before anything is changed")
@@ -93,6 +93,7 @@ def _plan(
         "rivals": servers[1:] if part.init and not now["data"] else [],
         "join": [] if part.init else work["tokens"],
         "joins": part.url,
+        "etcd": now["etcd"],
         "givers": [
             server
             for server, place in zip(servers, _addresses(variables, known["hostvars"]), strict=True)

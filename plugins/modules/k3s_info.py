@@ -100,6 +100,10 @@ data:
   description: Whether a datastore (server) or a node's certificate (agent) is there.
   returned: success
   type: bool
+etcd:
+  description: Whether a server's datastore is an embedded etcd.
+  returned: success
+  type: bool
 tokens:
   description:
     - For C(server) and C(agent) each V(absent), V(same), V(restore) (the file is gone, the given token is right),
@@ -136,6 +140,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import (
     BINARY,
     CONFIG_DIR,
     DATA_DIR,
+    ETCD,
     KUBECONFIG,
     SERVICES,
     K3sHost,
@@ -179,6 +184,7 @@ def looked(host: K3sHost, params: dict[str, Any]) -> dict[str, Any]:
         "ready": seen.verdict == PASS,
         "observed": str(seen.observed),
         "data": data,
+        "etcd": role == "server" and host.path(ETCD).exists(),
         "tokens": {
             name: token_verdict(
                 params[option], host.read(f"{CONFIG_DIR}/{file}"), host.read(f"{DATA_DIR}/server/{file}")

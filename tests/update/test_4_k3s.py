@@ -20,6 +20,7 @@ from test_3_interrupted import wait_for_new_goal
 EDGE = "edge1"
 HOSTS = [EDGE, *ROBOTS]
 BINARY, RECORD = "/usr/local/bin/k3s", "/var/lib/rosops-fleet/k3s-change.json"
+DATABASE = "/var/lib/rancher/k3s/server/db"
 SETTINGS: dict[str, Any] = {"kubelet-arg": ["max-pods=100"]}
 
 
@@ -132,20 +133,46 @@ def test_what_a_killed_run_left_is_proven_by_the_next(fleet: Fleet) -> None:
     assert not any(unproven(fleet, host) for host in HOSTS)
 
 
-@pytest.mark.usefixtures("put_back")
-def test_another_version_comes_and_the_one_before_is_refused(fleet: Fleet) -> None:
+@pytest.fixture(scope="module", params=["SQLite", "etcd"])
+def datastore(request: pytest.FixtureRequest, standing_fleet: Fleet) -> str:
+    """That of the edge: SQLite, as a server that is alone has; then what `cluster-init` makes of it."""
+    kind, fleet = str(request.param), standing_fleet
+    fleet.settle()
+    if kind == "etcd" and "etcd" not in fleet.hosts.ssh(EDGE, f"ls {DATABASE}").split():
+        pods, watch = fleet.running(), fleet.watch()
+        run = change(fleet, "--limit", EDGE, k3s_config={"cluster-init": True})
+        assert run.status == 0, run
+        assert {"etcd", "state.db.migrated"} <= {*fleet.hosts.ssh(EDGE, f"ls {DATABASE}").split()}
+        fleet.assert_still_running(pods)
+        watch.assert_only_lookups_failed()
+    # what has etcd keeps it, whatever the inventory says
+    again = change(fleet)
+    assert (again.status, again.changed) == (0, 0), again
+    assert ("etcd" in fleet.hosts.ssh(EDGE, f"ls {DATABASE}").split()) is (kind == "etcd")
+    return kind
+
+
+@pytest.fixture(scope="module")
+def versions() -> dict[str, str]:
+    """Airgap directories of versions to go to: `next`, and `minor`."""
     subprocess.run([str(LAB), "artifacts", "--next-k3s"], capture_output=True, check=True, timeout=1200)  # noqa: S603
-    following = Hosts(os.environ.get("ROSOPS_LAB", "mol-update")).variables.get("lab_next_airgap_dir")
-    if not following:
-        pytest.skip("the lab runs a release of k3s, and has no second one")
+    known = Hosts(os.environ.get("ROSOPS_LAB", "mol-update")).variables
+    return {name: known[f"lab_{name}_airgap_dir"] for name in ("next", "minor")}
+
+
+@pytest.mark.usefixtures("put_back")
+def test_another_version_comes_and_the_one_before_is_refused(
+    fleet: Fleet, datastore: str, versions: dict[str, str]
+) -> None:
     before, pods = on(fleet, f"{BINARY} --version | head -1"), fleet.running()
     watch = fleet.watch()
-    run = change(fleet, k3s_airgap_dir=following, update_waves=[1, "100%"])
+    run = change(fleet, k3s_airgap_dir=versions["next"], update_waves=[1, "100%"])
     assert run.status == 0, run
     now = on(fleet, f"{BINARY} --version | head -1")
     assert all(now[host] != before[host] for host in HOSTS), now
     assert on(fleet, f"{BINARY}.previous --version | head -1") == before
-    assert "rosops-before-" in fleet.hosts.ssh(EDGE, "ls /var/lib/rancher/k3s/server/db/snapshots")
+    kept = f"{DATABASE}/snapshots/rosops-before-*" if datastore == "etcd" else f"{DATABASE}.previous/state.db"
+    fleet.hosts.ssh(EDGE, f"ls -d {kept}")
     fleet.assert_still_running(pods)
     watch.assert_nothing_lost()
 
@@ -153,3 +180,22 @@ def test_another_version_comes_and_the_one_before_is_refused(fleet: Fleet) -> No
     assert down.status == 2, down
     assert "is older than" in down.host("robot1")["reason"], down
     assert on(fleet, f"{BINARY} --version | head -1") == now
+
+
+@pytest.mark.usefixtures("put_back")
+def test_a_minor_version_that_does_not_start_is_taken_back_with_its_datastore(
+    fleet: Fleet, datastore: str, versions: dict[str, str]
+) -> None:
+    before = on(fleet, f"{BINARY} --version | head -1")
+    told = {"kind": "ConfigMap", "apiVersion": "v1", "metadata": {"name": "told-before", "namespace": "default"}}
+    fleet.hosts.ssh(EDGE, f"echo '{json.dumps(told)}' | {BINARY} kubectl apply -f -")
+    bad = "{{ {'kubelet-arg': ['max-pods=none']} if inventory_hostname == 'edge1' else {} }}"
+    run = change(fleet, k3s_airgap_dir=versions["minor"], k3s_config=bad)
+    assert run.status == 2, run
+    assert run.outcomes[EDGE] == "rolled-back", run
+    assert on(fleet, f"{BINARY} --version | head -1") == before
+    left = f"{DATABASE}/etcd-old-*" if datastore == "etcd" else f"{DATABASE}.left"
+    fleet.hosts.ssh(EDGE, f"ls -d {left}")  # that of the newer version
+    fleet.hosts.ssh(EDGE, f"{BINARY} kubectl delete configmap told-before")
+    assert not unproven(fleet, EDGE)
+    fleet.wait_settled()

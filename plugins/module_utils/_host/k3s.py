@@ -19,6 +19,7 @@ from .._common.poll import FAIL, PASS, WAIT, Seen
 BINARY = "/usr/local/bin/k3s"
 CONFIG_DIR = "/etc/rancher/k3s"
 DATA_DIR = "/var/lib/rancher/k3s"
+ETCD = f"{DATA_DIR}/server/db/etcd"
 KUBECONFIG = f"{CONFIG_DIR}/k3s.yaml"
 SERVICES = {"server": "k3s", "agent": "k3s-agent"}
 # The unit writes here what it was started with (templates/k3s.service.j2).

@@ -19,14 +19,13 @@ from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
-from .k3s import BINARY, DATA_DIR, SERVICES, version_of, without_secrets
+from .k3s import BINARY, DATA_DIR, ETCD, SERVICES, version_of, without_secrets
 
 RECORD = "/var/lib/rosops-fleet/k3s-change.json"
 NEXT, PREVIOUS = ".next", ".previous"
 SNAPSHOT = "rosops-before"
 SNAPSHOTS_KEPT = 3
 STOP_TIMEOUT = 120.0  # systemd kills after 90 s
-ETCD = f"{DATA_DIR}/server/db/etcd"
 SQLITE = f"{DATA_DIR}/server/db/state.db"
 DATABASE = f"{DATA_DIR}/server/db"
 DATABASE_COPY = f"{DATA_DIR}/server/db.previous"
@@ -85,15 +84,16 @@ class K3sChange:
     def back(self, datastore: bool = False) -> dict[str, Any]:
         """What was there before the change that is not proven, and start k3s again.
 
-        With `datastore` that, too, where the change was to another minor version: a k3s does not go back to an earlier
-        one without. What the cluster was told since is lost then, so it is for a change of just now, on a server that
-        shares its datastore with no other.
+        With `datastore` that, too, where the change was to another minor version, or from SQLite to etcd: a k3s does
+        not go back to the earlier one without. What the cluster was told since is lost then, so it is for a change of
+        just now, on a server that shares its datastore with no other.
         """
         record = self.record()
         if not record.get("unproven"):
             raise FleetError("there is no unproven change of k3s to go back from")
         kept = ""
-        if datastore and _minor(record["version"]) != _minor(self._version()):
+        became_etcd = record["snapshot"] == DATABASE_COPY and self.path(ETCD).exists()
+        if datastore and (became_etcd or _minor(record["version"]) != _minor(self._version())):
             kept = self._kept_datastore(record["snapshot"])
         if kept:
             self._systemctl("stop", self.service)

@@ -64,12 +64,22 @@ def server_url(variables: Mapping[str, Any], server: str, hostvars: Mapping[str,
     return f"https://{variables['k3s_api_endpoint'] or address(server, hostvars)}:{API_PORT}"
 
 
-def wanted(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any], joins: str = "") -> Wanted:
-    """`joins` is the server that a member joins, by default the first one. SpecError where a server is no host."""
+def wanted(
+    variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any], joins: str = "", etcd: bool = False
+) -> Wanted:
+    """`joins` is the server that a member joins, by default the first one; `etcd`: the host has such a datastore.
+
+    SpecError where a server is no host.
+    """
     role, servers = variables["k3s_role"], variables["k3s_server_hosts"]
     init = role == "server" and servers[:1] == [host]
     url = joins or server_url(variables, servers[0], hostvars)
-    config = _config(variables, init, url, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
+    # A server that stays alone has SQLite: etcd syncs each write, which wears SD cards out. k3s takes what is in SQLite
+    # over into etcd once it starts with cluster-init, and there is no way back.
+    joining: dict[str, Any] = {"server": url}
+    if init:
+        joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
+    config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
     service = SERVICES[role]
     config_file, unit, registries, environment = (
         f"{CONFIG_DIR}/config.yaml",
@@ -99,7 +109,7 @@ def wanted(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any],
     )
 
 
-def _config(variables: Mapping[str, Any], init: bool, url: str, own_address: str) -> dict[str, Any]:
+def _config(variables: Mapping[str, Any], joining: Mapping[str, Any], own_address: str) -> dict[str, Any]:
     """What differs between a cluster's first server, its other servers and its agents is seen at once."""
     config: dict[str, Any] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
     if variables["k3s_role"] == "server":
@@ -117,8 +127,7 @@ def _config(variables: Mapping[str, Any], init: bool, url: str, own_address: str
             "token-file": f"{CONFIG_DIR}/token",
         }
     config["agent-token-file" if variables["k3s_role"] == "server" else "token-file"] = f"{CONFIG_DIR}/agent-token"
-    joins: dict[str, Any] = {"cluster-init": True} if init else {"server": url}
-    return {key: value for key, value in {**config, **joins, **variables["k3s_config"]}.items() if value is not None}
+    return {key: value for key, value in {**config, **joining, **variables["k3s_config"]}.items() if value is not None}
 
 
 def _yaml(value: Mapping[str, Any]) -> str:

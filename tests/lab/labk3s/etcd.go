@@ -27,8 +27,38 @@ func init() {
 
 const etcdLocal = "https://127.0.0.1:2379"
 
+// managed says whether the datastore is k3s's embedded etcd: asked for, or on
+// the disk already, as in k3s. A server without has SQLite in k3s.
+func (c *config) managed() bool {
+	return c.clusterInit || c.clusterReset || c.serverURL != "" || exists(c.dataDir.server("db", "etcd"))
+}
+
+// etcdDir is where the datastore's files are. Of a server that k3s would give
+// SQLite they are at the path of k3s's database file: a stand-in, for there is
+// no SQLite here. It is an etcd, too, but of this server alone.
 func (c *config) etcdDir(parts ...string) string {
-	return c.dataDir.server(append([]string{"db", "etcd"}, parts...)...)
+	kind := "state.db"
+	if c.managed() {
+		kind = "etcd"
+	}
+	return c.dataDir.server(append([]string{"db", kind}, parts...)...)
+}
+
+// takeOver brings what a server without cluster-init has kept into its new
+// etcd, and leaves the old database aside, as k3s does.
+func (c *config) takeOver() error {
+	old := c.dataDir.server("db", "state.db")
+	if !c.clusterInit || c.clusterReset || c.etcdInitialised() || !exists(old) {
+		return nil
+	}
+	logf("info", "Migrating content from sqlite to etcd")
+	if err := os.RemoveAll(c.etcdDir()); err != nil {
+		return err
+	}
+	if err := os.CopyFS(c.etcdDir(), os.DirFS(old)); err != nil {
+		return err
+	}
+	return os.Rename(old, old+".migrated")
 }
 
 func (c *config) etcdPeer() string { return "https://" + c.nodeIP + ":2380" }
@@ -53,6 +83,9 @@ func (c *config) etcdName() (string, error) {
 // startEtcd runs the datastore inside this process. initial is the cluster's
 // make-up and only read by a member without data.
 func startEtcd(ctx context.Context, c *config, initial string, joining, forceNew bool) (*embed.Etcd, error) {
+	if err := c.takeOver(); err != nil {
+		return nil, fmt.Errorf("migrating to etcd: %w", err)
+	}
 	name, err := c.etcdName()
 	if err != nil {
 		return nil, err

@@ -39,6 +39,29 @@ func TestRoutesAndNames(t *testing.T) {
 	}
 }
 
+func TestDatastore(t *testing.T) {
+	alone := &config{dataDir: dataDir(t.TempDir())}
+	if got := alone.etcdDir(); alone.managed() || filepath.Base(got) != "state.db" {
+		t.Errorf("a server without cluster-init: %s", got)
+	}
+	wal := alone.etcdDir("member", "wal")
+	if err := os.MkdirAll(wal, 0o700); err != nil {
+		t.Fatal(err)
+	}
+	several := &config{dataDir: alone.dataDir, clusterInit: true}
+	for range 2 { // a second start has nothing to take over
+		if err := several.takeOver(); err != nil {
+			t.Fatal(err)
+		}
+	}
+	if !several.etcdInitialised() || exists(wal) || !exists(several.dataDir.server("db", "state.db.migrated", "member")) {
+		t.Error("the data was not taken over, or is still in its old place")
+	}
+	if got := alone.etcdDir(); !alone.managed() || filepath.Base(got) != "etcd" {
+		t.Errorf("without cluster-init again: %s", got)
+	}
+}
+
 func TestCNIConfig(t *testing.T) {
 	content, err := cniConfig("10.42.7.0/24", 1450)
 	if err != nil {

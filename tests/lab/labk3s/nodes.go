@@ -79,7 +79,7 @@ func runNodeController(ctx context.Context, c *config, kube kubernetes.Interface
 func markServer(ctx context.Context, c *config, node *corev1.Node, kube kubernetes.Interface) error {
 	roles := []string{"control-plane"}
 	annotations := map[string]string{}
-	if c.clusterInit || c.serverURL != "" {
+	if c.managed() {
 		roles = append(roles, "etcd")
 		name, err := c.etcdName()
 		if err != nil {

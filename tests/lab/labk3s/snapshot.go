@@ -55,7 +55,7 @@ func snapshotCommand(args []string) error {
 	if err != nil {
 		return err
 	}
-	if !c.clusterInit && c.serverURL == "" {
+	if !c.managed() {
 		return errors.New("etcd datastore disabled: this server runs without cluster-init")
 	}
 	ctx, stop := signal.NotifyContext(context.Background(), syscall.SIGTERM, syscall.SIGINT)

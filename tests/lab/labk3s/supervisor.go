@@ -390,7 +390,7 @@ func (s *supervisor) serveBootstrap(w http.ResponseWriter, _ *http.Request) {
 }
 
 func (s *supervisor) serveEtcdEndpoints(w http.ResponseWriter, r *http.Request) {
-	if !s.config.clusterInit && s.config.serverURL == "" {
+	if !s.config.managed() {
 		http.Error(w, "etcd disabled: this server runs without cluster-init", http.StatusBadRequest)
 		return
 	}

@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
 
     artifacts = commands.add_parser("artifacts", help="build what is missing: images, k3s, archives")
     artifacts.add_argument("--no-ros", action="store_true", help="hosts and k3s only: ROS and apps come from elsewhere")
-    artifacts.add_argument("--next-k3s", action="store_true", help="also labk3s's second version, for upgrades")
+    artifacts.add_argument("--next-k3s", action="store_true", help="also the versions to upgrade to")
     artifacts.add_argument(
         "--observability",
         nargs="*",
@@ -211,8 +211,8 @@ def _artifacts(options: argparse.Namespace) -> None:
         "image_archives": [str(path) for path in built[:1]],
         "update_archives": [str(path) for path in built[1:]],
     }
-    if options.next_k3s and choice == "labk3s":
-        values["next_airgap_dir"] = str(k3s.airgap(cache, choice, following=True))
+    for following in ("next", "minor") if options.next_k3s else ():
+        values[f"{following}_airgap_dir"] = str(k3s.airgap(cache, choice, f"{following}_version"))
     if options.observability is not None:
         observability_build.ensure_all(cache, observability.choose(options.observability))
     state.save_artifacts(values | observability.built(cache))

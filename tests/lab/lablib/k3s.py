@@ -33,7 +33,7 @@ def choose() -> str:
             raise LabError(f"LAB_K3S={wanted} is unknown", todo=f"set it to one of {', '.join(CHOICES)}, or not at all")
         say(f"k3s: {describe(wanted)} (LAB_K3S)")
         return wanted
-    url = _url(_sums_name())
+    url = _url(pins()["k3s"]["version"], _sums_name())
     try:
         _get(url, PROBE_SECONDS)
     except LabError as error:
@@ -49,11 +49,12 @@ def describe(choice: str) -> str:
     return f"labk3s {pins()['labk3s']['version']}, a stand-in built from upstream Kubernetes modules"
 
 
-def airgap(cache: Cache, choice: str, *, following: bool = False) -> Path:
-    """The airgap directory: k3s, its images, SHA256SUMS. `following` is labk3s's second version, for upgrades."""
+def airgap(cache: Cache, choice: str, pin: str = "version") -> Path:
+    """The airgap directory: k3s, its images, SHA256SUMS. `pin` names which of the versions in pins.toml."""
+    kind = pin.rpartition("version")[0].replace("_", "-")  # each is kept
     if choice == "release":
-        return _release(cache)
-    return _labk3s(cache, "labk3s-next" if following else "labk3s", "next_version" if following else "version")
+        return _release(cache, f"k3s-{kind}release", pins()["k3s"][pin])
+    return _labk3s(cache, f"labk3s-{kind}".rstrip("-"), pins()["labk3s"][pin])
 
 
 # --- the release ---------------------------------------------------------------------------------------------------
@@ -71,8 +72,8 @@ def _sums_name() -> str:
     return f"sha256sum-{architecture()}.txt"
 
 
-def _url(name: str) -> str:
-    return f"{pins()['k3s']['url']}/{quote(pins()['k3s']['version'], safe='')}/{name}"
+def _url(version: str, name: str) -> str:
+    return f"{pins()['k3s']['url']}/{quote(version, safe='')}/{name}"
 
 
 def _get(url: str, timeout: float) -> bytes:
@@ -83,14 +84,14 @@ def _get(url: str, timeout: float) -> bytes:
         raise LabError(f"{url}: {error}", todo="see whether the address is reachable from here") from error
 
 
-def _release(cache: Cache) -> Path:
+def _release(cache: Cache, kind: str, version: str) -> Path:
     recipe = Recipe(
-        kind="k3s-release",
-        title=describe("release"),
-        values={"pins": pins()["k3s"], "architecture": architecture()},
+        kind=kind,
+        title=f"the real k3s {version}",
+        values={"version": version, "url": pins()["k3s"]["url"], "architecture": architecture()},
         files=(Path(__file__),),
     )
-    return cache.ensure(recipe, _download)
+    return cache.ensure(recipe, lambda directory, log: _download(version, directory, log))
 
 
 def parse_sums(text: str) -> dict[str, str]:
@@ -99,22 +100,21 @@ def parse_sums(text: str) -> dict[str, str]:
     return {name.strip().lstrip("*"): digest for digest, name in pairs}
 
 
-def _download(directory: Path, log: Path) -> None:
-    sums = parse_sums(_get(_url(_sums_name()), 30).decode())
+def _download(version: str, directory: Path, log: Path) -> None:
+    sums_url = _url(version, _sums_name())
+    sums = parse_sums(_get(sums_url, 30).decode())
     lines: list[str] = []
     for name in (_binary_name(), _images_name()):
         if name not in sums:
-            raise LabError(
-                f"{name} has no checksum in the release", where=_url(_sums_name()), todo="check tests/lab/pins.toml"
-            )
+            raise LabError(f"{name} has no checksum in the release", where=sums_url, todo="check tests/lab/pins.toml")
         target = directory / name
         command = ["curl", "--fail", "--location", "--silent", "--show-error", "--retry", "3", "--output", str(target)]
-        build(Job([*command, _url(name)], f"{name} (download)", log))
+        build(Job([*command, _url(version, name)], f"{name} (download)", log))
         found = file_sha256(target)
         if found != sums[name]:
             raise LabError(
                 f"the download of {name} is damaged: SHA-256 {found}, expected {sums[name]}",
-                where=_url(name),
+                where=_url(version, name),
                 todo="run it again",
             )
         lines.append(f"{found}  {name}\n")
@@ -125,8 +125,7 @@ def _download(directory: Path, log: Path) -> None:
 # --- labk3s --------------------------------------------------------------------------------------------------------
 
 
-def _labk3s(cache: Cache, kind: str, version_pin: str) -> Path:
-    version: str = pins()["labk3s"][version_pin]
+def _labk3s(cache: Cache, kind: str, version: str) -> Path:
     recipe = Recipe(
         kind=kind,
         title=f"labk3s {version}",

@@ -19,7 +19,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import r
 OLD, NEW = "v1.34.2+lab1", "v1.34.2+lab2"
 PLAN: dict[str, Any] = {
     "binary": True, "write": ["/etc/rancher/k3s/config.yaml"], "remove": [], "restart": True, "works": True,
-    "member": "", "version": OLD,
+    "member": "", "etcd": True, "version": OLD,
 }  # fmt: skip
 
 NO_ROBOTS: dict[str, Any] = {"robots": {}, "hosts": {}, "edge_nodes": [], "name": "lab"}
@@ -121,13 +121,19 @@ def test_what_does_not_serve_is_taken_back(host: Host) -> None:
 
 
 @pytest.mark.parametrize(
-    ("unproven", "member", "datastore"), [(False, "", True), (True, "", False), (False, "robot1", False)]
+    ("unproven", "member", "etcd", "datastore"),
+    [
+        (False, "", True, True),
+        (True, "", True, False),
+        (False, "robot1", True, False),
+        (False, "robot1", False, True),  # others are to join it, once its SQLite has become etcd
+    ],
 )
 def test_the_datastore_of_just_before_goes_back_with_a_server_that_is_alone(
-    host: Host, unproven: bool, member: str, datastore: bool
+    host: Host, unproven: bool, member: str, etcd: bool, datastore: bool
 ) -> None:
     host.bad, host.unproven = True, unproven
-    host.change(plan={"member": member})
+    host.change(plan={"member": member, "etcd": etcd})
     assert host.args["previous"]["datastore"] is datastore
 
 

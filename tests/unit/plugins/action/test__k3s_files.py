@@ -67,3 +67,20 @@ def test_a_server_to_join_comes_with_ansibles_tags(written: list[tuple[str, bool
     """As every text does that another task returned."""
     assert not files("", joins=trust_as_template("https://edge1:6443")).get("failed")
     assert written
+
+
+def test_a_server_that_has_etcd_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    texts: dict[str, str] = {}
+
+    def write(_host: Any, path: str, content: str, _mode: str, diff: bool) -> dict[str, Any]:
+        return {"changed": bool(texts.setdefault(path, content)) and diff}
+
+    monkeypatch.setattr(_k3s_files.ActionHost, "write", write)
+    known = {
+        "hostvars": {"robot1": {}}, "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"],
+        "k3s_node_name": "robot1", "k3s_kubeconfig_path": "", "k3s_failure_budget": "0",
+    }  # fmt: skip
+    for etcd in (False, True):
+        texts.clear()
+        run(_k3s_files, {"write": [CONFIG], "remove": [], "etcd": etcd}, known, False)
+        assert ("cluster-init: true" in texts[CONFIG]) is etcd

@@ -22,6 +22,7 @@ BARE: dict[str, Any] = {
     "stale": False,
     "ready": False,
     "data": False,
+    "etcd": False,
     "tokens": {"server": "absent", "agent": "absent"},
     "server_url": "",
     "answering": [],
@@ -89,6 +90,19 @@ def test_a_new_member_asks_the_servers_that_live(planned: Any) -> None:
 def test_where_no_server_answers_the_first_is_named(planned: Any) -> None:
     assert planned("robot1", {})["givers"] == ["edge1"]
     assert planned("edge2", {})["givers"] == ["edge1"]
+
+
+@pytest.mark.parametrize(("etcd", "init"), [(False, False), (True, True)])
+def test_the_configuration_goes_by_the_datastore_that_the_host_has(
+    planned: Any, monkeypatch: pytest.MonkeyPatch, etcd: bool, init: bool
+) -> None:
+    seen = []
+    monkeypatch.setattr(_k3s_plan, "plan", lambda _now, part, *_more: seen.append(part) or {
+        "tokens": [], "guarded": False, "unsure": False, "any": False,
+    })  # fmt: skip
+    found = planned("edge1", {"etcd": etcd}, k3s_server_hosts=["edge1"])
+    assert ("cluster-init: true" in seen[0].files[0].content) is init
+    assert found["etcd"] is etcd
 
 
 def test_an_older_version_is_refused(planned: Any) -> None:

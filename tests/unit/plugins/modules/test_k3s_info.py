@@ -14,6 +14,16 @@ from ansible_collections.rosops.fleet.plugins.modules.k3s_info import looked
 AGENT = {"role": "agent", "files": [], "token": "", "agent_token": "", "servers": []}
 
 
+@pytest.mark.parametrize(("role", "path", "etcd"), [
+    ("server", "db/etcd", True), ("server", "db/state.db", False), ("agent", "db/etcd", False),
+])  # fmt: skip
+def test_which_datastore_a_server_has(tmp_path: Path, role: str, path: str, etcd: bool) -> None:
+    (tmp_path / "var/lib/rancher/k3s/server" / path).mkdir(parents=True)
+    host = K3sHost(lambda _argv: (0, "", ""), str(tmp_path))
+    found = looked(host, {**AGENT, "role": role})
+    assert (found["etcd"], found["data"]) == (etcd, role == "server")
+
+
 @pytest.mark.parametrize(
     ("state", "restarts", "ready"),
     [("active", 0, True), ("active", 9, True), ("activating", 9, False), ("failed", 0, False)],

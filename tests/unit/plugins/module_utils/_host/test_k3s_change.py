@@ -212,6 +212,19 @@ def test_an_earlier_minor_version_gets_its_etcd_back(machine: Machine) -> None:
     assert machine.there()[BINARY] == OLD[BINARY]
 
 
+@pytest.mark.parametrize("datastore", [True, False])
+def test_a_database_that_became_etcd_comes_back_as_it_was(tmp_path: Path, datastore: bool) -> None:
+    """k3s takes SQLite's rows over once; an etcd that it did not fill would be taken for the cluster's by the next."""
+    machine = Machine(tmp_path, **{f"{DB}/state.db": "old"})
+    switch(machine, {CONFIG: "cluster-init: true"})
+    (tmp_path / f"{DB[1:]}/state.db").rename(tmp_path / f"{DB[1:]}/state.db.migrated")
+    machine.put({f"{DB}/etcd/member": ""})
+    machine.change.back(datastore)
+    assert (tmp_path / f"{DB[1:]}/state.db").exists() is datastore
+    assert (tmp_path / f"{DB[1:]}/etcd").exists() is not datastore
+    assert machine.there() == OLD
+
+
 def test_k3s_starts_where_its_etcd_cannot_be_put_back(machine: Machine) -> None:
     switch(machine, MINOR)
     machine.put({f"{DB}/snapshots/rosops-before-v1.34.2-edge1-300": ""})

@@ -45,6 +45,25 @@ def test_the_configuration_of_each_part() -> None:
     assert config("robot1") == {"node-name": "robot1", "token-file": "/etc/rancher/k3s/agent-token", **join}
 
 
+@pytest.mark.parametrize(
+    ("servers", "etcd", "given", "init"),
+    [
+        (["edge1"], False, {}, False),  # SQLite, which a robot of its own and an edge of one have for ever
+        (["edge1"], True, {}, True),  # it had etcd, and there is no way back
+        (["edge1", "edge2", "edge3"], False, {}, True),  # two more come: k3s takes SQLite's rows over
+        (["edge1"], False, {"cluster-init": True}, True),
+        (["edge1"], True, {"cluster-init": None}, False),
+    ],
+)
+def test_etcd_is_for_several_servers_and_stays_where_it_is(
+    servers: list[str], etcd: bool, given: dict[str, Any], init: bool
+) -> None:
+    known = variables("edge1", k3s_server_hosts=servers, k3s_config=given)
+    found = yaml.safe_load(wanted(known, "edge1", HOSTVARS, etcd=etcd).files[0].content)
+    assert found.get("cluster-init", False) is init
+    assert "server" not in found
+
+
 def test_the_operators_own_configuration_comes_last_and_null_takes_a_key_out() -> None:
     found = config("robot1", k3s_config={"server": None, "node-ip": "10.0.0.9"}, k3s_node_ip="10.0.0.8")
     assert found == {"node-name": "robot1", "token-file": "/etc/rancher/k3s/agent-token", "node-ip": "10.0.0.9"}

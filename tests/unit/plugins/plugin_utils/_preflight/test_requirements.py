@@ -30,6 +30,11 @@ def test_a_server_reaches_the_others_api_and_etcd() -> None:
     assert {"port": 2379, "protocol": "tcp"} in found["ports"]
 
 
+def test_a_server_that_is_alone_has_no_etcd() -> None:
+    ports = [one["port"] for one in look(variables("server"), [])["ports"]]
+    assert ports == [6443, 6444, 10250, 8472]
+
+
 def test_an_agent_reaches_every_servers_api() -> None:
     servers = server_addresses(variables("agent"), "robot1", HOSTVARS)
     found = look(variables("agent", preflight_timeout=1.5), servers)
