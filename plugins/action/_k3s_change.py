@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.guarding import Guarding
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, Verdict, verdict
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import refusal, restarts_pods
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
@@ -54,6 +54,7 @@ class K3sExchange:
         self._coming = str(variables["k3s_version"] if release else AIRGAP) if plan["binary"] else ""
         self.unproven, self.earlier = False, ""
         # SQLite is one server's alone, also of one that others are to join
+        self.cgroup_refused = bool(plan["cgroup_refused"])
         self._start, self._alone, self._switched = "", not (plan["member"] and plan["etcd"]), False
 
     def look(self) -> None:
@@ -171,23 +172,21 @@ class ActionModule(ClusterAction):
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Mapping[str, Any]) -> bool:
     """Whether pods may notice it. SpecError where this step is not to be taken."""
     agent, node = variables["k3s_role"] == "agent", variables["k3s_node_name"]
-    step = _step(exchange, tuple(server_versions(nodes).values()) if agent else ())
+    _step(exchange, tuple(server_versions(nodes).values()) if agent else ())
     down = [] if agent else servers_down(nodes, node)
     if down:
         raise SpecError(
             f"{', '.join(down)} of its cluster is not Ready, and with one more server away the cluster may have no "
             f"majority. Bring {', '.join(down)} back first"
         )
-    return step.restarts_pods
+    return restarts_pods(exchange.before, exchange.after)
 
 
-def _step(exchange: K3sExchange, servers: Sequence[str]) -> Verdict:
-    """From which version to which. SpecError where that is no step to take."""
+def _step(exchange: K3sExchange, servers: Sequence[str]) -> None:
+    """SpecError where that is no step to take."""
     back_to = exchange.earlier if exchange.unproven else ""
-    step = verdict(exchange.before, exchange.after, True, servers, back_to)
-    if step.word == REFUSED:
-        raise SpecError(step.reason)
-    return step
+    if refused := refusal(exchange.before, exchange.after, servers, back_to, exchange.cgroup_refused):
+        raise SpecError(refused)
 
 
 def _failure(word: str, reason: str, found: StepResult | None = None) -> dict[str, Any]:

@@ -94,6 +94,7 @@ def _plan(
         "join": [] if part.init else work["tokens"],
         "joins": part.url,
         "etcd": now["etcd"],
+        "cgroup_refused": now["cgroup_refused"],
         "givers": [
             server
             for server, place in zip(servers, _addresses(variables, known["hostvars"]), strict=True)

@@ -114,6 +114,10 @@ server_url:
   description: The server that the configuration names; empty where it names none.
   returned: success
   type: str
+cgroup_refused:
+  description: Whether the host has cgroup v1 and nothing allows it, with which a k3s 1.35 or newer does not start.
+  returned: success
+  type: bool
 answering:
   description: Those of O(servers) to which a connection can be made.
   returned: success
@@ -135,7 +139,7 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import reach, server_url
+from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host, cgroup, reach, server_url
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import (
     BINARY,
     CONFIG_DIR,
@@ -192,6 +196,7 @@ def looked(host: K3sHost, params: dict[str, Any]) -> dict[str, Any]:
             for name, option, file in (("server", "token", "token"), ("agent", "agent_token", "agent-token"))
         },
         "server_url": server_url(host.read(f"{CONFIG_DIR}/config.yaml")),
+        "cgroup_refused": cgroup(Host(str(host.root)))["refused"],
         "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
         "change": {"unproven": bool(change.get("unproven")), "version": change.get("version", "")},
         "kubeconfig_sha256": host.describe(KUBECONFIG)["sha256"],

@@ -75,7 +75,9 @@ facts:
       type: str
       sample: aarch64
     cgroup:
-      description: Version, controllers that are on, the boot command line and the file it comes from.
+      description:
+        - Version, controllers that are on, the boot command line and the file it comes from. C(refused) is whether a
+          k3s 1.35 or newer does not start with this version.
       type: dict
     memory_mb:
       description: Memory in MiB.

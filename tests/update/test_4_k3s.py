@@ -182,7 +182,17 @@ def test_another_version_comes_and_the_one_before_is_refused(
     assert on(fleet, f"{BINARY} --version | head -1") == now
 
 
-@pytest.mark.usefixtures("put_back")
+@pytest.fixture
+def cgroup_v1_allowed(fleet: Fleet) -> Iterator[None]:
+    """A kubelet from 1.35 on does not start on hosts with cgroup v1, as the lab's are, unless a file says so."""
+    directory = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
+    text = "apiVersion: kubelet.config.k8s.io/v1beta1\nkind: KubeletConfiguration\nfailCgroupV1: false\n"
+    on(fleet, f"mkdir -p {directory} && printf '{text}' > {directory}/10-cgroup-v1.conf")
+    yield
+    on(fleet, f"rm {directory}/10-cgroup-v1.conf")
+
+
+@pytest.mark.usefixtures("put_back", "cgroup_v1_allowed")
 def test_a_minor_version_that_does_not_start_is_taken_back_with_its_datastore(
     fleet: Fleet, datastore: str, versions: dict[str, str]
 ) -> None:

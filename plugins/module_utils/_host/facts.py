@@ -18,6 +18,9 @@ from pathlib import Path
 from typing import Any, Iterable
 
 V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
+# where k3s's kubelet reads files of the operator's own
+KUBELET_CONFIG = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
+CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
 TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
@@ -80,16 +83,22 @@ def system(host: Host) -> dict[str, Any]:
 
 
 def cgroup(host: Host) -> dict[str, Any]:
-    """The controllers that are switched on, and the boot command line that could switch on more."""
+    """The controllers that are switched on, and the boot command line that could switch on more.
+
+    `refused`: the kubelet of Kubernetes 1.35 and newer does not start with this version.
+    """
     unified = host.read(V2_CONTROLLERS)
     if unified:
         version, controllers = 2, unified.split()
     else:
         rows = [line.split() for line in host.read("/proc/cgroups").splitlines() if not line.startswith("#")]
         version, controllers = 1, [row[0] for row in rows if len(row) == 4 and row[3] == "1"]
+    settings = (host.read(f"{KUBELET_CONFIG}/{name}") for name in host.names(KUBELET_CONFIG) if name.endswith(".conf"))
+    allowed = any(CGROUP_V1_ALLOWED.search(text) for text in settings)
     file = next((name for name in CMDLINE_FILES if host.exists(name)), "")
     return {
         "version": version,
+        "refused": version == 1 and not allowed,
         "controllers": sorted(controllers),
         "cmdline": host.read("/proc/cmdline").strip(),
         "cmdline_file": file,

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import REFUSED, verdict
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import refusal
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
 
@@ -41,9 +41,9 @@ def refusals(now: Mapping[str, Any], variables: Mapping[str, Any], host: str) ->
         yield "The install source airgap needs k3s_airgap_dir."
     # what an airgap directory holds is known when it is on the host
     wanted = variables["k3s_version"] if variables["k3s_install_source"] == "release" else ""
-    step = verdict(now["version"], wanted, True, back_to=now["change"]["version"] if now["change"]["unproven"] else "")
-    if step.word == REFUSED:
-        yield step.reason
+    back_to = now["change"]["version"] if now["change"]["unproven"] else ""
+    if step := refusal(now["version"], wanted, back_to=back_to, cgroup_refused=now["cgroup_refused"]):
+        yield step
     if now["machine"] not in MACHINES:
         yield f"There is no k3s for the architecture {now['machine']}."
 

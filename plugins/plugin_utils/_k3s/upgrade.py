@@ -10,35 +10,25 @@ kubelet must not be newer than the API that it talks to.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.k3s_defaults import CGROUP_V2_FROM
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import version
 
-INSTALL, NOTHING, RESTART, REFUSED = "install", "nothing", "restart", "refused"
 
+def refusal(
+    installed: str, wanted: str, servers: Sequence[str] = (), back_to: str = "", cgroup_refused: bool = False
+) -> str:
+    """Why a host does not go from one version to the other; empty where it may.
 
-@dataclass(frozen=True)
-class Verdict:
-    """What is to be done: `install`, `nothing`, `restart` or `refused`, and for the last one why."""
-
-    word: str
-    reason: str = ""
-    restarts_pods: bool = False  # the kubelet may start all containers again
-
-
-def verdict(installed: str, wanted: str, changed: bool, servers: Sequence[str] = (), back_to: str = "") -> Verdict:
-    """What to do about a host.
-
-    `installed` is empty where there is no k3s, `wanted` where it is not known beforehand; `changed` says whether
-    binary, configuration, unit or a token is another one than k3s runs with. `servers` are the versions of the servers
-    that the host is an agent of. `back_to` is the version that an unproven change replaced: it may always come back.
+    `installed` is empty where there is no k3s, `wanted` where it is not known beforehand. `servers` are the versions of
+    the servers that the host is an agent of. `back_to` is the version that an unproven change replaced: it may always
+    come back. `cgroup_refused` is what k3s_info says of the host.
     """
-    refusal = (wanted != back_to and _step_refusal(installed, wanted)) or _skew_refusal(wanted, servers)
-    if refusal:
-        return Verdict(REFUSED, refusal)
-    if not installed:
-        return Verdict(INSTALL)
-    return Verdict(RESTART, restarts_pods=restarts_pods(installed, wanted)) if changed else Verdict(NOTHING)
+    return (
+        (_step_refusal(installed, wanted) if wanted != back_to else "")
+        or _skew_refusal(wanted, servers)
+        or (_cgroup_refusal(installed, wanted) if cgroup_refused else "")
+    )
 
 
 def restarts_pods(installed: str, wanted: str) -> bool:
@@ -64,6 +54,17 @@ def _step_refusal(installed: str, wanted: str) -> str:
             f"Go to a version {following}.x first."
         )
     return ""
+
+
+def _cgroup_refusal(installed: str, wanted: str) -> str:
+    """What runs there with cgroup v1 has somebody who saw to that."""
+    old, new = version(installed), version(wanted)
+    if new is None or new.minor < CGROUP_V2_FROM or (old and old.minor >= CGROUP_V2_FROM):
+        return ""
+    return (
+        f"k3s {wanted} does not start on this host, which has cgroup v1: from 1.35 on the kubelet wants v2. Boot it "
+        "with systemd.unified_cgroup_hierarchy=1 on the kernel's command line, or allow v1 (the role k3s says how)."
+    )
 
 
 def _skew_refusal(wanted: str, servers: Sequence[str]) -> str:

@@ -12,7 +12,13 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.k3s_defaults import (
+    CGROUP_V2_FROM,
+    EVICTION_FREE_PERCENT,
+    IMAGE_GC_USED_PERCENT,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import version
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding import (
     ERROR,
     WARNING,
@@ -133,6 +139,20 @@ def _cgroups(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding
     yield error(f"these cgroup controllers are off: {', '.join(missing)}", where, _cgroup_fix(facts, missing))
 
 
+def _cgroup_version(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+    """k3s 1.35 is the next upgrade of a robot that has 1.34, so it is said before."""
+    if not facts["cgroup"]["refused"]:
+        return
+    coming_text = requirements["k3s_version"]
+    coming = version(coming_text)
+    refused = coming is not None and coming.minor >= CGROUP_V2_FROM
+    yield (error if refused else warning)(
+        f"it has cgroup v1, with which k3s {coming_text if refused else 'from 1.35 on'} does not start",
+        "/sys/fs/cgroup",
+        "boot with systemd.unified_cgroup_hierarchy=1 on the kernel's command line, or allow v1: role k3s, README",
+    )
+
+
 def _cgroup_fix(facts: Facts, missing: list[str]) -> str:
     """On a Raspberry Pi the firmware switches the memory controller off unless the command line asks for it."""
     cgroup = facts["cgroup"]
@@ -165,18 +185,32 @@ def _memory(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
 
 
 def _disk(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
-    disk, limits = facts["disk"], requirements["disk_mb"]
-    if disk["free_mb"] < limits["minimum"]:
+    disk, limits, percents = facts["disk"], requirements["disk_mb"], requirements["disk_percent"]
+    free, fix = disk["free_mb"], "free space, or mount a larger file system there"
+    percent = 100 * free / max(disk["total_mb"], 1)
+    has = f"{free} MiB free for {disk['path']}"
+    of_all = f"{has}, {percent:.1f} % of {disk['total_mb']} MiB"
+    if free < limits["minimum"]:
+        yield error(f"{has}, at least {limits['minimum']} are needed", disk["path"], fix)
+    elif percent < percents["minimum"]:
         yield error(
-            f"{disk['free_mb']} MiB free for {disk['path']}, at least {limits['minimum']} are needed",
+            f"{of_all}: k3s evicts pods, ROS apps at work, too, where less than {EVICTION_FREE_PERCENT} % are free; at "
+            f"least {percents['minimum']} % are needed",
             disk["path"],
-            "free space, or mount a larger file system there",
+            fix,
         )
-    elif disk["free_mb"] < limits["recommended"]:
+    elif free < limits["recommended"]:
         yield warning(
-            f"{disk['free_mb']} MiB free for {disk['path']}; images fill that fast, {limits['recommended']} are better",
+            f"{has}; images fill that fast, {limits['recommended']} are better",
             disk["path"],
-            "free space, or mount a larger file system there",
+            fix,
+        )
+    elif percent < percents["recommended"]:
+        yield warning(
+            f"{of_all}: k3s deletes images that no container uses where more than {IMAGE_GC_USED_PERCENT} % are used, "
+            f"also those of the next and of the last version; {percents['recommended']} % are better",
+            disk["path"],
+            fix,
         )
     if disk["free_inodes"] is not None and disk["free_inodes"] < 20000:
         yield warning(
@@ -297,6 +331,7 @@ def _leftovers(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Findin
 CHECKS: tuple[Callable[[Facts, Mapping[str, Any]], Iterable[Finding]], ...] = (
     _platform,
     _cgroups,
+    _cgroup_version,
     _memory,
     _disk,
     _clock,

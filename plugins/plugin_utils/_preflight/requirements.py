@@ -37,6 +37,8 @@ def requirements(variables: Mapping[str, Any], servers: Sequence[str]) -> dict[s
         "systems": variables["preflight_systems"],
         "memory_mb": variables[f"preflight_{variables['preflight_role']}_memory_mb"],
         "disk_mb": variables["preflight_disk_mb"],
+        "disk_percent": variables["preflight_disk_percent"],
+        "k3s_version": variables["preflight_k3s_version"],
         "clock_offset": variables["preflight_clock_offset"],
         "minimum_mtu": variables["preflight_minimum_mtu"],
         "interface": variables["preflight_interface"],

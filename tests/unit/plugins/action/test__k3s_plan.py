@@ -23,6 +23,7 @@ BARE: dict[str, Any] = {
     "ready": False,
     "data": False,
     "etcd": False,
+    "cgroup_refused": False,
     "tokens": {"server": "absent", "agent": "absent"},
     "server_url": "",
     "answering": [],

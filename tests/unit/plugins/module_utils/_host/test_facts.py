@@ -54,10 +54,29 @@ def test_cgroup_v1_lists_what_is_enabled(tmp_path: Path) -> None:
     assert found["cmdline_file"] == "/boot/cmdline.txt"
 
 
+DROP_IN = "apiVersion: kubelet.config.k8s.io/v1beta1\nkind: KubeletConfiguration\nfailCgroupV1: {}\n"
+
+
+@pytest.mark.parametrize(
+    ("files", "refused"),
+    [
+        ({}, True),
+        ({"10-cgroup-v1.conf": DROP_IN.format("false")}, False),
+        ({"10-cgroup-v1.conf": DROP_IN.format("true")}, True),
+        ({"10-cgroup-v1.conf.off": DROP_IN.format("false")}, True),
+    ],
+)
+def test_cgroup_v1_is_refused_unless_a_drop_in_allows_it(tmp_path: Path, files: dict[str, str], refused: bool) -> None:
+    settings = {f"/var/lib/rancher/k3s/agent/etc/kubelet.conf.d/{name}": text for name, text in files.items()}
+    found = _host_facts.cgroup(tree(tmp_path, {"/proc/cgroups": CGROUPS_V1, **settings}))
+    assert found["refused"] is refused
+
+
 def test_cgroup_v2_wins_over_v1s_table(tmp_path: Path) -> None:
     files = {"/proc/cgroups": CGROUPS_V1, "/sys/fs/cgroup/cgroup.controllers": "cpuset cpu io memory pids\n"}
     found = _host_facts.cgroup(tree(tmp_path, files))
     assert (found["version"], found["controllers"]) == (2, ["cpu", "cpuset", "io", "memory", "pids"])
+    assert not found["refused"]
 
 
 def test_default_routes_come_best_first_with_their_mtu(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import 
 NOW: dict[str, Any] = {
     "machine": "x86_64",
     "other_service": False,
+    "cgroup_refused": False,
     "version": "v1.34.2+k3s1",
     "change": {"unproven": False, "version": ""},
     "tokens": {"server": "same", "agent": "same"},
@@ -42,6 +43,7 @@ def test_a_sound_host_is_not_refused() -> None:
         ({"version": "v1.35.0+k3s1"}, {}, "k3s v1.34.2+k3s1 is older than v1.35.0+k3s1"),
         ({"version": "v1.31.1+k3s1"}, {}, "a minor version is skipped"),
         ({"version": "v1.35.0+k3s1", "change": {"unproven": False, "version": "v1.34.2+k3s1"}}, {}, "is older than"),
+        ({"cgroup_refused": True}, {"k3s_version": "v1.35.5+k3s1"}, "which has cgroup v1"),
         ({"machine": "riscv64"}, {}, "no k3s for the architecture riscv64"),
     ],
 )

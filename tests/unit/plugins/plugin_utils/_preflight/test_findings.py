@@ -16,6 +16,8 @@ REQUIREMENTS: dict[str, Any] = {
     "systems": ["debian", "ubuntu", "raspbian"],
     "memory_mb": {"minimum": 400, "recommended": 900},
     "disk_mb": {"minimum": 3000, "recommended": 10000},
+    "disk_percent": {"minimum": 6, "recommended": 16},
+    "k3s_version": "v1.34.2+k3s1",
     "clock_offset": {"maximum": 30, "recommended": 1},
     "minimum_mtu": 1280,
     "interface": "",
@@ -34,6 +36,7 @@ X86: dict[str, Any] = {
     "overlay": True,
     "cgroup": {
         "version": 2,
+        "refused": False,
         "controllers": ["cpu", "cpuset", "hugetlb", "io", "memory", "misc", "pids", "rdma"],
         "cmdline": "BOOT_IMAGE=/boot/vmlinuz-6.1.0-37-amd64 root=/dev/sda1 ro quiet",
         "cmdline_file": "",
@@ -76,6 +79,7 @@ PI_WITHOUT_MEMORY = host(
     board="Raspberry Pi 4 Model B Rev 1.4",
     cgroup={
         "version": 2,
+        "refused": False,
         "controllers": ["cpu", "cpuset", "io", "pids"],
         "cmdline": "coherent_pool=1M 8250.nr_uarts=0 cgroup_disable=memory console=tty1 root=PARTUUID=1 rootwait",
         "cmdline_file": "/boot/firmware/cmdline.txt",
@@ -88,6 +92,7 @@ PI_3_ARMV7 = host(
     board="Raspberry Pi 3 Model B Plus Rev 1.3",
     cgroup={
         "version": 1,
+        "refused": True,
         "controllers": ["blkio", "cpu", "cpuacct", "cpuset", "devices", "freezer", "memory", "net_cls", "pids"],
         "cmdline": "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1",
         "cmdline_file": "/boot/cmdline.txt",
@@ -98,15 +103,26 @@ JETSON_ARM64 = host(
     os={"id": "ubuntu", "version": "20.04", "name": "Ubuntu 20.04.6 LTS"},
     machine="aarch64",
     board="NVIDIA Jetson Xavier NX Developer Kit",
-    cgroup={"version": 1, "controllers": ["cpu", "cpuset", "memory", "pids"], "cmdline": "", "cmdline_file": ""},
+    cgroup={
+        "version": 1,
+        "refused": True,
+        "controllers": ["cpu", "cpuset", "memory", "pids"],
+        "cmdline": "",
+        "cmdline_file": "",
+    },
 )
+
+
+FREE = "MiB free for /var/lib/rancher"
 
 
 def lines(facts: dict[str, Any], **requirements: Any) -> list[str]:
     return [f"{f['severity']}: {f['what']}" for f in _preflight.findings(facts, {**REQUIREMENTS, **requirements})]
 
 
-@pytest.mark.parametrize("facts", [X86, PI_3_ARMV7, JETSON_ARM64], ids=["x86_64", "armv7", "arm64"])
+@pytest.mark.parametrize(
+    "facts", [X86, {**PI_3_ARMV7, "cgroup": X86["cgroup"]}, host(machine="aarch64")], ids=["x86_64", "armv7", "arm64"]
+)
 def test_sound_hosts_have_no_findings(facts: dict[str, Any]) -> None:
     assert lines(facts) == []
 
@@ -135,6 +151,39 @@ def test_sound_hosts_have_no_findings(facts: dict[str, Any]) -> None:
         ),
         (host(disk__free_mb=2999), {}, "error: 2999 MiB free for /var/lib/rancher, at least 3000"),
         (host(disk__free_mb=5000), {}, "warning: 5000 MiB free"),
+        (
+            host(disk__total_mb=256000, disk__free_mb=12000),
+            {},
+            "error: 12000 MiB free for /var/lib/rancher, 4.7 % of 2560",
+        ),
+        (
+            host(disk__total_mb=128000, disk__free_mb=6000),
+            {},
+            "error: 6000 MiB free for /var/lib/rancher, 4.7 % of 1280",
+        ),
+        (
+            host(disk__total_mb=64000, disk__free_mb=3200),
+            {},
+            "error: 3200 MiB free for /var/lib/rancher, 5.0 % of 64000",
+        ),
+        (
+            host(disk__total_mb=16000, disk__free_mb=2900),
+            {},
+            "error: 2900 MiB free for /var/lib/rancher, at least 3000",
+        ),
+        (host(disk__free_mb=9000), {}, "warning: 9000 MiB free for /var/lib/rancher; images fill that fast"),
+        (
+            host(disk__total_mb=128000, disk__free_mb=20000),
+            {},
+            "warning: 20000 MiB free for /var/lib/rancher, 15.6 % of",
+        ),
+        (JETSON_ARM64, {}, "warning: it has cgroup v1, with which k3s from 1.35 on does not start"),
+        (PI_3_ARMV7, {"k3s_version": ""}, "warning: it has cgroup v1"),
+        (
+            JETSON_ARM64,
+            {"k3s_version": "v1.35.5+k3s1"},
+            "error: it has cgroup v1, with which k3s v1.35.5+k3s1 does not start",
+        ),
         (host(disk__free_inodes=100), {}, "warning: 100 inodes free"),
         (host(disk__type="overlay"), {}, "error: /var/lib/rancher lies on overlay"),
         (host(disk__type="nfs4"), {}, "error: /var/lib/rancher lies on nfs4"),
@@ -215,6 +264,8 @@ def test_what_is_wrong_is_found_alone(facts: dict[str, Any], requirements: dict[
         ),
         host(clock={"offset": 1.2, "uncertainty": 0.4}),
         host(disk__free_inodes=None),
+        host(disk__total_mb=0, disk__free_mb=41000),
+        host(cgroup__version=1),  # and it is allowed
         host(reach=[{"host": "10.0.0.1", "port": 6443, "outcome": "open"}]),
         host(k3s__node_password=True, k3s__config=True),
         host(hostname="robot1.field.example"),
@@ -225,6 +276,8 @@ def test_what_is_wrong_is_found_alone(facts: dict[str, Any], requirements: dict[
         "flannel",
         "within the uncertainty",
         "btrfs",
+        "no size",
+        "cgroup v1 that is allowed",
         "server is up",
         "a member",
         "long name",
