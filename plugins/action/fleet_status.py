@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.plugins.loader import callback_loader
 from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
@@ -45,7 +46,7 @@ class ActionModule(FleetAction):
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         name = str(fleet.get("name") or "")
         text = summary_text(status, now, name) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
-        display.display(f"\n{text}")
+        voice.show(f"\n{text}")
         # what -v would print of the result is what has just been shown
         result: dict[str, Any] = {"status": status, "text": text, "_ansible_verbose_override": True}
         try:

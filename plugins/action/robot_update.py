@@ -9,15 +9,15 @@ run, and not once per robot.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleError
-from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen
@@ -55,8 +55,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import R
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import World
-
-display = Display()
 
 UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "apps": {"type": "list", "elements": "str", "default": []},
@@ -200,7 +198,7 @@ class ActionModule(ClusterAction):
             host,
             MonotonicClock(),
             self._say,
-            lambda text: display.v(f"[{self._host}] {printable(text)}"),
+            functools.partial(voice.stand, self._host),
         )
 
     def _edge_images(self) -> dict[str, list[str]]:

@@ -21,8 +21,8 @@ description:
     C(failed), C(rolled-back), C(deferred-busy), C(deferred-offline).
   - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails ends the
     run for all hosts of its play, so all of them are C(failed).
-  - While a task runs for long and nothing is printed, says so every 15 seconds, as tools that run playbooks (AWX) may
-    end a silent one.
+  - Where nothing is printed for 15 seconds, says which task goes on, and of an update where it stands, as tools that
+    run playbooks (AWX) may end a silent one.
   - Results under C(no_log) are neither printed nor written.
   - An error in the report itself is a warning and never ends the run.
   - The last run of each playbook that was not in check mode stays in a file of its own,
@@ -85,6 +85,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
     word_of,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import LOOK, Silence
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Standing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 
 COLOURS = {
@@ -153,7 +154,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.report = RunReport(time.monotonic())
         self.started = time.time()
         self.playbook = ""
-        self.silence = Silence(self._display.display, time.monotonic)
+        standing = Standing(Path(C.DEFAULT_LOCAL_TMP))
+        self.silence = Silence(self._display.display, time.monotonic, standing.words)
         self.ahead: set[str] = set()  # plays that have not begun
         self.beside = contextlib.ExitStack()
 
@@ -170,6 +172,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.ahead.discard(play._uuid)
         manager = play.get_variable_manager()
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
+        self.silence.begins(play.get_name().strip())
         self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
         note_run({"playbook": self.playbook, "started": self._started(), "hosts": self.report.so_far()})
 
@@ -182,15 +185,15 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self._begin(task)
 
     def _begin(self, task: Any) -> None:
-        self.silence.begins(name_of(task), str(task.action))
+        self.silence.begins(name_of(task))
         for_all = task.run_once is True or task.any_errors_fatal is True
         self.report.task(
             task._uuid, TaskInfo(name_of(task), str(task.action), stage_of(task), for_all), time.monotonic()
         )
 
     def _host(self, result: Any) -> str:
-        self.silence.heard()
         name = str(result.host.get_name())
+        self.silence.heard(name)
         self.report.host(name, [group.get_name() for group in result.host.get_groups()])
         return name
 

@@ -80,8 +80,8 @@ class Ended:
 
     @property
     def silence(self) -> float:
-        """The longest time between two events, in seconds."""
-        times = [float(event["at"]) for event in self.events]
+        """The longest time between two events with a text, in seconds."""
+        times = [float(event["at"]) for event in self.events if event["stdout"]]
         return max((after - before for before, after in itertools.pairwise(times)), default=0.0)
 
 
@@ -89,7 +89,8 @@ class Job:
     """One that runs, in a folder that goes with it."""
 
     def __init__(self, folder: Path, template: Template) -> None:
-        self.folder, self.mark = folder, uuid.uuid4().hex
+        self.folder, self.template, self.mark = folder, template, uuid.uuid4().hex
+        self.ended: Ended | None = None
         for name in ("project", "inventory", "env", "cp", "home"):
             (folder / name).mkdir(parents=True)
         self._project(template)
@@ -206,9 +207,9 @@ class Job:
         artifacts: dict[str, Any] = next(
             (one["event_data"]["artifact_data"] for one in reversed(events) if one["event"] == "playbook_on_stats"), {}
         )
-        ended = Ended(status, int(code), self.output, artifacts, events)
+        self.ended = Ended(status, int(code), self.output, artifacts, events)
         shutil.rmtree(self.folder)
-        return ended
+        return self.ended
 
     def _processes(self) -> list[int]:
         """Everything that was started by it. Ansible's workers are sessions of their own."""

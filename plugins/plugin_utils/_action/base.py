@@ -5,16 +5,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from ansible.plugins.action import ActionBase
-from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain
-
-display = Display()
 
 
 class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no types
@@ -43,6 +41,5 @@ class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no t
         raise NotImplementedError
 
     def say(self, known: Mapping[str, Any]) -> Callable[[str], None]:
-        """What prints a line while the task goes on. Only its first line begins with the host's name."""
-        host = known.get("inventory_hostname", "")
-        return lambda text: display.display(f"[{host}] " + printable(text).replace("\n", "\n  "))
+        """What prints a line while the task goes on."""
+        return functools.partial(voice.say, known.get("inventory_hostname", ""))

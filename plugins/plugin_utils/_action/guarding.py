@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
-from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
@@ -19,8 +20,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import KubeNodes
-
-display = Display()
 
 
 class Guarding:
@@ -46,5 +45,5 @@ class Guarding:
             limits.check,
         )
         say = self._action.say(self._known)
-        world = Surroundings(modules, MonotonicClock(), self._cluster, say, lambda text: display.v(f"[{name}] {text}"))
+        world = Surroundings(modules, MonotonicClock(), self._cluster, say, functools.partial(voice.stand, name))
         return Guarded(change, robots, node, limits, world)

@@ -11,13 +11,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ansible.errors import AnsibleConnectionFailure, AnsibleError
-from ansible.utils.display import Display
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
-
-display = Display()
 
 TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
 
@@ -41,7 +39,7 @@ class RobotHost(ActionHost):
     @contextlib.contextmanager
     def _told(self, what: str) -> Iterator[None]:
         robot, began = self.task_vars["inventory_hostname"], time.monotonic()
-        with ticking(TICK, lambda: display.display(f"[{robot}] {what} for {time.monotonic() - began:.0f} s now")):
+        with ticking(TICK, lambda: voice.say(robot, f"{what} for {time.monotonic() - began:.0f} s now")):
             try:
                 yield
             except AnsibleConnectionFailure as error:

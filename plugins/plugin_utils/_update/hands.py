@@ -69,6 +69,7 @@ class Hands:
     ) -> Seen:
         """Wait in slices, and say between two of them what is still open, and since when."""
         began = self.clock.now()
+        self.trace(what)
         while True:
             spent = self.clock.now() - began
             self.cluster.confirm()

@@ -78,6 +78,12 @@ def setup(awx: Awx, folder: Path, *arguments: str, **said: Any) -> subprocess.Co
 
 
 def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: Path) -> None:
+    """The first one finds no way to the repository; AWX takes no playbook of it then."""
+    awx.syncs = False
+    failed = setup(awx, tmp_path)
+    (job,) = awx.objects["project_updates"]
+    assert f"{awx.url}/api/v2/project_updates/{job['id']}/stdout/?format=txt" in " ".join(failed.stdout.split())
+    awx.syncs = True
     done = setup(awx, tmp_path, "--diff", "-v")
     assert done.returncode == 0
     assert "hush" not in done.stdout + done.stderr
@@ -108,7 +114,9 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     writes = len(awx.writes)
     again = setup(awx, tmp_path)
     assert re.search(r"localhost +: ok=\d+ +changed=0 ", again.stdout)
-    assert awx.writes[writes:] == []
+    assert "WARNING" not in again.stdout + again.stderr
+    # so that a playbook that is new in the repository is known
+    assert awx.writes[writes:] == [f"POST /api/v2/projects/{awx.of('projects')['id']}/update/"]
 
 
 @pytest.mark.parametrize("name", ["awx_project_url", "awx_canary"])

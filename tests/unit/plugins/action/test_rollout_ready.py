@@ -13,7 +13,7 @@ import pytest
 from ansible.errors import AnsibleActionFail
 from ansible_collections.rosops.fleet.plugins.action import rollout_ready
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import base, cluster
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster, voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings
 
@@ -61,7 +61,7 @@ def action(monkeypatch: pytest.MonkeyPatch, work: Any, args: dict[str, Any], che
 
 def test_success(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    monkeypatch.setattr(base.display, "display", said.append)
+    monkeypatch.setattr(voice.display, "display", said.append)
 
     def work(params: Any, kube: Any, settings: Settings, check_mode: bool) -> dict[str, Any]:
         assert kube.patience == 0  # the wait has a patience of its own

@@ -1,18 +1,25 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run that is silent says what it does, and no more than that."""
+"""A run that is silent says what it does and where that stands, and no more than that."""
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import LOOK, SPEAK, Silence
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import HOSTS, LOOK, Silence
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Word
 
 
 class Run:
     """Its clock stands unless told otherwise."""
 
     def __init__(self) -> None:
-        self.now, self.said = 100.0, list[str]()
-        self.silence = Silence(self.said.append, lambda: self.now)
+        self.now, self.said, self.words = 100.0, list[str](), list[Word]()
+        self.silence = Silence(self.said.append, lambda: self.now, self.since)
+
+    def since(self, moment: float) -> list[Word]:
+        return [word for word in self.words if word.at >= moment]
+
+    def word(self, host: str, text: str = "") -> None:
+        self.words.append(Word(self.now, host, text))
 
     def passes(self, seconds: int) -> list[str]:
         """Looks as they come; what was said meanwhile."""
@@ -25,24 +32,50 @@ class Run:
 
 def test_a_long_task_speaks_before_twenty_seconds_and_again() -> None:
     run = Run()
-    run.silence.begins("k3s : Download", "rosops.fleet.k3s_download")
+    run.silence.begins("k3s : Download")
     assert run.passes(14) == []
     assert run.passes(6) == ["k3s : Download: goes on for 16 s now"]
     assert run.passes(20) == ["k3s : Download: goes on for 32 s now"]
 
 
-def test_a_result_is_a_word_too() -> None:
+def test_a_result_and_a_line_of_the_task_are_words_too() -> None:
     run = Run()
-    run.silence.begins("Look", "x")
+    run.silence.begins("Look")
     run.passes(14)
-    run.silence.heard()
+    run.silence.heard("robot1")
     assert run.passes(14) == []
-    run.silence.begins("Next", "x")
+    run.word("robot2")
     assert run.passes(14) == []
+    run.silence.begins("Next")
+    assert run.passes(14) == []
+    assert run.passes(2) == ["Next: goes on for 16 s now"]
 
 
-def test_nothing_is_said_before_a_task_nor_of_one_that_speaks() -> None:
+def test_an_update_says_where_it_stands_though_it_says_nothing_else() -> None:
+    """Each of its phases is short, so that none of them has a reason to speak."""
     run = Run()
-    assert run.passes(60) == []
-    run.silence.begins("Update", SPEAK[0])
-    assert run.passes(60) == []
+    run.word("robot2", "of the task before")
+    run.now += 1
+    run.silence.begins("Update")
+    run.word("robot1", "camera: record")
+    run.word("robot2", "lidar: verify")
+    run.word("robot3", "gps: apply")
+    run.silence.heard("robot3")
+    run.passes(10)
+    run.word("robot1", "camera: rollout")
+    assert run.passes(6) == [
+        "Update: goes on for 16 s now: robot1: camera: rollout, for 6 s; robot2: lidar: verify, for 16 s"
+    ]
+
+
+def test_the_line_has_an_end() -> None:
+    run = Run()
+    run.silence.begins("Update")
+    for number in range(HOSTS + 45):
+        run.word(f"robot{number}", "record")
+    (line,) = run.passes(16)
+    assert line.endswith("; and 45 others")
+
+
+def test_nothing_is_said_before_a_play() -> None:
+    assert Run().passes(60) == []

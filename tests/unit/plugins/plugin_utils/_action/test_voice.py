@@ -1,0 +1,42 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a worker says reaches the main process alone, also under a callback that writes marks around each line."""
+
+from __future__ import annotations
+
+import io
+import multiprocessing
+import sys
+from multiprocessing.queues import SimpleQueue
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
+
+FORK = multiprocessing.get_context("fork")
+
+
+def works(lines: SimpleQueue[str]) -> None:
+    """A worker of ansible-core 2.19: whatever is in its stdout in the end is warned of."""
+
+    def marked(line: str) -> None:
+        print("mark")
+        lines.put(line)
+
+    sys.stdout = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(voice.display, "display", marked)
+        voice.say("robot1", "waits")
+    lines.put(f"left: {sys.stdout.getvalue()!r}")
+
+
+def test_nothing_is_left_in_a_workers_own_stdout() -> None:
+    lines: SimpleQueue[str] = FORK.SimpleQueue()
+    worker = FORK.Process(target=works, args=(lines,))
+    worker.start()
+    assert [lines.get(), lines.get()] == ["[robot1] waits", "left: ''"]
+    worker.join()
+
+
+def test_the_main_process_prints_as_ever(capsys: pytest.CaptureFixture[str]) -> None:
+    voice.say("robot1", "waits\nfor long")
+    assert capsys.readouterr().out == "[robot1] waits\n  for long\n"
