@@ -22,7 +22,7 @@ from .errors import LabError
 from .go import go_command, go_environment
 from .hosts import HostRunner
 from .images import host_image
-from .inventory import host_variables, inventory
+from .inventory import host_variables, hosts_file, inventory
 from .lab import Lab, labs_of_checkout
 from .names import DEFAULT_HOSTS
 from .paths import COMMAND, LABK3S, cache_dir
@@ -93,6 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     listing = commands.add_parser("inventory", parents=[lab], help="the lab as an Ansible inventory")
     listing.add_argument("--list", action="store_true")
     listing.add_argument("--host")
+    listing.add_argument("--yaml", action="store_true", help="as a file hosts.yml for an inventory of one's own")
     listing.set_defaults(run=_inventory)
 
     artifacts = commands.add_parser("artifacts", help="build what is missing: images, k3s, archives")
@@ -188,11 +189,12 @@ def _ssh(options: argparse.Namespace) -> None:
 def _inventory(options: argparse.Namespace) -> None:
     lab = Lab(options.lab, _cache())
     found = state.require(options.lab)
-    if options.host:
-        value = host_variables(found.host(options.host), lab.keys)
+    listing = inventory(found, lab.keys, str(lab.directory), state.load_artifacts())
+    if options.yaml:
+        print(hosts_file(listing), end="")
     else:
-        value = inventory(found, lab.keys, str(lab.directory), state.load_artifacts())
-    print(json.dumps(value, indent=2))
+        value = host_variables(found.host(options.host), lab.keys) if options.host else listing
+        print(json.dumps(value, indent=2))
 
 
 def _artifacts(options: argparse.Namespace) -> None:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Mapping
 from typing import Any
@@ -42,3 +43,17 @@ def inventory(state: LabState, keys: Keys, directory: str, artifacts: Mapping[st
         },
         "_meta": {"hostvars": {host.name: host_variables(host, keys) for host in state.hosts}},
     }
+
+
+def hosts_file(listing: Mapping[str, Any]) -> str:
+    """The same as the hosts.yml of an inventory; what JSON writes of a value is YAML, too."""
+    lines = ["---", "all:", "  children:"]
+    for group in GROUPS:
+        lines += [f"    {group}:", "      hosts:"]
+        for name in listing[group]["hosts"]:
+            lines += [f"        {name}:", *_mapping(listing["_meta"]["hostvars"][name], 10)]
+    return "\n".join([*lines, "  vars:", *_mapping(listing["all"]["vars"], 4)]) + "\n"
+
+
+def _mapping(values: Mapping[str, Any], columns: int) -> list[str]:
+    return [f"{' ' * columns}{name}: {json.dumps(value)}" for name, value in values.items()]

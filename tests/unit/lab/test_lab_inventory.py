@@ -10,8 +10,9 @@ import shlex
 from pathlib import Path
 
 import pytest
+import yaml
 from lablib.errors import LabError
-from lablib.inventory import host_variables, inventory
+from lablib.inventory import host_variables, hosts_file, inventory
 from lablib.keys import Keys
 from lablib.state import Host, LabState
 
@@ -41,6 +42,16 @@ def test_artifacts_become_lab_variables() -> None:
     assert variables["lab_airgap_dir"] == "/cache/labk3s-1"
     assert variables["lab_image_archives"] == ["/cache/a.tar"]
     assert variables["lab_dir"] == "/x/.lab/demo"
+
+
+def test_a_file_for_an_inventory_of_one_s_own_says_the_same() -> None:
+    listing = inventory(STATE, KEYS, "/x/.lab/demo", {"image_archives": ["/cache/a.tar"]})
+    found = yaml.safe_load(hosts_file(listing))["all"]
+    variables = listing["_meta"]["hostvars"]
+    assert found["vars"] == listing["all"]["vars"]
+    assert found["children"] == {
+        group: {"hosts": {name: variables[name] for name in listing[group]["hosts"]}} for group in ("edge", "robots")
+    }
 
 
 def test_host_keys_are_checked_whatever_the_path() -> None:
