@@ -82,7 +82,6 @@ def test_its_yaml_is_clean(repository: Path) -> None:
 def test_the_example_with_a_launch_file_is_valid_and_clean_at_once(tmp_path: Path) -> None:
     assert changed(new(tmp_path, "-e", "example=launch")) == 1
     where = tmp_path / "My_Fleet"
-    (where / "images" / "base-1.0.tar").write_bytes(b"")  # before it is filled
     for program, *arguments in (
         ["ansible-playbook", "validate.yml"],
         ["ansible-playbook", "--syntax-check", "secrets.yml"],
@@ -92,6 +91,7 @@ def test_the_example_with_a_launch_file_is_valid_and_clean_at_once(tmp_path: Pat
         done = run(where, program, *arguments)
         assert done.returncode == 0, done.stdout + done.stderr
         assert "[WARNING]" not in done.stdout + done.stderr
+    (where / "images" / "base-1.0.tar").touch()
     asked = ["robot1", "-m", "debug", "-a", "var=images_archives"]
     shown = run(where, "ansible", *asked, ANSIBLE_CALLBACK_RESULT_FORMAT="json").stdout
     archives = json.loads(shown.partition("=> ")[2])
