@@ -86,7 +86,6 @@ def _plan(
         **work,
         "source": asdict(origin),
         "old_archives": old_archives(now, origin),
-        "archive_known": ".cache.json" in now["images"],
         "service": part.service,
         "installed": now["service"]["installed"],
         # a first server without a datastore would start a second cluster where one of these has one

@@ -11,6 +11,8 @@ from typing import Any, ClassVar
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, Brought, NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 
 ARCHIVE = {
     "path": {"type": "path", "required": True},
@@ -36,8 +38,14 @@ class ActionModule(FleetAction):
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         place, limit, logins = params["directory"], params["rate_limit"], params["logins"]
-        images = NodeImages(ActionHost(self, known), place, limit, self.say(known), logins)
-        return _outcome(images.bring(params["archives"], params["names"], self._task.check_mode))
+        node = NodeImages(ActionHost(self, known), place, limit, self.say(known), logins)
+        return _outcome(node.bring(params["archives"], params["names"], self._task.check_mode, _kept(known)))
+
+
+def _kept(known: Mapping[str, Any]) -> list[str]:
+    """What the apps of a robot run on its own host, also where nobody has to bring it before."""
+    robots = (known.get(VARIABLE) or {}).get("robots") or {}
+    return images(robot_from_vars(known), "local") if known["inventory_hostname"] in robots else []
 
 
 def _outcome(brought: Brought) -> dict[str, Any]:
@@ -48,6 +56,7 @@ def _outcome(brought: Brought) -> dict[str, Any]:
         "pulled": list(brought.pulled),
         "images": dict(brought.after),
         "present": list(brought.present),
+        "pins": dict(brought.pins),
         "diff": {"before": _lines(brought.before), "after": _lines(brought.after)},
     }
     if brought.problems:

@@ -173,7 +173,7 @@ class ActionModule(ClusterAction):
         there = RobotHost(self, self._vars)
         directory, limit = params["image_directory"], params["image_rate_limit"]
         node = NodeImages(there, directory, limit, self._say, self._pull_secrets())
-        source = ImageSource(node, params["image_archives"], params["image_names"])
+        source = ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
         host = ModuleHost(
             there.there, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), source, check
         )

@@ -13,6 +13,9 @@ version_added: 1.0.0
 description:
   - Compares images by ID, so what is there does not travel again. On a node that has everything it costs one command.
   - Imports archives of the control node, lets the node pull the other names, and verifies that every image is there.
+    Of an archive only the layers travel that the node lacks.
+  - Pins the images, so that the kubelet does not delete them when the disk fills; of each repository what was wanted or
+    ran before stays pinned, too. On the host of a robot all images that its apps run there are.
   - Runs as an action plugin on the control node. The host needs k3s and Python's standard library.
 author:
   - rosops.fleet contributors (@rosops)
@@ -107,6 +110,12 @@ images:
   returned: success
   type: dict
   sample: {"docker.io/library/redis:7.4": "sha256:4b9a..."}
+pins:
+  description: "Names whose pin has changed: C(wanted), C(before) for what a step may go back to, empty for what is let
+    go."
+  returned: success
+  type: dict
+  sample: {"docker.io/lab/apps:1.1": wanted, "docker.io/lab/apps:1.0": before}
 present:
   description: The full names of all images that the node has now; nothing where nothing was asked for.
   returned: success, and where bringing one failed

@@ -14,6 +14,7 @@ import hashlib
 import io
 import json
 import lzma
+import posixpath
 import tarfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -38,8 +39,8 @@ _UNREADABLE = (OSError, tarfile.TarError, EOFError, zlib.error, lzma.LZMAError)
 class Image:
     """One name in an archive; `id` is `sha256:` and the digest of the image's configuration.
 
-    `runs` is that configuration's part on containers (image-spec, config.md: `Entrypoint`, `Cmd`, `Env`), `layers` are
-    the archive's files with its layers, from the lowest up.
+    `runs` is that configuration's part on containers (image-spec, config.md: `Entrypoint`, `Cmd`, `Env`). `config`,
+    `manifest` (a docker archive has none) and `layers`, from the lowest up, are files of the archive.
     """
 
     ref: str
@@ -47,6 +48,8 @@ class Image:
     architecture: str
     runs: Mapping[str, Any] = field(default_factory=dict, compare=False)
     layers: tuple[str, ...] = field(default=(), compare=False)
+    config: str = field(default="", compare=False)
+    manifest: str = field(default="", compare=False)
 
 
 def normal_ref(ref: str) -> str:
@@ -122,43 +125,44 @@ class Archive:
     def _docker(self) -> list[Image]:
         return [
             self._image(ref, entry["Config"], entry.get("Layers") or [])
-            for entry in json.loads(self._bytes("manifest.json"))
+            for entry in json.loads(self.read("manifest.json"))
             for ref in entry.get("RepoTags") or []
         ]
 
     def _oci(self, architecture: str) -> list[Image]:
         found = []
-        for entry in json.loads(self._bytes("index.json"))["manifests"]:
+        for entry in json.loads(self.read("index.json"))["manifests"]:
             notes = entry.get("annotations") or {}
             ref = notes.get(CONTAINERD_NAME) or notes.get(REF_NAME)
             if ref:
-                manifest = self._manifest(entry["digest"], architecture)
+                place = self._manifest(entry["digest"], architecture)
+                manifest = json.loads(self.read(place))
                 layers = [_blob(layer["digest"]) for layer in manifest.get("layers") or []]
-                found.append(self._image(ref, _blob(manifest["config"]["digest"]), layers))
+                found.append(self._image(ref, _blob(manifest["config"]["digest"]), layers, place))
         return found
 
-    def _manifest(self, digest: str, architecture: str) -> dict[str, Any]:
-        document: dict[str, Any] = json.loads(self._bytes(_blob(digest)))
+    def _manifest(self, digest: str, architecture: str) -> str:
+        document: dict[str, Any] = json.loads(self.read(_blob(digest)))
         if "config" in document:
-            return document
+            return _blob(digest)
         offered = {entry["platform"]["architecture"]: entry["digest"] for entry in document["manifests"]}
         chosen = architecture or next(iter(offered), "any machine")
         if chosen not in offered:
             raise SpecError(f"{self.path} has no image for {chosen}, only for {', '.join(sorted(offered))}")
         return self._manifest(offered[chosen], architecture)
 
-    def _image(self, ref: str, config: str, layers: Sequence[str]) -> Image:
-        content = self._bytes(config)
+    def _image(self, ref: str, config: str, layers: Sequence[str], manifest: str = "") -> Image:
+        content = self.read(config)
         digest, said = hashlib.sha256(content).hexdigest(), json.loads(content)
         architecture, runs = str(said.get("architecture", "")), dict(said.get("config") or {})
-        return Image(normal_ref(ref), f"sha256:{digest}", architecture, runs, tuple(layers))
+        return Image(normal_ref(ref), f"sha256:{digest}", architecture, runs, tuple(layers), config, manifest)
 
     def listings(self, layers: Sequence[str]) -> list[Listing] | None:
         """What the layers hold, in their order; None where one is not here, cannot be read, or only in a long time.
 
         They are read as they lie in the archive: going back in a compressed one means to unpack it anew.
         """
-        members = [self.members.get(str(Path(layer))) for layer in layers]
+        members = [self.member(layer) for layer in layers]
         there = [member for member in members if member is not None]
         read, compressed = dict[tarfile.TarInfo, Listing](), 0
         if len(there) < len(members):
@@ -177,7 +181,23 @@ class Archive:
             return None
         return [read[member] for member in there]
 
-    def _bytes(self, name: str) -> bytes:
+    def member(self, name: str) -> tarfile.TarInfo | None:
+        """A file by its name, over the links by which archives share layers."""
+        path = str(Path(name))
+        found = self.members.get(path)
+        if found is None or not (found.issym() or found.islnk()):
+            return found
+        above = posixpath.dirname(path) if found.issym() else ""
+        target = self.members.get(posixpath.normpath(posixpath.join(above, found.linkname)))
+        return target if target and target.isfile() else None
+
+    def is_plain(self, member: tarfile.TarInfo) -> bool:
+        """Whether it is a tar that is not compressed."""
+        file = self.archive.extractfile(member)
+        return isinstance(file, io.BufferedReader) and is_plain(file)
+
+    def read(self, name: str) -> bytes:
+        """A small file, whole."""
         member = self.members[str(Path(name))]
         if member.size > LARGEST_JSON:
             raise SpecError(f"{self.path}: {name} has {member.size} bytes, too many for a manifest")

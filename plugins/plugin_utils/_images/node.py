@@ -8,22 +8,21 @@ The host is handed in, so this knows neither SSH nor Ansible.
 
 from __future__ import annotations
 
+import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.logins import auths
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import (
-    Plan,
-    Present,
-    images_plan,
-    images_problems,
-    node_images,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import LOOK, Present, present
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.pins import LABEL, pins
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import Plan, images_plan, images_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.thin import thin_archive
 
 # On the disk that holds the images anyway.
 DIRECTORY = "/var/lib/rancher/rosops-fleet-images"
@@ -54,7 +53,8 @@ class Brought:
     """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
 
     `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
-    would pull has an empty ID in `after`. `present` are all names that the node has now.
+    would pull has an empty ID in `after`. `present` are all names that the node has now, `pins` those whose pin is
+    another one now (`pins.pins`).
     """
 
     imported: tuple[str, ...] = ()
@@ -63,10 +63,11 @@ class Brought:
     before: Mapping[str, str] = field(default_factory=dict)
     after: Mapping[str, str] = field(default_factory=dict)
     present: tuple[str, ...] = ()
+    pins: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def changed(self) -> bool:
-        return bool(self.imported or self.pulled)
+        return bool(self.imported or self.pulled or self.pins)
 
 
 class NodeImages:
@@ -89,15 +90,20 @@ class NodeImages:
 
     def present(self, without_k3s: bool = False) -> Present:
         """What the node has; with `without_k3s`, a host on which k3s is not installed yet has no images."""
-        look = f"uname -m && {BINARY} crictl images -o json"
-        result = self.host.module("ansible.builtin.command", {"argv": ["/bin/sh", "-c", look]})
+        result = self.host.module("ansible.builtin.command", {"argv": ["/bin/sh", "-c", LOOK]})
         if result.get("failed") and not (without_k3s and result.get("rc") == NOT_FOUND):
             raise ImagesError(f"the node's images cannot be listed: {_reason(result)}")
-        machine, _newline, listing = str(result.get("stdout", "")).partition("\n")
-        return Present(machine.strip(), {} if result.get("failed") else node_images(listing))
+        return present(str(result.get("stdout", "")))
 
-    def bring(self, archives: Iterable[Mapping[str, Any]], names: Iterable[str], check: bool = False) -> Brought:
-        """Import the archives (`{path, images}`) and pull the names that the node lacks; `check` only looks.
+    def bring(
+        self,
+        archives: Iterable[Mapping[str, Any]],
+        names: Iterable[str],
+        check: bool = False,
+        keep: Iterable[str] = (),
+    ) -> Brought:
+        """Import the archives (`{path, images}`) and pull the names that the node lacks; `check` only looks. `keep` are
+        names that are pinned, too, where they are there.
 
         SpecError for an archive that cannot be used, ImagesError for a step that fails on the node. What an interrupted
         transfer left stays there, for the next one to resume.
@@ -110,29 +116,55 @@ class NodeImages:
         after = there
         if check:
             known = {ref: digest or there.images.get(ref, "") for ref, digest in plan.wanted.items()}
-            after = Present(there.machine, {**there.images, **known})
+            after = replace(there, images={**there.images, **known})
         elif plan.bring or plan.pull:
             try:
-                self._import(plan.bring)
-                self._pull(plan)
+                after = self._change(plan, there)
             except ImagesError as error:  # whoever goes on without it has to know what there is
                 error.details["present"] = sorted(self.present().images)
                 raise
-            after = self.present()
-        return _brought(plan, there, after)
+        changes = pins([*plan.wanted, *map(normal_ref, keep)], after)
+        if changes and not check:
+            pairs = [word for ref, why in changes.items() for word in (why, ref)]
+            self._run("ansible.builtin.command", {"argv": ["/bin/sh", "-c", LABEL, BINARY, *pairs]})
+        return _brought(plan, there, after, changes)
 
-    def _import(self, paths: Sequence[str]) -> None:
-        """One after the other: never more than one archive lies on the node beside the images that come out of it."""
-        for path in paths:
-            place = self._place(path)
-            self._run("ansible.builtin.file", {"path": self.directory, "state": "directory", "mode": "0700"})
-            self.say(f"copying {path}")
-            _require(self.host.copy(path, place, self.rate_limit), f"{path} could not be copied")
-            self.say(f"importing {path}")
+    def _change(self, plan: Plan, there: Present) -> Present:
+        """What the node has afterwards. Layers that it had may have gone meanwhile: then all of the archive travels."""
+        needed = {path: self._import(path, plan.lacks[path], there) for path in plan.bring}
+        self._pull(plan)
+        after = self.present()
+        again = [path for path, digests in needed.items() if not digests <= after.blobs]
+        for path in again:
+            self.say(f"the node has not kept all that it had of {path}")
+            _require(self._load(path, Path(path)), f"{path} could not be imported")
+        return self.present() if again else after
+
+    def _import(self, path: str, images: Sequence[Image], there: Present) -> frozenset[str]:
+        """What of the archive the node has to have afterwards, where only a part of it travelled."""
+        with tempfile.TemporaryDirectory() as directory:
+            file, needed = Path(directory, "thin.tar"), None
             try:
-                self._command("ctr", "--namespace", "k8s.io", "images", "import", place)
-            finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
-                self._run("ansible.builtin.file", {"path": place, "state": "absent"})
+                needed = thin_archive(path, images, there.blobs, file)
+            except (OSError, SpecError) as error:  # no room for it here, or not as it was a moment ago
+                self.say(f"no part of {path} is left out: {error}")
+            if needed is not None and not self._load(path, file).get("failed"):
+                return needed
+        _require(self._load(path, Path(path)), f"{path} could not be imported")
+        return frozenset()
+
+    def _load(self, path: str, file: Path) -> Result:
+        """Copy and import a file. Never more than one lies on the node beside the images that come out of it."""
+        place, sizes = self._place(path), [f"{one.stat().st_size / 1e6:.1f} MB" for one in (file, Path(path))]
+        self._run("ansible.builtin.file", {"path": self.directory, "state": "directory", "mode": "0700"})
+        self.say(f"copying {' of '.join(dict.fromkeys(sizes))}: {path}")
+        _require(self.host.copy(str(file), place, self.rate_limit), f"{path} could not be copied")
+        self.say(f"importing {path}")
+        argv = [BINARY, "ctr", "--namespace", "k8s.io", "images", "import", place]
+        try:
+            return self.host.module("ansible.builtin.command", {"argv": argv})
+        finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
+            self._run("ansible.builtin.file", {"path": place, "state": "absent"})
 
     def _pull(self, plan: Plan) -> None:
         for name in plan.pull:
@@ -159,9 +191,6 @@ class NodeImages:
         """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""
         return f"{self.directory}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
 
-    def _command(self, *arguments: str) -> None:
-        self._run("ansible.builtin.command", {"argv": [BINARY, *arguments]})
-
     def _run(self, name: str, args: Mapping[str, Any]) -> None:
         what = " ".join(args["argv"]) if "argv" in args else str(args["path"])
         _require(self.host.module(name, args), what)
@@ -172,7 +201,7 @@ def local_path(path: Any) -> str:
     return str(Path(str(path)).expanduser().absolute())
 
 
-def _brought(plan: Plan, before: Present, after: Present) -> Brought:
+def _brought(plan: Plan, before: Present, after: Present, changes: Mapping[str, str]) -> Brought:
     return Brought(
         plan.bring,
         plan.pull,
@@ -180,6 +209,7 @@ def _brought(plan: Plan, before: Present, after: Present) -> Brought:
         {ref: before.images[ref] for ref in plan.wanted if ref in before.images},
         {ref: after.images[ref] for ref in plan.wanted if ref in after.images},
         tuple(sorted(after.images)),
+        changes,
     )
 
 

@@ -1,57 +1,36 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a node has, and what it lacks of the images that are to be there. Reads archives on the control node."""
+"""What a node lacks of the images that are to be there. Reads archives on the control node."""
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, archive_images, normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import Present
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import architecture_of
-
-
-@dataclass(frozen=True)
-class Present:
-    """A node's machine (as `uname -m` says it), and its images: full name to ID, names by digest included."""
-
-    machine: str
-    images: Mapping[str, str]
 
 
 @dataclass(frozen=True)
 class Plan:
     """Archives to bring, names to pull, and what must be there in the end, name to ID.
 
-    A pulled image's ID is not known beforehand and is empty.
+    A pulled image's ID is not known beforehand and is empty. `lacks` are the images for which an archive is brought.
     """
 
     bring: tuple[str, ...]
     pull: tuple[str, ...]
     wanted: Mapping[str, str]
+    lacks: Mapping[str, tuple[Image, ...]] = field(default_factory=dict)
 
     @property
     def archived(self) -> list[str]:
         """Names that archives hold."""
         return sorted(ref for ref, digest in self.wanted.items() if digest)
-
-
-def node_images(listing: str | Mapping[str, Any]) -> dict[str, str]:
-    """Name to ID of a node's images, out of what `crictl images -o json` prints. Names by digest are in it, too."""
-    try:
-        document = json.loads(listing or "{}") if isinstance(listing, str) else listing
-    except ValueError as error:
-        raise SpecError(f"crictl's list of images is no JSON: {error}") from error
-    return {
-        normal_ref(ref): image["id"] if re.match(r"^\w+:", image["id"]) else f"sha256:{image['id']}"
-        for image in document.get("images") or []
-        for ref in [*(image.get("repoTags") or []), *(image.get("repoDigests") or [])]
-    }
 
 
 def images_plan(archives: Iterable[Mapping[str, Any]], names: Iterable[str], present: Present) -> Plan:
@@ -60,7 +39,7 @@ def images_plan(archives: Iterable[Mapping[str, Any]], names: Iterable[str], pre
     An archive is `{path, images}`, where `images` names those that count; none means all.
     """
     wanted: dict[str, str] = {}
-    bring: list[str] = []
+    lacks: dict[str, tuple[Image, ...]] = {}
     for archive in archives:
         path = str(archive["path"])
         images = _chosen(archive, archive_images(path, present.machine))
@@ -68,11 +47,12 @@ def images_plan(archives: Iterable[Mapping[str, Any]], names: Iterable[str], pre
         if wrong:
             raise SpecError(f"{path} holds images for {', '.join(wrong)}, but the host is {present.machine}")
         wanted.update({image.ref: image.id for image in images})
-        if any(present.images.get(image.ref) != image.id for image in images):
-            bring.append(path)
+        missing = tuple(image for image in images if present.images.get(image.ref) != image.id)
+        if missing:
+            lacks[path] = missing
     refs = list(dict.fromkeys(normal_ref(name) for name in names))
     pull = [ref for ref in refs if ref not in present.images and ref not in wanted]
-    return Plan(tuple(bring), tuple(pull), {**dict.fromkeys(refs, ""), **wanted})
+    return Plan(tuple(lacks), tuple(pull), {**dict.fromkeys(refs, ""), **wanted}, lacks)
 
 
 def _chosen(archive: Mapping[str, Any], images: list[Image]) -> list[Image]:

@@ -20,11 +20,15 @@ RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken 
 
 @dataclass(frozen=True)
 class ImageSource:
-    """Where images come from: archives of the control node (`{path, images}`), and names that are always wanted."""
+    """Where images come from: archives of the control node (`{path, images}`), and names that are always wanted.
+
+    `keep` are those that the robot's apps run by the inventory; nobody has to bring them before.
+    """
 
     node: NodeImages
     archives: Sequence[Mapping[str, Any]] = ()
     names: Sequence[str] = ()
+    keep: Sequence[str] = ()
 
 
 RunModule = Callable[[str, Mapping[str, Any]], Mapping[str, Any]]  # name and arguments to result; AwayError
@@ -41,7 +45,8 @@ class ModuleHost:
 
     def bring(self, images: Sequence[str]) -> bool:
         source = self._images
-        brought = source.node.bring(source.archives, dict.fromkeys([*source.names, *images]), self._check)
+        names = dict.fromkeys([*source.names, *images])
+        brought = source.node.bring(source.archives, names, self._check, source.keep)
         if brought.problems:
             raise NotReadyError("; ".join(brought.problems))
         return brought.changed

@@ -78,9 +78,10 @@ def test_the_node_is_looked_at_in_check_mode_too(check_mode: bool) -> None:
 
 
 def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
-    def bring(images: NodeImages, archives: Any, names: Any, check: bool) -> Brought:
+    def bring(images: NodeImages, archives: Any, names: Any, check: bool, keep: Any) -> Brought:
         assert (archives, names, check, images.directory) == ([], ["redis:7"], False, DIRECTORY)
-        return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"}, (REDIS, "other"))
+        assert keep == []
+        return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"}, (REDIS, "other"), {REDIS: "wanted"})
 
     result = run(action(), monkeypatch, bring)
     assert result == {
@@ -89,6 +90,7 @@ def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None
         "pulled": [REDIS],
         "images": {REDIS: "sha256:1"},
         "present": [REDIS, "other"],
+        "pins": {REDIS: "wanted"},
         "diff": {"before": "", "after": f"{REDIS} sha256:1\n"},
     }
 

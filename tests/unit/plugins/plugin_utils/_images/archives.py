@@ -82,7 +82,8 @@ def docker_image(path: Path, tag: str, layers: list[bytes], runs: Mapping[str, A
     """As `podman save` makes it."""
     listed = [f"{digest(one)}.tar" for one in layers]
     files = dict(zip(listed, layers, strict=True))
-    config = encoded({"architecture": "amd64", "os": "linux", "config": runs})
+    rootfs = {"type": "layers", "diff_ids": [f"sha256:{digest(one)}" for one in layers]}
+    config = encoded({"architecture": "amd64", "os": "linux", "config": runs, "rootfs": rootfs})
     manifest = [{"Config": f"{digest(config)}.json", "RepoTags": [tag], "Layers": listed}]
     return archive(path, {**files, f"{digest(config)}.json": config, "manifest.json": encoded(manifest)})
 

@@ -13,12 +13,22 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import archive_images, normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref, opened
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, ImagesError, NodeImages
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import ID, docker
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.pins import LABEL
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
+    ID,
+    digest,
+    docker,
+    docker_image,
+    layer,
+)
 
 APPS, REDIS = "docker.io/lab/apps:1.0", "docker.io/library/redis:7"
 ROOM = "/room"
+BASE = layer({f"usr/share/file{number}": "" for number in range(99)})
+BASE_DIGEST = f"sha256:{digest(BASE)}"
 
 
 class Node:
@@ -26,6 +36,9 @@ class Node:
 
     def __init__(self, broken: str = "", k3s: bool = True) -> None:
         self.images: dict[str, str] = {}
+        self.blobs: set[str] = set()
+        self.labels: dict[str, str] = {}
+        self.forgets = False  # what it had a moment ago
         self.files: dict[str, str] = {}
         self.calls: list[str] = []
         self.broken = broken
@@ -36,10 +49,12 @@ class Node:
     def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
         assert secret == ("stdin" in args)
         words = args.get("argv") or ["file", args["state"], args["path"]]
-        return self._step(" ".join(words[1:])) or getattr(self, name.rpartition(".")[2])(**args)
+        what = ["", "pin", *words[4:]] if LABEL in words else words
+        return self._step(" ".join(what[1:])) or getattr(self, name.rpartition(".")[2])(**args)
 
     def copy(self, src: str, dest: str, rate_limit: str) -> dict[str, Any]:
         self.files[dest] = src
+        self.content = tarred(src)
         return self._step(f"copy {Path(src).name} {rate_limit}".strip()) or {}
 
     def _step(self, what: str) -> dict[str, Any]:
@@ -54,13 +69,20 @@ class Node:
     def command(self, argv: list[str], stdin: str = "") -> dict[str, Any]:
         if stdin:
             return self._pull_as(argv, stdin)
-        if argv[-2] == "pull":
+        if LABEL in argv:
+            self.labels.update(zip(argv[5::2], argv[4::2], strict=True))
+        elif argv[-2] == "pull":
             self.images[argv[-1]] = "sha256:pulled"
         elif argv[-2] == "import" and self.imports:
-            self.images.update({one.ref: one.id for one in archive_images(self.files[argv[-1]])})
+            self.images.update({one.ref: one.id for one in self.content[0]})
+            self.blobs |= self.content[1]
+            self.blobs -= {BASE_DIGEST} if self.forgets else set()
+            self.forgets = False
         elif argv[0] == "/bin/sh":
             found = [{"id": digest, "repoTags": [ref]} for ref, digest in self.images.items()]
-            there = {"rc": 0, "stdout": "x86_64\n" + json.dumps({"images": found})}
+            labels = ["REF LABELS", *(f"{ref} {PIN}={why}" for ref, why in self.labels.items() if why)]
+            parts = ["x86_64", json.dumps({"images": found}), "\n".join(labels), "\n".join(self.blobs), "{}"]
+            there = {"rc": 0, "stdout": "\n--- rosops.fleet ---\n".join(parts)}
             return there if self.k3s else {"failed": True, "rc": 127, "stdout": "x86_64", "stderr": "k3s: not found"}
         return {"rc": 0}
 
@@ -77,6 +99,13 @@ class Node:
         return {"rc": 0}
 
 
+def tarred(path: str) -> tuple[list[Image], set[str]]:
+    """What an import makes of it."""
+    with opened(path) as found:
+        files = [file for member in found.members.values() if (file := found.archive.extractfile(member))]
+        return found.images(), {f"sha256:{digest(file.read())}" for file in files}
+
+
 def place(archive: Mapping[str, str]) -> str:
     return NodeImages(Node(), ROOM)._place(archive["path"])
 
@@ -90,8 +119,9 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     node, said = Node(), list[str]()
     images = NodeImages(node, ROOM, rate_limit="2m", say=said.append)
     brought = images.bring([archive], ["redis:7"])
+    pinned = {APPS: "wanted", REDIS: "wanted"}
     assert brought == Brought(
-        (archive["path"],), (REDIS,), (), before={}, after={APPS: ID, REDIS: "sha256:pulled"}, present=(APPS, REDIS)
+        (archive["path"],), (REDIS,), (), {}, {APPS: ID, REDIS: "sha256:pulled"}, (APPS, REDIS), pinned
     )
     assert brought.changed
     assert node.calls == [
@@ -102,6 +132,7 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
         f"absent {place(archive)}",
         "crictl pull docker.io/library/redis:7",
         "look",
+        f"pin wanted {APPS} wanted {REDIS}",
     ]
     assert node.files == {}
     assert [text.split()[0] for text in said] == ["copying", "importing", "pulling"]
@@ -137,7 +168,8 @@ def test_check_mode_meets_a_host_without_k3s_and_a_run_does_not_pass_over_it(arc
     ("broken", "message"),
     [
         ("copy", r"apps.tar could not be copied: no space"),
-        ("import", r"ctr --namespace k8s.io images import /room/\w+-apps.tar: no space"),
+        ("import", r"apps.tar could not be imported: no space"),
+        ("pin", r"wanted docker.io/lab/apps:1.0 wanted docker.io/library/redis:7: no space"),
         ("pull", r"crictl pull docker.io/library/redis:7: no space"),
         ("directory", r"/room: no space"),
     ],
@@ -185,7 +217,7 @@ def test_one_archive_at_a_time_lies_on_the_node(tmp_path: Path) -> None:
     node = Node()
     NodeImages(node, ROOM).bring(archives, [])
     assert [call.split()[0] for call in node.calls if not call.startswith("directory")] == [
-        "look", "copy", "ctr", "absent", "copy", "ctr", "absent", "look",
+        "look", "copy", "ctr", "absent", "copy", "ctr", "absent", "look", "pin",
     ]  # fmt: skip
 
 
@@ -198,6 +230,53 @@ def test_an_import_that_did_nothing_is_a_problem(archive: dict[str, str]) -> Non
 def test_a_path_of_the_home_directory(archive: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(Path(archive["path"]).parent))
     assert NodeImages(Node()).bring([{"path": "~/apps.tar"}], []).imported == (archive["path"],)
+
+
+# --- a next version ---------------------------------------------------------------------------------------------------
+
+
+def versions(tmp_path: Path) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
+    """Two archives, whose images have all but one layer in common."""
+    made = [docker_image(tmp_path / f"apps-{name}.tar", f"lab/apps:{name}", [BASE, layer({name: ""})]) for name in "12"]
+    return [{"path": made[0]}], [{"path": made[1]}]
+
+
+def test_of_a_next_version_only_what_is_new_crosses_the_link(tmp_path: Path) -> None:
+    (first, second), node, said = versions(tmp_path), Node(), list[str]()
+    images = NodeImages(node, ROOM, rate_limit="2m", say=said.append)
+    images.bring(first, [])
+    assert images.bring(second, []).problems == ()
+    copies = [call for call in node.calls if call.startswith("copy")]
+    assert copies == ["copy apps-1.tar 2m", "copy thin.tar 2m"]
+    assert "copying 0.0 MB of 0.1 MB: " in said[2]
+    assert {*node.images} == {"docker.io/lab/apps:1", "docker.io/lab/apps:2"}
+    assert node.labels == {"docker.io/lab/apps:1": "before", "docker.io/lab/apps:2": "wanted"}
+    assert images.bring(second, []).changed is False
+
+
+def test_a_layer_that_has_gone_meanwhile_is_brought_with_the_whole_archive(tmp_path: Path) -> None:
+    (first, second), node = versions(tmp_path), Node()
+    images = NodeImages(node, ROOM)
+    images.bring(first, [])
+    node.forgets = True
+    assert images.bring(second, []).problems == ()
+    assert [call for call in node.calls if call.startswith("copy")][1:] == ["copy thin.tar", "copy apps-2.tar"]
+    assert BASE_DIGEST in node.blobs
+
+
+def test_what_a_node_does_not_import_in_parts_is_brought_whole(tmp_path: Path) -> None:
+    (first, second), node = versions(tmp_path), Node()
+    images = NodeImages(node, ROOM)
+    images.bring(first, [])
+    step, node.calls = node._step, []
+
+    def broken_once(what: str) -> dict[str, Any]:
+        found = step(what)
+        return {"failed": True} if "import" in what and sum("import" in call for call in node.calls) == 1 else found
+
+    node._step = broken_once  # type: ignore[method-assign]
+    assert images.bring(second, []).problems == ()
+    assert [call for call in node.calls if call.startswith("copy")] == ["copy thin.tar", "copy apps-2.tar"]
 
 
 # --- a registry that asks who one is ----------------------------------------------------------------------------------

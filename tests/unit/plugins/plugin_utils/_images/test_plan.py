@@ -9,12 +9,8 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import (
-    Present,
-    images_plan,
-    images_problems,
-    node_images,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import Present, node_images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import images_plan, images_problems
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import ID, docker
 
 APPS, REDIS = "docker.io/lab/apps:1.0", "docker.io/library/redis:7"
@@ -71,8 +67,3 @@ def test_problems_after_the_import() -> None:
         f"{APPS} is not there",
         f"docker.io/lab/ros:1 has the ID sha256:other, not {ID}",
     ]
-
-
-def test_a_listing_that_is_no_json() -> None:
-    with pytest.raises(SpecError, match="no JSON"):
-        node_images("FATA[0000] connect: no such file")

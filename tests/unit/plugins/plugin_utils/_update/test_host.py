@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Calm, Seen
@@ -33,7 +34,8 @@ class Node:
     """A node that has the image `a:1`, and gets no other one."""
 
     def module(self, _name: str, _args: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {"rc": 0, "stdout": f"x86_64\n{LISTING}"}
+        parts = "x86_64", LISTING, f"REF LABELS\ndocker.io/library/a:1 {PIN}=wanted", "", "{}"
+        return {"rc": 0, "stdout": "\n--- rosops.fleet ---\n".join(parts)}
 
     def copy(self, src: str, dest: str, rate_limit: str) -> Mapping[str, Any]:
         raise AssertionError((src, dest, rate_limit))
