@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter imp
 
 
 class ActionModule(ClusterAction):
-    """It is nobody's work: a changed one is restarted at once."""
+    """No app needs the exporter, so a changed exporter is restarted at once, without a gate."""
 
     ARGUMENTS: ClassVar = {
         "statistics": {"type": "bool", "default": False},

@@ -68,7 +68,7 @@ class K3sExchange:
     def make(self) -> None:
         if self._plan["restart"]:  # else what nobody has proven runs already
             write = [*self._plan["write"], *([BINARY] if self._plan["binary"] else [])]
-            # goes on from a change that nobody proved: its datastore is from then
+            # the datastore was kept by the change that this one goes on from
             self._switched = not self.unproven
             self._ask("next", write=write, remove=self._plan["remove"])
 

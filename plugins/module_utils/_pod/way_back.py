@@ -8,8 +8,8 @@ before. Whoever takes the step renews the robot's Lease. When nobody does any mo
 fulfilled its contract by its own probe: it stays, marked, for the next run. One that does not get ready is taken back,
 with all apps of its step; at once if its container ended with an error, as a run does.
 
-One that was Ready once and is not any more proves nothing against itself: its node may be away, or its robot have been
-rebooted. Only if its container ends again and again it is taken back all the same, however often it is Ready between.
+A version that was Ready once and is not any more stays: that alone does not show that the version is bad, as its host
+may be away or have been rebooted. Only a version whose container ends again and again is taken back all the same.
 
 No clock is compared with another one's, and time counts only while the API shows what happens: after a while without
 it the waiting goes on where it was.

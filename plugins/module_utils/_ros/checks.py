@@ -308,7 +308,7 @@ def check_latched(wanted: TopicCondition, said: Handshake | None) -> Check:
 def left(graph: Graph, topic: str, name: str, role: str) -> str:
     """Why a node is no end of a topic's connections any more, or nothing. `role`: "publisher" or "subscriber".
 
-    What this forgives to others is the same before a version takes over and afterwards.
+    The same nodes are forgiven before a version takes over and afterwards.
     """
     node = graph.nodes.get(name)
     late = node is not None and not node.reachable and not node.gone

@@ -33,7 +33,7 @@ class Turns:
     """The work's end of the line."""
 
     def __init__(self, server: socket.socket) -> None:
-        """Whoever calls first has nothing to say."""
+        """Wait for the first call, which never tells of a failure."""
         self._server = server
         self._next()
 

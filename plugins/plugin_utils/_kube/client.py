@@ -59,7 +59,7 @@ LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one
 # Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
 # that is how a label taken out of the inventory leaves the node.
 MANAGER = "rosops.fleet"
-OURS_ALONE = ("DaemonSet", "Deployment", "Service")  # kinds of which we set the whole spec, and nobody else any of it
+OURS_ALONE = ("DaemonSet", "Deployment", "Service")  # kinds whose whole spec is ours: nobody else sets a part
 
 TODO = {
     401: "It refuses the credentials from {source}: fetch the kubeconfig again or renew the token",

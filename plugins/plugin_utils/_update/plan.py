@@ -300,8 +300,8 @@ def _no_history(app: str, there: _Robot, to: str) -> str:
 def ordered(apps: Sequence[App], changed: Sequence[str]) -> list[list[str]]:
     """The changed apps as steps: the master first, apps of one group together, providers before their users.
 
-    Before the master its keeper, alone: of two that are replaced together nobody knows what was registered. The new
-    keeper is proven with all that the old master has, and gives it to the new one.
+    The master's keeper comes before the master, alone: each has the registrations for the other, so both at once would
+    lose them. The new keeper is proven with all that the old master has, and gives that to the new master.
 
     Within what the dependencies leave open the inventory's order counts. Validation has refused cycles between apps.
     """

@@ -43,7 +43,7 @@ class Rest:
         """Wait until it is, and hold new goals, so that none comes before the change.
 
         `what` says who waits for what, `look` how many seconds may pass in this call; None: all that are left. Or
-        `seconds`, whatever is left. Without `hold`, and in check mode, it is only looked.
+        `seconds`, whatever is left. Without `hold`, and in check mode, nothing is held: the robot is only looked at.
         """
         hands, now = self._hands, self._hands.clock.now()
         self.since = now if self.since is None else self.since

@@ -202,7 +202,8 @@ def _warnings(graph: Graph, nodes: Collection[str]) -> list[str]:
 
 
 def actions_to_rest(graph: Graph, nodes: Collection[str], besides: Iterable[str] = ()) -> list[dict[str, str]]:
-    """What has to be idle before these nodes are replaced: what they serve, whoever knows of it, and what is named.
+    """Actions that have to be idle before these nodes are replaced: those that the nodes serve on the graph, whether or
+    not the inventory lists them, and `besides`.
 
     `server` stands where it is one of them: goals that come meanwhile are for the next one. An action that nobody
     serves cannot be busy. A server that lives and tells nothing may be.

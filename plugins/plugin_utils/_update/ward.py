@@ -71,7 +71,7 @@ class Ward(Hands):
             self.cluster.delete([config_map(contract_name(node), self.robot.namespace, {}, {})])
 
     def available(self) -> list[Object]:
-        """Its Deployments that were well: what was not well before the change is none of its proof."""
+        """The robot's Deployments that were well before the change. The proof asks for no others."""
         well = [_key(item) for item in self.live.deployments if _available(item)]
         return [item for item in self.live.deployments if _key(item) in (self.contract.well if self.contract else well)]
 
