@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
+from .._ros.bodies import loads
 from .._ros.registrations import Entry, Liveness, Plan
 from .hung import Silence
 
@@ -230,7 +231,7 @@ def parameters_text(tree: Any) -> str:
 
 def parameters_of(text: str) -> dict[str, Any]:
     """The reverse of parameters_text()."""
-    tree = xmlrpc.client.loads(text, use_builtin_types=False)[0][0] if text else {}
+    tree = loads(text.encode())[0][0] if text else {}
     return dict(tree) if isinstance(tree, Mapping) else {}
 
 

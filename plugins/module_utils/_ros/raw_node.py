@@ -16,6 +16,7 @@ import xmlrpc.client
 from typing import Any, Callable, Mapping
 
 from .._common.errors import RosError
+from .bodies import loads
 from .rpc import Deadline, TimedSocket
 from .streams import hang_up
 from .tcpros import decode_header, encode_header
@@ -41,17 +42,26 @@ class _Handler(http.server.BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         try:
-            size = int(self.headers.get("Content-Length") or 0)
-            params, method = xmlrpc.client.loads(self.rfile.read(min(size, MAX_CALL)))
+            params, method = loads(self.rfile.read(self._size()))
             reply: Any = (self.server.methods[str(method)](*params),)
         except Exception as error:  # of whoever calls; the node works on
             reply = xmlrpc.client.Fault(1, f"{type(error).__name__}: {error}")
         self._answer(200, xmlrpc.client.dumps(reply, methodresponse=True, allow_none=True).encode())
 
+    def _size(self) -> int:
+        """The bytes of the call."""
+        said = self.headers.get("Content-Length") or "0"
+        if not said.isdecimal() or len(said) > len(str(MAX_CALL)) or int(said) > MAX_CALL:
+            self.close_connection = True  # what comes is no further call
+            raise RosError(f"a call has 0 to {MAX_CALL} bytes")
+        return int(said)
+
     def _answer(self, status: int, body: bytes = b"") -> None:
         self.send_response(status)
         if body:
             self.send_header("Content-Type", "text/xml")
+        if self.close_connection:
+            self.send_header("Connection", "close")
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
         self.wfile.write(body)

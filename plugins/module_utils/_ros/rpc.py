@@ -21,6 +21,7 @@ from typing import Any, Callable, Mapping, Sequence, Tuple, TypeVar
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
+from .bodies import loads
 from .replies import unwrap
 
 MAX_REPLY = 64 * 1024 * 1024  # XML of one reply: that of a graph of 100 robots with 12 nodes each is about 6 MB
@@ -60,7 +61,7 @@ class Memo:
 
 
 def _parsed(reply: bytes) -> Any:
-    return xmlrpc.client.loads(reply)[0][0]
+    return loads(reply)[0][0]
 
 
 class Deadline:
@@ -231,8 +232,7 @@ class Api:
             raise RosError(f"the reply to {method} is longer than {MAX_REPLY} bytes, which no graph of robots needs")
         if response.status != 200:
             raise RosError(f"{method} was answered with HTTP status {response.status}")
-        # no ROS peer declares entities; one that does wants to blow them up
-        if b"<!" in text or not text.lstrip().startswith((b"<?xml", b"<methodResponse")):
+        if not text.lstrip().startswith((b"<?xml", b"<methodResponse")):
             raise RosError(f"the reply to {method} is not plain XML-RPC")
         return self.memo.parsed(body, text) if self.memo else _parsed(text)
 

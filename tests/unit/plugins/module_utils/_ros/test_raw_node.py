@@ -99,3 +99,32 @@ def test_its_own_calls_and_the_probe(slave: Slave) -> None:
         link.request("GET", path)
         assert link.getresponse().status == status
         link.close()
+
+
+def called(slave: Slave, body: bytes, length: str = "") -> tuple[str, bool]:
+    """What a call is answered, and whether the connection goes on."""
+    link = http.client.HTTPConnection("127.0.0.1", slave.server.server_address[1], timeout=5)
+    link.request("POST", "/", body, {"Content-Length": length or str(len(body))})
+    response = link.getresponse()
+    said = response.read().decode()
+    link.close()
+    return said, not response.will_close
+
+
+def test_a_call_that_declares_entities_is_refused_before_they_are_expanded(slave: Slave) -> None:
+    """Expanded it would have 5 MB; the newest expat ends that at 8 MiB, older ones never."""
+    entities = "".join(f'<!ENTITY a{n} "{f"&a{n - 1};" * 10}">' for n in range(1, 7))
+    value = "<methodCall><methodName>twice</methodName><params><param><value>&a6;</value></param></params></methodCall>"
+    bomb = f'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a0 "12345">{entities}]>{value}'
+    said, goes_on = called(slave, bomb.encode())
+    assert "document type or entities" in said
+    assert "12345" not in said
+    assert goes_on
+    assert xmlrpc.client.ServerProxy(slave.uri).twice(21) == 42
+
+
+@pytest.mark.parametrize("length", ["-1", str(raw_node.MAX_CALL + 1), "9" * 50, "x", "0x10", "²"])
+def test_a_call_without_an_end_is_not_read(slave: Slave, length: str) -> None:
+    said, goes_on = called(slave, b"", length)
+    assert f"a call has 0 to {raw_node.MAX_CALL} bytes" in said
+    assert not goes_on
