@@ -22,6 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import S
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import run_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import KubeNodes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING
@@ -111,7 +112,7 @@ class ActionModule(ClusterAction):
         )
         try:
             with self.cluster(params, known) as kube:
-                guarding = Guarding(self, known, KubeNodes(kube, self.say(known)))
+                guarding = Guarding(self, known, KubeNodes(kube, self.say(known), run_name(known)))
                 guarded = guarding.change(change, guarding.robots(node), node, limits)
                 found = guarded.run()
         except (AwayError, ServersAwayError) as error:

@@ -26,6 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import run_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import (
     KubeNodes,
     server_versions,
@@ -143,7 +144,7 @@ class ActionModule(ClusterAction):
             _step(exchange, ())
             return Guarding(self, known, None).change(exchange, (), node, limits).run(), None
         with self.cluster(params, known) as kube:
-            cluster = KubeNodes(kube, self.say(known))
+            cluster = KubeNodes(kube, self.say(known), run_name(known))
             pods_notice = _permitted(exchange, cluster.nodes(), variables)
             if pods_notice:
                 self.say(known)(

@@ -46,7 +46,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
     workload_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import FLEET, Ledger
@@ -194,7 +194,7 @@ class ActionModule(ClusterAction):
 
     def _world(self, kube: Kube, host: ModuleHost) -> World:
         return World(
-            KubeCluster(kube, self._say),
+            KubeCluster(kube, self._say, run_name(self._vars)),
             host,
             MonotonicClock(),
             self._say,

@@ -24,7 +24,8 @@ description:
   - Where nothing is printed for 15 seconds, says which task goes on, and of an update where it stands, as tools that
     run playbooks (AWX) may end a silent one.
   - Results under C(no_log) are neither printed nor written.
-  - An error in the report itself is a warning and never ends the run.
+  - An error in the report itself is a warning and never ends the run. Under an ansible-core that is older than the
+    collection needs there is no report.
   - The last run of each playbook that was not in check mode stays in a file of its own,
     C(fleet-report-<playbook>.json). The playbook C(status) takes what became of every host from these, and from the
     hosts' clusters, where the playbooks keep it for other control nodes.
@@ -58,6 +59,7 @@ requirements:
 import contextlib
 import functools
 import json
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -67,6 +69,7 @@ from ansible import constants as C  # noqa: N812 - its customary name
 from ansible import context
 from ansible.playbook.role_include import IncludeRole
 from ansible.plugins.callback import CallbackBase
+from ansible.release import __version__
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
@@ -88,6 +91,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Standing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 
+CORE = (2, 19)  # as in meta/runtime.yml
 COLOURS = {
     UPDATED: C.COLOR_CHANGED,
     UNCHANGED: C.COLOR_OK,
@@ -150,6 +154,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     def __init__(self) -> None:
         super().__init__()
+        # an older one hands results on in another way; the first task of each playbook says that it is too old
+        self.disabled = tuple(map(int, __version__.split(".")[:2])) < CORE
         self.broken = False
         self.report = RunReport(time.monotonic())
         self.started = time.time()
@@ -248,4 +254,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         text = json.dumps(report, indent=2, default=str) + "\n"
         for place in paths_of(path, report):
             write(place, text)
-        self._display.display(f"report: {path}")
+        # AWX deletes the copy of the project in which a job runs
+        gone = "AWX_HOST" in os.environ and path.is_relative_to(Path.cwd())
+        where = "fleet_outcomes, an artifact of this job; files in its directory go with it" if gone else path
+        self._display.display(f"report: {where}")

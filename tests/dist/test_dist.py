@@ -32,18 +32,18 @@ class Elsewhere:
 
     directory: Path
 
-    def run(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
+    def run(self, *words: str | Path, python: str = sys.executable) -> subprocess.CompletedProcess[str]:
         """One of Ansible's commands; ours are in an environment that the collection is not linked into."""
         tool, *rest = map(str, words)
         environment = {
-            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.defpath}",
+            "PATH": f"{Path(python).parent}{os.pathsep}{os.defpath}",
             "HOME": str(self.directory / "home"),
             "LC_ALL": "C.UTF-8",
             "COLUMNS": "200",
             "ANSIBLE_COLLECTIONS_PATH": str(self.directory / "collections"),
         }
         return subprocess.run(  # noqa: S603 - Ansible's own commands
-            [str(Path(sys.executable).parent / tool), *rest],
+            [str(Path(python).parent / tool), *rest],
             cwd=self.directory,
             env=environment,
             capture_output=True,
@@ -132,3 +132,16 @@ def test_status_says_which_hosts_cannot_be_reached(elsewhere: Elsewhere) -> None
     assert "Traceback" not in done.stdout + done.stderr
     page = (elsewhere.directory / "reports" / "fleet-status.html").read_text("utf-8")
     assert all(name in page for name in offline)
+
+
+def test_an_ansible_core_that_is_too_old_is_refused_first(elsewhere: Elsewhere) -> None:
+    """AWX's own images have one. It could run much of the collection, and would report it wrongly."""
+    (elsewhere.directory / "ansible.cfg").write_text("[defaults]\ncallbacks_enabled = rosops.fleet.fleet_report\n")
+    inventory = elsewhere.collection / "inventories" / "example"
+    done = elsewhere.run(
+        "ansible-playbook", "-i", inventory, "rosops.fleet.update", python=os.environ["ROSOPS_OLD_PYTHON"]
+    )
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert re.search(r"This is ansible-core 2\.16\.\d+; rosops\.fleet needs 2\.19", done.stdout)
+    assert re.findall(r"^TASK \[(.*?)\]", done.stdout, re.MULTILINE) == ["See that ansible-core is new enough"]
+    assert "fleet_report" not in done.stdout + done.stderr  # neither a report nor an error of it

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.callback.fleet_report import CORE
 
 PLAYBOOKS = Path(__file__).resolve().parents[2] / "playbooks"
 PARTS = ("edge_images.yml", "outcomes.yml", "waves.yml", "validate.yml")  # of the others
@@ -30,6 +31,16 @@ def imported(name: str) -> list[str]:
 def test_it_begins_with_the_validation_and_ends_with_the_outcomes(name: str) -> None:
     assert imported(name)[0] == "validate.yml"
     assert imported(name)[-1] == "outcomes.yml"
+
+
+@pytest.mark.parametrize("name", ["validate.yml", "awx_setup.yml", "new.yml"])
+def test_before_anything_else_an_ansible_core_that_is_too_old_is_refused(name: str) -> None:
+    """All others begin with the validation."""
+    assert plays(name)[0]["tasks"][0]["ansible.builtin.import_tasks"] == "tasks/core.yml"
+    needed = yaml.safe_load((PLAYBOOKS / "tasks" / "core.yml").read_text("utf-8"))[0]["vars"]["needed"]
+    meta = yaml.safe_load((PLAYBOOKS.parent / "meta" / "runtime.yml").read_text("utf-8"))
+    assert meta["requires_ansible"] == f">={needed}"
+    assert ".".join(map(str, CORE)) == needed.removesuffix(".0")
 
 
 def test_a_run_that_ends_early_has_handed_something_on() -> None:

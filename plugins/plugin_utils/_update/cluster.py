@@ -10,7 +10,7 @@ import os
 import secrets
 import socket
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
@@ -31,15 +31,23 @@ LOOK_SECONDS = 0.5
 KINDS = {"Deployment": "apps/v1", "ConfigMap": "v1", "Service": "v1", "Pod": "v1"}
 
 
-class KubeCluster:
-    """`say` gets what is still open, every ten seconds of a wait."""
+def run_name(known: Mapping[str, object]) -> str:
+    """The run with these variables, as another one's operator can find it.
 
-    def __init__(self, kube: Kube, say: Callable[[str], None]) -> None:
-        self._kube, self._say = kube, say
+    Two robots' workers of one run have the rest in common; containers may have host name and process in common.
+    """
+    own = secrets.token_hex(4)
+    if "awx_job_id" in known:  # of AWX, Ascender and Automation Platform
+        return f"AWX job {known['awx_job_id']} ({known.get('awx_job_template_name', 'without a template')}), {own}"
+    return f"{socket.gethostname()}, process {os.getppid()} ({own})"
+
+
+class KubeCluster:
+    """`say` gets what is still open, every ten seconds of a wait; `holder` is who has the robot meanwhile."""
+
+    def __init__(self, kube: Kube, say: Callable[[str], None], holder: str) -> None:
+        self._kube, self._say, self._holder = kube, say, holder
         self._writer = kube.allowed_by(self.confirm)  # before every try: the Lease may end while the API is away
-        # the run, as another one's operator can find it; containers may have host name and process in common, and two
-        # robots' workers have
-        self._holder = f"{socket.gethostname()}, process {os.getppid()} ({secrets.token_hex(4)})"
         self._claims: list[_Claim] = []
 
     def read(self, namespaces: Iterable[str]) -> Live:

@@ -54,14 +54,18 @@ def _waves(hostvars: HostVars, names: list[str], given: Collection[str]) -> Iter
 
 
 def _slice(given: Mapping[str, Any]) -> Iterator[Problem]:
-    """A sliced job template of AWX is a workflow of the template's own name, each job with some of the hosts alone."""
+    """A sliced job template of AWX is a workflow of the template's own name, each job with some of the hosts alone.
+
+    AWX tells a job nothing else of that, so a workflow of somebody's own must not have the name of its template.
+    """
     template = given.get("awx_job_template_name")
     if template and given.get("awx_workflow_job_name") == template:
         yield Problem(
             "groups",
-            f"have only some of the hosts, as AWX slices the job template {template}; a slice would make other hosts "
-            "servers",
-            "1 for the template's job slicing (job_slice_count); update_waves says how many hosts are changed at once",
+            f"may have only some of the hosts: this job's workflow is named as its job template, {template}, which AWX "
+            "does where it slices one; a slice would make other hosts servers",
+            "1 for the template's job slicing (job_slice_count), as update_waves says how many hosts are changed at "
+            "once; for a workflow that slices nothing another name",
         )
 
 

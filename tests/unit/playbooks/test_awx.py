@@ -82,6 +82,7 @@ def test_whatever_a_survey_answers_is_taken_and_the_canary_is_always_the_same(
         runs(server, name)
     ended = launch("update", answers).finish()
     assert words(ended) == {"robot1": "failed", "robot2": "unchanged"}
+    assert "report: fleet_outcomes, an artifact of this job" in ended.output
     assert "not begun" in ended.artifacts["fleet_outcomes"]["robot2"]["reason"]
     assert (ended.status, ended.code) == ("failed", 2)
 
@@ -105,7 +106,7 @@ def test_an_update_of_many_short_waits_says_where_it_stands(server: Server, laun
     [
         ({"update_waves": "all"}, "update_waves: has 'all'; allowed: numbers above 0 and percentages"),
         ({"update_busy_timeout": ""}, "update_busy_timeout: is empty (null); allowed: a number, 0 or more"),
-        ({"awx_workflow_job_name": "update"}, "AWX slices the job template update"),
+        ({"awx_workflow_job_name": "update"}, "named as its job template, update, which AWX does where it slices one"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_with_words(
@@ -138,12 +139,13 @@ def test_a_job_that_was_cancelled_blocks_nobody_for_longer_than_its_lease(server
 
 def test_two_jobs_at_once_do_not_change_one_robot(server: Server, launch: Launch) -> None:
     said = {"ros_app_rollout_timeout": 60}
-    first = launch("site", said, tags="namespace,master,apps", limit="robot1")
+    first = launch("site", said, tags="namespace,master,apps", limit="robot1", name="fleet site")
     until(lambda: bool(holder(server, "robot1")))
     second = launch("update", {"update_on_busy": "defer"}, limit="robot1").finish()
     assert first.running
     assert words(second)["robot1"] == "deferred-busy"
-    assert "let that run end" in second.artifacts["fleet_outcomes"]["robot1"]["reason"]
+    reason = second.artifacts["fleet_outcomes"]["robot1"]["reason"]
+    assert re.search(r"AWX job 1 \(fleet site\), .* let that run end", reason)
     first.cancel()
 
 

@@ -157,7 +157,7 @@ def test_a_slice_of_an_awx_job_is_refused(
     monkeypatch.setattr(fleet_config, "load_extra_vars", lambda _loader: given)
     result = run(tmp_path, GOOD)
     assert result["valid"] == valid
-    assert ("AWX slices the job template update" in result.get("msg", "")) != valid
+    assert ("named as its job template, update" in result.get("msg", "")) != valid
 
 
 def test_no_part_of_the_fleet_depends_on_the_order_of_hosts(tmp_path: Path) -> None:

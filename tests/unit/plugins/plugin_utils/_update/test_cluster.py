@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -20,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster impor
     SURE_SECONDS,
     KubeCluster,
     _Claim,
+    run_name,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, LostError, unheard
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
@@ -131,7 +133,7 @@ def lapsing(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lapsing]:
 def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lapsing) -> None:
     said = list[str]()
     kube = Kube({"host": lapsing.url, "api_key": "t"}, say=said.append, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, said.append)
+    ours = cluster.KubeCluster(kube, said.append, "us")
     with ours.claim("r"):
         lapsing.gone = True
         lapsing.lists["/api/v1/namespaces/r/configmaps"] = [MAP]
@@ -148,7 +150,7 @@ def test_a_write_is_tried_again_only_within_the_lease(clock: Clock, lapsing: Lap
 
 def test_a_write_that_comes_too_late_is_none(clock: Clock, lapsing: Lapsing) -> None:
     kube = Kube({"host": lapsing.url, "api_key": "t"}, now=clock.now, sleep=clock.sleep)
-    ours = cluster.KubeCluster(kube, unheard)
+    ours = cluster.KubeCluster(kube, unheard, "us")
     with ours.claim("r"):
         lapsing.gone = True
         mine = lapsing.find(LEASE_PATH)
@@ -164,7 +166,7 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
     """As in two containers of one image, and as two workers of one run are."""
     server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
     with Kube({"host": server.url, "api_key": "t"}) as kube:
-        one, other = KubeCluster(kube, unheard), KubeCluster(kube, unheard)
+        one, other = (KubeCluster(kube, unheard, run_name({})) for _run in range(2))
         with one.claim("robot-robot1"):
             (mine,) = one._claims
             monkeypatch.setattr(time, "sleep", lambda _seconds: mine._renew())
@@ -172,6 +174,11 @@ def test_two_runs_of_one_host_name_and_one_process_number_are_two(
             with pytest.raises(HeldError, match=told), other.claim("robot-robot1"):
                 pytest.fail("both have it")
             one.confirm()
+
+
+def test_a_job_of_awx_is_named_as_awx_names_it() -> None:
+    known = {"awx_job_id": 22, "awx_job_template_name": "fleet update"}
+    assert re.fullmatch(r"AWX job 22 \(fleet update\), [0-9a-f]{8}", run_name(known))
 
 
 def test_the_time_of_a_claim_begins_before_it_is_asked_for(
@@ -191,7 +198,7 @@ def test_the_time_of_a_claim_begins_before_it_is_asked_for(
     monkeypatch.setattr(cluster, "Lease", Slow)
     monkeypatch.setattr(cluster, "_Claim", functools.partial(_Claim, now=clock.now))
     with Kube({"host": server.url, "api_key": "t"}) as kube:
-        ours = cluster.KubeCluster(kube, lambda _text: None)
+        ours = cluster.KubeCluster(kube, lambda _text: None, "us")
         with ours.claim("r"):
             (held,) = ours._claims
             ours.confirm()

@@ -31,7 +31,7 @@ def node(name: str, server: bool, ready: str = "True") -> dict[str, Any]:
 @pytest.fixture
 def cluster(server: Server) -> Iterator[KubeNodes]:
     with Kube({"host": server.url, "api_key": "t"}) as kube:
-        yield KubeNodes(kube, lambda _text: None)
+        yield KubeNodes(kube, lambda _text: None, "us")
 
 
 def test_when_a_kubelet_was_heard_of(server: Server, cluster: KubeNodes) -> None:
