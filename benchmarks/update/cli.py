@@ -14,14 +14,12 @@ from pathlib import Path
 from . import report
 from .errors import BenchError
 from .experiment import Experiment, Options
-from .measure import ACTION_SECONDS
+from .measure import ACTION_SECONDS, COUNT
 from .order import STRESS
 from .plain_manifests import NAMES
 from .results import Results, load
-from .scenario import CASES, PUBLISHED, RATE, Case, chosen
+from .scenario import ARMS, CASES, FLEET, PLAIN, PUBLISHED, RATE, Case, chosen
 from .trials import TRIALS, Trials
-
-ARMS = ("plain", "fleet")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -31,14 +29,16 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--trials", type=_positive, default=10, help="rounds of each arm (default: 10)")
     made.add_argument(
-        "--messages", type=_positive, default=10_000, help="messages looked at per update of a trial (default: 10000)"
+        "--messages", type=_positive, default=COUNT, help=f"messages looked at per update of a trial (default: {COUNT})"
     )
     made.add_argument("--minutes", type=float, help="begin no trial that would not be over by then")
     made.add_argument("--data", type=Path, default=TRIALS, help=f"finished trials, gone on with (default: {TRIALS})")
     made.add_argument(
         "--stress", choices=sorted(STRESS), default="both", help="with stress-ng on the robot (default: both)"
     )
-    made.add_argument("--arms", type=_arms, default=list(ARMS), help="plain,fleet (default) or one of them")
+    made.add_argument(
+        "--arms", type=_arms, default=[PLAIN, FLEET], help=f"some of {', '.join(ARMS)} (default: plain,fleet)"
+    )
     made.add_argument("--cases", default=",".join(PUBLISHED), help=f"some of: {', '.join(case.name for case in CASES)}")
     made.add_argument(
         "--plain-names", choices=NAMES, default="same", help="node names of the plain arm (default: same)"

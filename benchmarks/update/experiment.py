@@ -23,7 +23,7 @@ from .paths import CHECKOUT
 from .plain import PlainArm
 from .results import Results
 from .rounds import Arm, Plan, clear, run_round
-from .scenario import Case, images
+from .scenario import FLEET, NO_HOLD, Case, images
 from .stress import Stress
 from .trials import Trial, Trials
 from .versions import about
@@ -163,7 +163,14 @@ class Experiment:
         names = self._options.plain_names
         return {
             "plain": PlainArm(self._cluster, names, self._results.directory, self._master()),
-            "fleet": self._fleet,
+            FLEET: self._fleet,
+            NO_HOLD: FleetArm(
+                self._cluster,
+                self._results.directory,
+                self._options.changer,
+                NO_HOLD,
+                {"ros_master_goal_forwarding": False},
+            ),
         }
 
     def _master(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from .cores import CONTROL_CORES, CORES, ROBOT_CORES, kubelet_arguments
 from .errors import BenchError
 from .fleet_inventory import variables
 from .paths import CHECKOUT
-from .scenario import App, Case, all_apps
+from .scenario import FLEET, App, Case, all_apps
 from .step import Step, fleet_step
 from .windows import Span
 
@@ -22,12 +22,18 @@ STAGES = "namespace,storage,master,apps,ready"
 
 
 class FleetArm:
-    """Writes group variables beside the lab's inventory, and runs the playbooks as a user does."""
+    """Writes group variables beside the lab's inventory, and runs the playbooks as a user does.
 
-    name = "fleet"
+    `more` are variables of the robots that this arm has beside the cases' apps.
+    """
+
     namespace = f"robot-{ROBOT}"
 
-    def __init__(self, cluster: Cluster, directory: Path, changer: str) -> None:
+    def __init__(
+        self, cluster: Cluster, directory: Path, changer: str, name: str = FLEET, more: Mapping[str, Any] | None = None
+    ) -> None:
+        self.name = name
+        self._more = dict(more or {})
         self._cluster = cluster
         self._changer = changer
         self._inventory = directory / "inventory"
@@ -79,9 +85,7 @@ class FleetArm:
 
     def _judge(self, status: int, run: Span) -> Step:
         if not self._report.exists():
-            return Step(
-                run, None, run_seconds=run.seconds, outcome="failed", problem=f"no report, exit status {status}"
-            )
+            return Step(run, run, None, outcome="failed", problem=f"no report, exit status {status}")
         report: Mapping[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
         return fleet_step(report, ROBOT, run)
 
@@ -90,5 +94,5 @@ class FleetArm:
         return self._cluster.playbook(list(words), inventories, self._log, self._report)
 
     def _write(self, apps: Iterable[App]) -> None:
-        text = json.dumps(variables(apps), indent=2)
+        text = json.dumps({**variables(apps), **self._more}, indent=2)
         (self._inventory / "group_vars" / "robots.yml").write_text(text, encoding="utf-8")

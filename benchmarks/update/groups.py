@@ -35,6 +35,10 @@ class Group:
         known = self.values(key)
         return sum(known) / len(known) if known else None
 
+    def ended(self) -> str:
+        """How many of its updates came to their end."""
+        return f"{len(self.values('step_s'))} of {len(self.records)}"
+
     def worst(self, key: str) -> float | None:
         """The greatest of what is known."""
         return max(self.values(key), default=None)
@@ -58,12 +62,12 @@ class Group:
 
 
 def groups(records: Iterable[Record]) -> list[Group]:
-    """In the order in which the updates were first made; calm before stress, plain before fleet."""
+    """In the order in which the updates were first made; calm before stress, plain before the fleet's."""
     found: dict[tuple[Any, ...], list[Record]] = {}
     for record in records:
         found.setdefault(tuple(record[key] for key in ("app", "update", "stress", "arm")), []).append(record)
     places = {case: number for number, case in enumerate(dict.fromkeys(key[:2] for key in found))}
-    ordered = sorted(found, key=lambda key: (places[key[:2]], key[2], key[3] != "plain"))
+    ordered = sorted(found, key=lambda key: (places[key[:2]], key[2], key[3] != "plain", key[3]))
     return [
         Group(app, update, arm, stress, tuple(found[app, update, stress, arm])) for app, update, stress, arm in ordered
     ]

@@ -18,6 +18,7 @@ from .windows import Span, after_start, around, before
 
 GUARD = 1.0  # seconds on either side of an update that still count as it: logs are written once a second
 ACTION_SECONDS = 30.0
+COUNT = 10_000  # messages that are looked at in each update
 Logs = Mapping[str, Mapping[str, Lines]]
 
 
@@ -48,26 +49,30 @@ def measure(case: Case, step: Step, logs: Logs, this: Round) -> Measured:
     timed = {
         "step_s": step.seconds if ended_well else None,
         "busy_wait_s": step.busy_wait if ended_well else None,
+        "run_s": step.run.seconds,
     }
-    update = Span(step.span.start - GUARD, step.span.end + GUARD)
-    control = before(this.quiet, update.seconds)
     kind = case.app.split("-")[0]
-    values, details = {"pubsub": _pubsub, "service": _service, "action": _action}[kind](
-        case, update, control, logs, this
-    )
+    values, details = {"pubsub": _pubsub, "service": _service, "action": _action}[kind](case, step, logs, this)
     return Measured(
         record({**named, **timed, **values}),
         {
             **named,
             "problem": step.problem,
             "outcome": step.outcome,
-            "update_span": [round(step.span.start, 3), round(step.span.end, 3)],
-            "control_s": round(control.seconds, 3),
+            "update_span": _rounded(step.span),
+            "run_span": _rounded(step.run),
             "phases": dict(step.phases),
-            "run_s": step.run_seconds,
             **details,
         },
     )
+
+
+def _rounded(span: Span) -> list[float]:
+    return [round(span.start, 3), round(span.end, 3)]
+
+
+def _guarded(span: Span) -> Span:
+    return Span(span.start - GUARD, span.end + GUARD)
 
 
 def _lines(logs: Logs, app: str) -> Lines:
@@ -75,16 +80,22 @@ def _lines(logs: Logs, app: str) -> Lines:
     return [line for file in logs.get(app, {}).values() for line in file]
 
 
-def _pubsub(case: Case, update: Span, control: Span, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
+def _pubsub(case: Case, step: Step, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
     published, received = _lines(logs, case.source.name), _lines(logs, case.sink.name)
-    span = around(update, this.count / RATE, this.whole.start)
+    update, run = _guarded(step.span), _guarded(step.run)
+    control = before(this.quiet, update.seconds)
+    span = around(run, this.count / RATE, this.whole.start)
     account = messages.messages(published, received, span, RATE)
     within = messages.messages(published, received, update, RATE)
     aside = messages.messages(published, received, control, RATE)
     values = {
         **messages.as_fields(account),
-        "gap_ms": messages.gap_ms(received, update, RATE),
+        **messages.order(received, run, RATE),
+        "gap_ms": messages.gap_ms(received, run, RATE),
         "gap_control_ms": messages.gap_ms(received, control, RATE),
+        "oldest_ms": messages.oldest_age_ms(received, update),
+        "oldest_run_ms": messages.oldest_age_ms(received, run),
+        "oldest_control_ms": messages.oldest_age_ms(received, control),
     }
     return values, {
         "lost": account.lost if account else None,
@@ -93,39 +104,40 @@ def _pubsub(case: Case, update: Span, control: Span, logs: Logs, this: Round) ->
         "lost_ranges": account.lost_ranges if account else None,
         "lost_during": within.lost if within else None,
         "lost_control": aside.lost if aside else None,
-        "oldest_age_ms": messages.oldest_age_ms(received, update),
-        "oldest_age_control_ms": messages.oldest_age_ms(received, control),
+        "control_s": round(control.seconds, 3),
         "series": series(
             ((line["time"], line["longest_gap_ms"]) for line in received if line.get("longest_gap_ms") is not None),
-            update,
+            step.run,
         ),
         "subscriber_processes": messages.processes(received),
         "publisher_skipped": max((int(line.get("skipped") or 0) for line in published), default=None),
     }
 
 
-def _service(case: Case, update: Span, control: Span, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
+def _service(case: Case, step: Step, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
     asked = _lines(logs, case.sink.name)
     account = requests.requests(asked, Span(this.quiet.start, this.whole.end))
-    calm, busy = requests.latency_ms(asked, control), requests.latency_ms(asked, update)
+    update = _guarded(step.span)
+    control = before(this.quiet, update.seconds)
+    calm, whole = requests.latency_ms(asked, control), requests.latency_ms(asked, step.run)
     values = {
         "sent": account.sent if account else None,
         "failed": account.failed if account else None,
-        "p95_before_ms": calm[95],
-        "p95_during_ms": busy[95],
+        **{f"p{share}_before_ms": calm[share] for share in requests.SHARES},
+        "p95_step_ms": requests.latency_ms(asked, update)[95],
+        **{f"p{share}_run_ms": whole[share] for share in requests.SHARES},
     }
     return values, {
-        "latency_before_ms": calm,
-        "latency_during_ms": busy,
+        "control_s": round(control.seconds, 3),
         "series": series(((line["time"], line["latency_ms"]) for line in asked if "request" in line and line.get("ok")),
-                         update),
+                         step.run),
         "wrong": account.wrong if account else None,
         "operations": list(account.operations) if account else None,
     }  # fmt: skip
 
 
-def _action(case: Case, update: Span, _control: Span, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
-    span = after_start(update, ACTION_SECONDS)
+def _action(case: Case, step: Step, logs: Logs, this: Round) -> tuple[dict[str, Any], dict[str, Any]]:
+    span = after_start(step.run, ACTION_SECONDS)
     calm = before(this.quiet, span.seconds)
     client, server = _lines(logs, case.sink.name), _lines(logs, case.source.name)
     account = goals.goals(client, server, Span(this.quiet.start, this.whole.end))
@@ -136,10 +148,10 @@ def _action(case: Case, update: Span, _control: Span, logs: Logs, this: Round) -
         "twice": account.twice if account else None,
         "completion_before_ms": goals.completion_ms(client, calm),
         "completion_during_ms": goals.completion_ms(client, span),
+        "completion_longest_ms": goals.longest_ms(client, span),
     }
     return values, {
-        "completion_window_s": round(span.seconds, 3),
-        "completion_control_s": round(calm.seconds, 3),
+        "control_s": round(calm.seconds, 3),
         "series": series(
             (
                 (line["sent"], line["completion_ms"])
@@ -148,5 +160,4 @@ def _action(case: Case, update: Span, _control: Span, logs: Logs, this: Round) -
             ),
             span,
         ),
-        "longest_completion_ms": goals.longest_ms(client, span),
     }

@@ -125,6 +125,15 @@ def oldest_age_ms(received: Lines, span: Span) -> float | None:
     return max(ages, default=None)
 
 
+def order(received: Lines, span: Span, rate: float) -> Mapping[str, float | None]:
+    """How many messages were older than the one before, by how much at most; None by subscribers that do not say."""
+    lines = [line for line in received if span.holds(line["time"])]
+    if not lines or any("ran_back" not in line for line in lines):
+        return {"ran_back": None, "furthest_back_ms": None}
+    furthest = max(int(line["furthest_back"]) for line in lines)
+    return {"ran_back": sum(int(line["ran_back"]) for line in lines), "furthest_back_ms": furthest / rate * 1e3}
+
+
 def as_fields(account: Messages | None) -> Mapping[str, int | None]:
     """The fields of a record."""
     if account is None:

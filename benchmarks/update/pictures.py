@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trials -> the pictures of docs/benchmarks.md: response over the time of an update, and its distribution. Pure."""
+"""Trials -> the pictures of docs/benchmarks.md: response over the time of a run, and its distribution. Pure."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from . import seed
 from .numbers import percentile
 from .svg import Chart, Line, draw
+from .tables import seconds
 
 Details = Mapping[str, Any]
 COLOURS = {"plain": "#c0504d", "fleet": "#1f77b4"}
@@ -44,12 +45,6 @@ def _points(chosen: Sequence[Details], arm: str) -> list[tuple[float, float]]:
     return [(at, value) for item in chosen if item["arm"] == arm for at, value in item.get("series") or ()]
 
 
-def step_seconds(item: Details) -> float:
-    """How long its update took."""
-    start, end = item["update_span"]
-    return float(end - start)
-
-
 def _over_time(title: str, chosen: Sequence[Details]) -> Chart:
     lines = []
     for arm, colour in COLOURS.items():
@@ -59,8 +54,8 @@ def _over_time(title: str, chosen: Sequence[Details]) -> Chart:
         for share, width, dashes in ((50, 1.8, ""), (95, 1.0, "4 2")):
             points = [((place + 0.5) * BIN, percentile(values, share) or 0.0) for place, values in sorted(bins.items())]
             lines.append(Line(points, colour, f"{arm} p{share}", width, dashes))
-    marks = [(0.0, "update")] if any(line.points for line in lines) else []
-    return Chart(f"{title}, all trials", "seconds from the update's start", "ms", lines, log=True, marks=marks)
+    marks = [(0.0, "command")] if any(line.points for line in lines) else []
+    return Chart(f"{title}, all trials", "seconds from the command's start", "ms", lines, log=True, marks=marks)
 
 
 def _distribution(title: str, chosen: Sequence[Details], theirs: float | None) -> Chart:
@@ -68,7 +63,7 @@ def _distribution(title: str, chosen: Sequence[Details], theirs: float | None) -
     for arm, colour in COLOURS.items():
         mine = [item for item in chosen if item["arm"] == arm]
         calm = [value for item in mine for at, value in item.get("series") or () if at < 0]
-        busy = [value for item in mine for at, value in item.get("series") or () if 0 <= at <= step_seconds(item)]
+        busy = [value for item in mine for at, value in item.get("series") or () if 0 <= at < seconds(item["run_span"])]
         lines.append(Line(_shares(calm), colour, f"{arm} before", 1.0, "4 2"))
         lines.append(Line(_shares(busy), colour, f"{arm} during", 1.8))
     if theirs is not None and any(line.points for line in lines):

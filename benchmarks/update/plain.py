@@ -52,10 +52,11 @@ class PlainArm:
         try:
             ended = self._wait([app.name for app in apps], UPDATE_SECONDS)
         except BenchError as error:
-            return Step(Span(started, time.time()), None, outcome="failed", problem=str(error))
+            span = Span(started, time.time())
+            return Step(span, span, None, outcome="failed", problem=str(error))
         phases = {"apply": applied - started, "rollout": ended - applied}
         span = Span(started, ended)
-        return Step(span, span.seconds, busy_wait=0.0, phases=phases, run_seconds=span.seconds)
+        return Step(span, span, span.seconds, busy_wait=0.0, phases=phases)
 
     def _apply(self, objects: list[manifests.Object]) -> None:
         said = self._cluster.kubectl("apply -f -", json.dumps(manifests.as_list(objects)).encode())

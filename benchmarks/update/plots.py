@@ -105,7 +105,7 @@ def _latency(chosen: Sequence[Group], axes: Axes) -> bool:
     bars: list[tuple[str, str, float, float]] = []
     for group in chosen:
         kinds = {
-            "service": ("p95_before_ms", "p95_during_ms"),
+            "service": ("p95_before_ms", "p95_run_ms"),
             "action": ("completion_before_ms", "completion_during_ms"),
         }
         if kind(group) in kinds:

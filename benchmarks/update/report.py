@@ -91,9 +91,10 @@ def as_text(results: Results, summary: Mapping[str, Any]) -> str:
 {about}
 
 Means over the trials, in brackets the worst trial. The rows `seed` are the dissertation's figures, on its own machine.
-Completion: mean over the goals sent within {ACTION_SECONDS:g} s from the update's start, or until 5 s after its end if
+Completion: mean over the goals sent within {ACTION_SECONDS:g} s from the command, or until 5 s after its end if
 that is later, against as long at the end of the round's quiet beginning.
-p95 and gap: from a second before the update to a second after it, against as long without an update in the same round.
+Run: from the command to its end. Step: the part of it in which pods change. Before and control: as long as the step,
+without an update in the same round.
 
 {tables(results.records)}
 

@@ -94,7 +94,7 @@ def run_round(  # noqa: PLR0913 - what a round is made of
             logs = read_logs(cluster, arm.namespace, keep)
     this = Round(arm.name, stress, trial, plan.messages, quiet, Span(quiet.start, end))
     samples = sampling.samples()
-    busy = Span(min((step.span.start for step in steps), default=quiet.end), end)
+    busy = Span(min((step.run.start for step in steps), default=quiet.end), end)
     common = {
         "usage_quiet": usage(samples, quiet, foreign),
         "usage_updates": usage(samples, busy, foreign),
@@ -121,9 +121,9 @@ def _updates(arm: Arm, plan: Plan) -> tuple[list[Step], Span]:
 
 def _end(plan: Plan, steps: list[Step], quiet: Span) -> float:
     """When the round is over: every span that is measured ends by then."""
-    end = last_end([step.span for step in steps], quiet.end)
+    end = last_end([step.run for step in steps], quiet.end)
     if plan.cases[-1].app == "action":
-        end = max(end, steps[-1].span.start + ACTION_SECONDS)
+        end = max(end, steps[-1].run.start + ACTION_SECONDS)
     return max(end + PAUSE, quiet.start + plan.seconds)
 
 

@@ -165,6 +165,9 @@ def twelve() -> Case:
     return replace(first, others=others, changes={**first.changes, **{app.name: Change(tag=MINOR) for app in others}})
 
 
+PLAIN, FLEET = "plain", "fleet"
+NO_HOLD = "fleet-no-hold"  # the fleet arm whose keeper holds no goals
+ARMS = (PLAIN, FLEET, NO_HOLD)
 BOTH = {"pub": MINOR, "sub": MINOR}
 # In the order in which they are updated. The action last: what follows an update of it is part of its measure.
 CASES = (
@@ -178,14 +181,21 @@ CASES = (
     twelve(),
     action("factor"),
 )
-# The dissertation's three, each with what makes it harder: the publisher's own queue of 10, twelve apps at once.
+# The dissertation's, and what makes two of them harder: the publisher's own queue of 10, twelve apps at once.
 PUBLISHED = (
+    "pubsub/minor",
+    "pubsub/major",
     "pubsub/simultaneous",
     "service/server",
     "pubsub-roscpp-queue10/simultaneous",
     "pubsub-twelve/simultaneous",
     "action/server",
 )
+
+
+def of_arm(arm: str, names: Iterable[str]) -> list[str]:
+    """The cases that an arm has a say in: of whether goals are held, the actions."""
+    return [name for name in names if arm != NO_HOLD or name.startswith("action/")]
 
 
 def chosen(names: Iterable[str], cases: Iterable[Case] = CASES) -> list[Case]:

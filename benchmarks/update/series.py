@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Response times over the time of an update, small enough to be kept. Pure."""
+"""Response times over the time of a run, small enough to be kept. Pure."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Iterable
 
 from .windows import Span
 
-AROUND = 15.0  # seconds before and after the update
+AROUND = 15.0  # seconds before and after the run
 Series = list[list[float]]
 
 
-def series(points: Iterable[tuple[float, float]], update: Span) -> Series:
-    """[seconds from the update's start, milliseconds], in order.
+def series(points: Iterable[tuple[float, float]], run: Span) -> Series:
+    """[seconds from the command's start, milliseconds], in order.
 
     >>> series([(100.5, 7.04), (10.0, 1.0)], Span(100.0, 104.0))
     [[0.5, 7.0]]
     """
-    around = Span(update.start - AROUND, update.end + AROUND)
-    return sorted([round(at - update.start, 2), round(value, 1)] for at, value in points if around.holds(at))
+    around = Span(run.start - AROUND, run.end + AROUND)
+    return sorted([round(at - run.start, 2), round(value, 1)] for at, value in points if around.holds(at))

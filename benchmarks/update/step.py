@@ -15,11 +15,11 @@ from .windows import Span
 class Step:
     """One update: when, how long by phase, and how it ended."""
 
+    run: Span  # from the command to its end: what whoever gives it waits for
     span: Span
     seconds: float | None  # the step's own wall time, busy wait included
     busy_wait: float | None = None
     phases: Mapping[str, float] = field(default_factory=dict)
-    run_seconds: float | None = None  # the whole command
     outcome: str = "updated"
     problem: str = ""
 
@@ -31,23 +31,23 @@ def fleet_step(report: Mapping[str, Any], robot: str, run: Span) -> Step:
     """
     host = next((item for item in report.get("hosts", []) if item.get("host") == robot), None)
     if host is None:
-        return Step(run, None, run_seconds=run.seconds, outcome="failed", problem=f"{robot} is not in the report")
+        return Step(run, run, None, outcome="failed", problem=f"{robot} is not in the report")
     steps = host.get("steps") or []
     outcome = str(host.get("outcome"))
     problem = "" if outcome == "updated" else f"{outcome}: {host.get('reason') or host.get('failed_task') or ''}"
     if len(steps) != 1:
         problem = problem or f"the run made {len(steps)} steps, not one"
-        return Step(run, None, run_seconds=run.seconds, outcome=outcome, problem=problem)
+        return Step(run, run, None, outcome=outcome, problem=problem)
     phases = {str(name): float(seconds) for name, seconds in (steps[0].get("phases") or {}).items()}
     seconds = sum(phases.values())
     started = steps[0].get("started")
     begin = float(started) if started is not None else run.end - seconds
     return Step(
+        run=run,
         span=Span(begin, begin + seconds),
         seconds=seconds,
         busy_wait=float(steps[0].get("busy_wait") or 0.0),
         phases=phases,
-        run_seconds=run.seconds,
         outcome=outcome,
         problem=problem,
     )

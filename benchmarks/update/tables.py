@@ -5,15 +5,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from . import seed
 from .groups import Group, groups
 from .records import Record
+from .scenario import RATE
 from .verdicts import kind
 
 NONE = "-"
-NAMES = ("update", "arm", "stress", "trials")
+NAMES = ("update", "arm", "stress", "trials", "ended")
 Row = list[str]
 
 
@@ -23,7 +25,7 @@ def number(value: float | None, digits: int = 0) -> str:
 
 
 def mean_worst(group: Group, key: str, digits: int = 0) -> str:
-    """`mean (worst)`; one of them where they are the same."""
+    """`mean (worst)` of the trials' own figures; one of them where they are the same."""
     mean, worst = group.mean(key), group.worst(key)
     if mean is None or mean == worst:
         return number(mean, digits)
@@ -37,114 +39,132 @@ def change(group: Group, earlier: str, later: str) -> str:
     return f"{number(group.mean(earlier), 1)} -> {number(group.mean(later), 1)}, {factor}"
 
 
-def _step(group: Group) -> Row:
-    return [number(group.mean("step_s"), 1), number(group.mean("busy_wait_s"), 1)]
+def _times(group: Group) -> Row:
+    return [number(group.mean("step_s"), 1), number(group.mean("run_s"), 1)]
 
 
 def _pubsub(group: Group) -> Row:
-    figures = [mean_worst(group, key) for key in ("sent", "lost", "duplicates", "gap_ms", "gap_control_ms")]
-    return [*figures, *_step(group)]
+    return [*(mean_worst(group, key) for key in ("sent", "lost", "gap_ms", "gap_control_ms")), *_times(group)]
+
+
+def _lateness(group: Group) -> Row:
+    ages = [mean_worst(group, key) for key in ("oldest_control_ms", "oldest_ms", "oldest_run_ms")]
+    twice = [figure / RATE for figure in group.values("duplicates")]
+    seconds = NONE if not twice else f"{sum(twice) / len(twice):.1f} ({max(twice):.1f})"
+    return [*ages, seconds, *(mean_worst(group, key) for key in ("ran_back", "furthest_back_ms"))]
 
 
 def _service(group: Group) -> Row:
-    latency = change(group, "p95_before_ms", "p95_during_ms")
-    return [mean_worst(group, "sent"), mean_worst(group, "failed"), latency, *_step(group)]
+    counted = [mean_worst(group, "sent"), mean_worst(group, "failed")]
+    keys = ("p50_before_ms", "p50_run_ms", "p95_before_ms", "p95_step_ms", "p95_run_ms")
+    answers = [mean_worst(group, key, 1) for key in keys]
+    ratio = group.ratio("p95_run_ms", "p95_before_ms")
+    tail = [mean_worst(group, key, 1) for key in ("p99_before_ms", "p99_run_ms")]
+    return [*counted, *answers, NONE if ratio is None else f"{ratio:.2f}", *tail, *_times(group)]
 
 
 def _action(group: Group) -> Row:
     figures = [mean_worst(group, key) for key in ("sent", "aborted", "lost", "twice")]
-    return [*figures, change(group, "completion_before_ms", "completion_during_ms"), *_step(group)]
+    completion = [change(group, "completion_before_ms", "completion_during_ms")]
+    longest = mean_worst(group, "completion_longest_ms")
+    return [*figures, *completion, longest, number(group.mean("busy_wait_s"), 1), *_times(group)]
 
 
-HEADS: Mapping[str, tuple[str, list[str], Callable[[Group], Row]]] = {
-    "pubsub": (
-        "Pub/sub (table 4.4)",
-        ["sent", "lost", "duplicates", "longest gap ms", "gap in control ms", "step s", "busy wait s"],
-        _pubsub,
-    ),
-    "service": ("Service (table 4.2)", ["requests", "failed", "p95 ms", "step s", "busy wait s"], _service),
-    "action": (
-        "Action (table 4.3)",
-        ["goals", "aborted", "lost", "twice", "completion ms", "step s", "busy wait s"],
-        _action,
-    ),
-}
+@dataclass(frozen=True)
+class Kind:
+    """A table: of what kind of case, its columns, and the dissertation's figures in them."""
+
+    title: str
+    of: str
+    heads: Sequence[str]
+    row: Callable[[Group], Row]
+    seed: Mapping[str, Mapping[str, str]]  # case -> column -> figure
 
 
 def _ratio(pair: Mapping[str, float]) -> str:
     return f"{pair['before']} -> {pair['during']}, {pair['during'] / pair['before']:.2f} x"
 
 
-def seed_rows(name: str) -> list[Row]:
-    """The dissertation's figures in the table's columns."""
-    if name == "pubsub":
-        return [
-            [
-                case,
-                "seed",
-                "no",
-                "10",
-                f"{seed.SENT:,}",
-                str(lost),
-                NONE,
-                f"{seed.DOWNTIME_MS[case]} (est.)",
-                NONE,
-                NONE,
-                NONE,
-            ]
+KINDS = (
+    Kind(
+        "Pub/sub (table 4.4)",
+        "pubsub",
+        ["sent", "lost", "longest gap ms", "gap in control ms", "step s", "run s"],
+        _pubsub,
+        {
+            case: {"sent": f"{seed.SENT:,}", "lost": str(lost), "longest gap ms": f"{seed.DOWNTIME_MS[case]} (est.)"}
             for case, lost in seed.LOST.items()
-        ]
-    if name == "service":
-        return [
-            [
-                "service/server",
-                "seed",
-                "no",
-                "10",
-                NONE,
-                str(seed.SERVICE_FAILED),
-                _ratio(seed.SERVICE_P95_MS),
-                NONE,
-                NONE,
-            ]
-        ]
-    return [
+        },
+    ),
+    Kind(
+        "Pub/sub: how late, how long twice, in which order",
+        "pubsub",
+        ["oldest in control ms", "oldest in step ms", "oldest in run ms", "twice s", "ran back", "furthest back ms"],
+        _lateness,
+        {},
+    ),
+    Kind(
+        "Service (table 4.2)",
+        "service",
         [
-            "action/server",
-            "seed",
-            "no",
-            "10",
-            NONE,
-            str(seed.ACTION_ABORTED),
-            NONE,
-            NONE,
-            _ratio(seed.ACTION_MS),
-            NONE,
-            NONE,
-        ]
+            *("requests", "failed", "p50 before ms", "p50 in run", "p95 before ms", "p95 in step", "p95 in run"),
+            *("run / before", "p99 before ms", "p99 in run", "step s", "run s"),
+        ],
+        _service,
+        {
+            "service/server": {
+                "failed": str(seed.SERVICE_FAILED),
+                "p95 before ms": str(seed.SERVICE_P95_MS["before"]),
+                "p95 in run": str(seed.SERVICE_P95_MS["during"]),
+                "run / before": f"{seed.SERVICE_P95_MS['during'] / seed.SERVICE_P95_MS['before']:.2f}",
+            }
+        },
+    ),
+    Kind(
+        "Action (table 4.3)",
+        "action",
+        ["goals", "aborted", "lost", "twice", "completion ms", "longest ms", "busy wait s", "step s", "run s"],
+        _action,
+        {"action/server": {"aborted": str(seed.ACTION_ABORTED), "completion ms": _ratio(seed.ACTION_MS)}},
+    ),
+)
+
+
+def _table(kind_of: Kind, rows: Iterable[Row]) -> str:
+    theirs = [
+        [case, "seed", "no", "10", NONE, *(figures.get(head, NONE) for head in kind_of.heads)]
+        for case, figures in kind_of.seed.items()
     ]
+    return f"## {kind_of.title}\n\n{markdown([*NAMES, *kind_of.heads], [*theirs, *rows])}"
 
 
 def theirs() -> str:
     """The dissertation's figures alone."""
-    return "\n\n".join(
-        f"### {title}\n\n{markdown([*NAMES, *heads], seed_rows(name))}" for name, (title, heads, _row) in HEADS.items()
-    )
+    return "\n\n".join(_table(one, []) for one in KINDS if one.seed)
 
 
 def tables(records: Iterable[Record]) -> str:
     """All tables. Figures are means over the trials, in brackets the worst one."""
     every = groups(records)
     parts = []
-    for name, (title, heads, row) in HEADS.items():
-        of_kind = [group for group in every if kind(group) == name]
+    for one in KINDS:
+        of_kind = [group for group in every if kind(group) == one.of]
         if of_kind:
             rows = [
-                [group.case, group.arm, "yes" if group.stress else "no", str(len(group.records)), *row(group)]
+                [group.case, group.arm, "yes" if group.stress else "no", str(len(group.records)), group.ended(),
+                 *one.row(group)]
                 for group in of_kind
-            ]
-            parts.append(f"## {title}\n\n{markdown([*NAMES, *heads], [*seed_rows(name), *rows])}")
+            ]  # fmt: skip
+            parts.append(_table(one, rows))
     return "\n\n".join(parts)
+
+
+def success(records: Iterable[Record]) -> str:
+    """Per arm: how many updates ended as they should."""
+    found: dict[str, list[bool]] = {}
+    for item in records:
+        found.setdefault(item["arm"], []).append(item["step_s"] is not None)
+    return "; ".join(f"{arm} {sum(ended)} of {len(ended)}" for arm, ended in found.items())
 
 
 def phase_table(details: Iterable[Mapping[str, Any]]) -> str:
@@ -156,7 +176,8 @@ def phase_table(details: Iterable[Mapping[str, Any]]) -> str:
     rows = []
     for (case, arm, stress), items in kept.items():
         phases = [number(_mean(item["phases"].get(name) for item in items), 2) for name in names]
-        rows.append([case, arm, "yes" if stress else "no", *phases, number(_mean(item["run_s"] for item in items), 2)])
+        run = _mean(seconds(item["run_span"]) for item in items)
+        rows.append([case, arm, "yes" if stress else "no", *phases, number(run, 2)])
     return markdown(["update", "arm", "stress", *names, "run"], rows)
 
 
@@ -174,6 +195,11 @@ def loss_table(details: Iterable[Mapping[str, Any]]) -> str:
     ]  # fmt: skip
     heads = ["lost", "dropped by own queues", "lost in the update", "lost in the control", "never published"]
     return markdown(["update", "arm", "stress", *heads, "subscriber processes (most)"], rows)
+
+
+def seconds(span: Sequence[float]) -> float:
+    """How long a span of the details is."""
+    return float(span[1] - span[0])
 
 
 def _sum(values: Iterable[float | None]) -> float | None:

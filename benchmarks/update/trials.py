@@ -17,6 +17,7 @@ from .measure import Measured
 from .order import rounds
 from .paths import CHECKOUT
 from .records import Record
+from .scenario import of_arm
 
 TRIALS = CHECKOUT / "benchmarks" / "update" / "results" / "trials.jsonl"
 NOT_KEPT = ("lost_ranges",)  # as long as the loss is great; a run's own directory has it
@@ -87,7 +88,7 @@ class Trials:
             names = {f"{item.record['app']}/{item.record['update']}" for item in trial.measured}
             there.setdefault(trial.which, set()).update(names)
         found = [
-            (which, [name for name in wanted if name not in there.get(which, ())])
+            (which, [name for name in of_arm(which[2], wanted) if name not in there.get(which, ())])
             for which in rounds(trials, arms, stress)
         ]
         return [(which, names) for which, names in found if names]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from update.jsonlog import lines
-from update.messages import dropped_by_queues, gap_ms, messages, processes
+from update.messages import dropped_by_queues, gap_ms, messages, order, processes
 from update.numbers import clip, count, minus, percentile
 from update.windows import Span, after_start, around, before
 
@@ -152,3 +152,10 @@ def test_torn_lines_are_passed_over() -> None:
         {"time": 1, "a": 2},
         {"time": 5},
     ]
+
+
+def test_order_is_counted_over_the_span_and_unknown_where_a_subscriber_does_not_say() -> None:
+    lines = [{"time": 10.0 + at, "ran_back": at, "furthest_back": 5 * at} for at in range(4)]
+    assert order(lines, Span(10.0, 13.0), 500.0) == {"ran_back": 3, "furthest_back_ms": 20.0}
+    assert order([*lines, {"time": 11.0}], Span(10.0, 13.0), 500.0)["ran_back"] is None
+    assert order(lines, Span(20.0, 30.0), 500.0)["ran_back"] is None  # silence is not order

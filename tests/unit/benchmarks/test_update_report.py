@@ -30,7 +30,7 @@ def of_minor(arm: str, lost: int) -> Measured:
         {"time": 1031.0, "version": "1.1", "ranges": [[change + lost + 1, last]], "longest_gap_ms": 5.0},
     ]
     logs = {"minor-pub": {"p.jsonl": published}, "minor-sub": {"s.jsonl": received}}
-    step = Step(Span(1028.0, 1032.0), 4.0, 0.0, {"apply": 1.0, "rollout": 3.0}, 9.0)
+    step = Step(Span(1025.0, 1034.0), Span(1028.0, 1032.0), 4.0, 0.0, {"apply": 1.0, "rollout": 3.0})
     found = measure(CASES[0], step, logs, Round(arm, False, 1, 10_000, QUIET, WHOLE))
     common = {"usage_quiet": USAGE, "usage_updates": USAGE, "pods_restarted": {}, "round_s": 60.0, "load_before": 1.0}
     return Measured(found.record, {**found.details, **common})
@@ -44,7 +44,7 @@ def test_a_record_from_logs() -> None:
 
 
 def test_an_update_that_failed_has_no_time_but_its_messages_are_counted() -> None:
-    step = Step(Span(1028.0, 1032.0), 4.0, 0.0, outcome="rolled-back", problem="rolled-back: why")
+    step = Step(Span(1028.0, 1032.0), Span(1028.0, 1032.0), 4.0, 0.0, outcome="rolled-back", problem="rolled-back: why")
     found = measure(CASES[0], step, {}, Round("fleet", False, 1, 10_000, QUIET, WHOLE))
     assert found.record["step_s"] is None
     assert found.record["lost"] is None
