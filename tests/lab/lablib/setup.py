@@ -16,7 +16,8 @@ from .names import checkout_id
 from .paths import CHECKOUT, INSTALLED, LOGS
 from .run import Job, build, run, say
 
-# Each with what it is for. Commands are looked for, too: they may come from elsewhere than Debian's packages.
+# Each with what it is for. Where the command is there, or one of several, the package is left out: it may come from
+# elsewhere than Debian's packages, and theirs may be at odds with it, as runc with that of Docker's containerd.
 PACKAGES = {
     "ca-certificates": "",  # the registries' certificates
     "curl": "curl",  # the real k3s, where it can be downloaded
@@ -33,7 +34,7 @@ PACKAGES = {
 }
 # What only tests need; without these they skip, and say so.
 TEST_PACKAGES = {
-    "chromium": "",  # tests/browser
+    "chromium": "chromium chromium-browser google-chrome",  # tests/browser
     "python3-actionlib": "",  # tests/ros: nodes on this machine, beside the lab's
     "python3-roslaunch": "",
     "python3-rosmaster": "",
@@ -44,6 +45,7 @@ TEST_PACKAGES = {
     "shellcheck": "",  # ansible-test sanity
     "topic-tools": "",
 }
+OS_RELEASE = Path("/etc/os-release")
 LINK = CHECKOUT / ".ansible" / "collections" / "ansible_collections" / "rosops" / "fleet"
 
 
@@ -51,13 +53,25 @@ def setup(cache: Cache, tests: bool = False) -> None:
     """All of it; what is there already is left alone, what an interruption left half-done is done again."""
     LOGS.mkdir(exist_ok=True)
     with cache.lock(f"setup-{checkout_id(str(CHECKOUT))}", "another set-up of this checkout"):
-        _packages(cache, PACKAGES | TEST_PACKAGES if tests else PACKAGES)
+        _packages(cache, packages(tests, OS_RELEASE.read_text() if OS_RELEASE.exists() else ""))
         if not INSTALLED:
             tools_environment().ensure()
             _link()
 
 
 # --- Debian packages -----------------------------------------------------------------------------------------------
+
+
+def packages(tests: bool, system: str) -> dict[str, str]:
+    """What a system is to have; `system` is the text of its os-release."""
+    wanted = PACKAGES | TEST_PACKAGES if tests else PACKAGES
+    if "ID=ubuntu" in system.splitlines():  # its chromium is no package, and one unknown name fails all of them
+        return {name: commands for name, commands in wanted.items() if name != "chromium"}
+    return wanted
+
+
+def _there(commands: str) -> bool:
+    return any(shutil.which(command) for command in commands.split())
 
 
 def _installed(names: list[str]) -> set[str]:
@@ -69,7 +83,8 @@ def _packages(cache: Cache, wanted: dict[str, str]) -> None:
     if not shutil.which("dpkg-query"):
         _require_commands()
         return
-    missing = sorted(set(wanted) - _installed(list(wanted)))
+    lacking = [name for name, commands in wanted.items() if not _there(commands)]
+    missing = sorted(set(lacking) - _installed(lacking))
     if not missing:
         return
     if os.geteuid() != 0:
@@ -85,7 +100,7 @@ def _packages(cache: Cache, wanted: dict[str, str]) -> None:
 
 
 def _require_commands() -> None:
-    missing = [command for command in PACKAGES.values() if command and not shutil.which(command)]
+    missing = [command for command in PACKAGES.values() if command and not _there(command)]
     if missing:
         raise LabError(
             f"these programs are missing: {', '.join(missing)}",
