@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.listed import wrong_waves
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.pythons import too_old
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import is_ours, variables_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
@@ -26,7 +28,13 @@ HostVars = Mapping[str, Mapping[str, Any]]
 def inventory_problems(hostvars: HostVars, names: Iterable[str], given: Mapping[str, Any]) -> list[Problem]:
     """Of these hosts; `given` is what was given with `-e`."""
     listed = list(names)
-    return [*_slice(given), *_waves(hostvars, listed, given), *_given_waves(given), *_addresses(hostvars, listed)]
+    return [
+        *_slice(given),
+        *_waves(hostvars, listed, given),
+        *_given_waves(given),
+        *_addresses(hostvars, listed),
+        *_pythons(hostvars, listed),
+    ]
 
 
 def near_misses(hostvars: HostVars, names: Iterable[str]) -> list[Problem]:
@@ -87,6 +95,15 @@ def _addresses(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:
         if other != host:
             allowed = "an address of its own, or the ansible_port of its own behind one"
             yield Problem(f"hosts.{host}.ansible_host", f"is {address} as that of {other}", allowed)
+
+
+def _pythons(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:
+    """Only of a host whose inventory names its Python with the version; preflight says it of all."""
+    for host in names:
+        program = _read(variables_of(hostvars, host), "ansible_python_interpreter")
+        named = re.search(r"python(\d[.]\d+)$", program)
+        if named and (wrong := too_old(named[1])):
+            yield Problem(f"hosts.{host}.ansible_python_interpreter", f"is {program}: the host {wrong}")
 
 
 def _read(own: Mapping[str, Any], name: str) -> str:

@@ -1,0 +1,53 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The look at a host: its clock against ours, and a Python that runs no module."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.action import preflight_info
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import pythons
+from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
+
+THEIRS = "ansible-core requires a minimum of Python version 3.9. Current version: 3.8.10 (default, ...)"
+
+
+def looked(
+    monkeypatch: pytest.MonkeyPatch, found: dict[str, Any], rc: int, out: str
+) -> tuple[dict[str, Any], list[str]]:
+    """The result where the module says `found`, and what the host's shell was asked."""
+    asked: list[str] = []
+
+    def module(action: Any, task_vars: dict[str, Any]) -> dict[str, Any]:
+        assert task_vars["inventory_hostname"] == "robot1"
+        action._used_interpreter = "#!/usr/bin/python3"
+        return found
+
+    def shell(_action: Any, command: str) -> dict[str, Any]:
+        asked.append(command)
+        return {"rc": rc, "stdout": out}
+
+    monkeypatch.setattr(pythons, "OLDEST", (3, 9))
+    monkeypatch.setattr(preflight_info.ActionModule, "_execute_module", module)
+    monkeypatch.setattr(preflight_info.ActionModule, "_low_level_execute_command", shell)
+    return run(preflight_info, {}, {}), asked
+
+
+def test_the_clock_is_measured_by_the_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, asked = looked(monkeypatch, {"facts": {"clock": {"began": 0.0, "ended": 0.0}}}, 0, "")
+    assert set(found["facts"]["clock"]) == {"offset", "uncertainty"}
+    assert asked == []
+
+
+def test_a_python_that_is_too_old_is_named_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, asked = looked(monkeypatch, {"failed": True, "msg": THEIRS}, 0, "(3, 8)\n")
+    assert asked == ["/usr/bin/python3 -c 'import sys; print(sys.version_info[:2])'"]
+    assert found["failed"]
+    assert found["msg"].startswith("robot1 has Python 3.8, and ansible-core ")
+
+
+@pytest.mark.parametrize(("rc", "out"), [(0, "(3, 11)\n"), (127, "")])
+def test_another_failure_keeps_its_own_words(monkeypatch: pytest.MonkeyPatch, rc: int, out: str) -> None:
+    assert looked(monkeypatch, {"failed": True, "msg": "boom"}, rc, out)[0]["msg"] == "boom"
