@@ -13,7 +13,13 @@ from urllib.parse import unquote
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._collect.sources import Source, missing, sources
+from ansible_collections.rosops.fleet.plugins.plugin_utils._collect.sources import (
+    Asked,
+    Source,
+    missing,
+    sources,
+    strange,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._collect.store import Store
 from ansible_collections.rosops.fleet.plugins.plugin_utils._collect.transfer import (
     CHANGED,
@@ -23,6 +29,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._collect.transfer imp
     fetch,
     wanted,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import robot_namespace
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import members
 
 MODULE = "rosops.fleet.claim_files"
 AGAIN = "what an app writes anew while it is read cannot be collected; run again while it rests"
@@ -32,6 +40,7 @@ class ActionModule(FleetAction):
     ARGUMENTS: ClassVar = {
         "listed": {"type": "str", "required": True},
         "dest": {"type": "path", "required": True},
+        "namespaces": {"type": "list", "elements": "str", "required": True},
         "claims": {"type": "list", "elements": "str", "default": []},
         "storage": {"type": "path", "default": "/var/lib/rancher/k3s/storage"},
     }
@@ -42,7 +51,11 @@ class ActionModule(FleetAction):
         said = {host: claims for host, claims in listed.items() if claims is not None}
         me = known["inventory_hostname"]
         lacking = [*missing(said, params["claims"])] if me == known["ansible_play_hosts"][0] else []
-        mine = [source for source in sources(said) if source.host == me]
+        asked = Asked(
+            frozenset(params["namespaces"]),
+            {robot: robot_namespace(robot) for robot in members(known["groups"], "robots")},
+        )
+        mine = [source for source in sources(said, asked) if source.host == me]
         found = [one for source in mine for one in self._collected(source, params, known)]
         result: dict[str, Any] = {
             "changed": any(one["outcome"] in (FETCHED, GREW) for one in found),
@@ -54,6 +67,11 @@ class ActionModule(FleetAction):
         }
         silent = [host for host in play if host not in said]
         problems = [f"{one['target']}/{one['path']}: {CHANGED}; {AGAIN}" for one in found if one["outcome"] == CHANGED]
+        problems += [
+            f"{directory!r} is no directory of a claim, though {me} says so. Nothing of it was written; find out who "
+            "has changed that host"
+            for directory in strange(said.get(me, []))
+        ]
         problems += [_lacking(volume, silent) for volume in lacking]
         return {**result, "failed": True, "msg": "\n".join(problems)} if problems else result
 

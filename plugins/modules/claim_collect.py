@@ -34,6 +34,12 @@ options:
     description: The directory of the control node; relative to the current directory.
     type: path
     required: true
+  namespaces:
+    description: The namespaces whose claims are collected. A host of the group C(robots) gives those of its own alone;
+      what it says of others is left out.
+    type: list
+    elements: str
+    required: true
   claims:
     description: Volumes of which there has to be a claim on a host of the play.
     type: list
@@ -72,6 +78,7 @@ EXAMPLES = r"""
   rosops.fleet.claim_collect:
     listed: listed
     dest: results
+    namespaces: [robot-robot1]
   become: true
 """
 

@@ -14,6 +14,7 @@ import base64
 import fnmatch
 import hashlib
 import os
+import re
 import stat
 import zlib
 from contextlib import closing, contextmanager
@@ -25,6 +26,9 @@ from .._common.errors import FleetError
 
 CHUNK = 1 << 20
 _BELOW = os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK  # a pipe in a file's place makes nobody wait
+
+_LABEL = "[a-z0-9](?:[-a-z0-9]{0,61}[a-z0-9])?"  # RFC 1123, as Kubernetes names namespaces
+_CLAIM = re.compile(rf"pvc-{_LABEL}_(?P<namespace>{_LABEL})_(?P<claim>{_LABEL})")
 
 
 class Claim(NamedTuple):
@@ -41,8 +45,14 @@ def claims(storage: str) -> list[Claim]:
         names = sorted(path.name for path in Path(storage).iterdir())
     except FileNotFoundError:
         return []
-    found = [Claim(name, *name.split("_")[1:]) for name in names if name.startswith("pvc-") and name.count("_") == 2]
+    found = [claim for claim in map(claim_of, names) if claim]
     return [claim for claim in found if stat.S_ISDIR((Path(storage) / claim.directory).lstat().st_mode)]
+
+
+def claim_of(directory: str) -> Claim | None:
+    """Whose claim a directory of that name is; None where it is no claim's."""
+    found = _CLAIM.fullmatch(directory)
+    return Claim(directory, found["namespace"], found["claim"]) if found else None
 
 
 def wire(path: bytes) -> str:
@@ -150,6 +160,6 @@ def pieces(root: str, wanted: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [piece(root, one) for one in wanted]
 
 
-def opened_data(found: dict[str, Any]) -> bytes:
-    """The bytes of a piece."""
-    return zlib.decompress(base64.b64decode(found["data"]))
+def opened_data(found: dict[str, Any], length: int) -> bytes:
+    """The bytes of a piece; never more than were asked for, however little they were compressed into."""
+    return zlib.decompressobj().decompress(base64.b64decode(found["data"]), length) if length else b""

@@ -41,7 +41,7 @@ def fetch(ask: Ask, store: Store, files: States, names: Sequence[str]) -> dict[s
                 outcomes[name] = GONE
                 store.drop(name)
                 continue
-            store.append(name, piece["offset"], opened_data(found))
+            store.append(name, piece["offset"], opened_data(found, piece["length"]))
             if piece["check"] is not None:
                 outcomes[name] = _ended(store, name, files[name], found, sums)
     store.tidy()

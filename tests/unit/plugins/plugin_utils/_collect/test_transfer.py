@@ -4,15 +4,17 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import os
 import subprocess
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._host.claims import listing, pieces, wire
+from ansible_collections.rosops.fleet.plugins.module_utils._host.claims import listing, opened_data, pieces, wire
 from ansible_collections.rosops.fleet.plugins.plugin_utils._collect import transfer
 from ansible_collections.rosops.fleet.plugins.plugin_utils._collect.store import Store
 from ansible_collections.rosops.fleet.plugins.plugin_utils._collect.transfer import (
@@ -225,3 +227,10 @@ def test_sums_are_of_what_is_here(robot: Robot, store: Store) -> None:
     lines = [f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in (("a", b"1"), ("b", b"2"))]
     assert store.sums.read_text() == "".join(lines)
     assert wire(b"\xff a") == "%FF a"
+
+
+def test_a_piece_never_becomes_more_than_was_asked_for() -> None:
+    """A thousandth of it comes over the wire, and all of it would be this process' memory."""
+    bomb = {"data": base64.b64encode(zlib.compress(bytes(64 << 20))).decode()}
+    assert len(opened_data(bomb, 1 << 20)) == 1 << 20
+    assert opened_data(bomb, 0) == b""
