@@ -8,10 +8,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from functools import partial
+from itertools import chain
 from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Known, outdated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import ask
@@ -24,11 +28,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     unmeasured,
     usage_of,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows, outdated_rows
 
 
 class ActionModule(ClusterAction):
-    ARGUMENTS: ClassVar = {"volumes": {"type": "str", "required": True}}
+    ARGUMENTS: ClassVar = {"volumes": {"type": "str", "required": True}, "images": {"type": "str", "default": ""}}
 
     def options(self) -> dict[str, Any]:
         return dict(self.ARGUMENTS)  # no access is that of all clusters
@@ -48,6 +52,7 @@ class ActionModule(ClusterAction):
         answers = ask({cluster: partial(connect, host) for cluster, host in asked.items()})
         problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
         rows = cluster_rows([one.objects for one in answers.values()], usage_of(results.values()), time.time())
+        pods = chain(*(one.objects.get("Pod", ()) for one in answers.values()))
         services = {name: one.objects.get("Service", ()) for name, one in answers.items()}
         return {
             "changed": False,
@@ -58,8 +63,21 @@ class ActionModule(ClusterAction):
             "problems": [
                 *cluster_problems(problems, hosts),
                 *unmeasured(results),
+                *outdated_rows(outdated(pods, _known(fleet, variables, params["images"]))),
             ],
             "runs": [run for answer in answers.values() for run in answer.runs],
             "updates": [run for answer in answers.values() for run in answer.updates],
             **rows,
         }
+
+
+def _known(fleet: Fleet, variables: Mapping[str, Any], name: str) -> Known:
+    """What images' names mean on the nodes that said it in the variable of this name."""
+    said = {fleet.hosts[host].node: own.get(name, {}) for host, own in variables.items()}
+    images = {node: node_images(one["stdout"]) for node, one in said.items() if one.get("rc") == 0}
+
+    def known(node: str, ref: str) -> set[str]:
+        found = images.get(node, {}).get(normal_ref(ref))
+        return {found} if found else set()
+
+    return known

@@ -55,7 +55,7 @@ def _outcome(brought: Brought) -> dict[str, Any]:
         "imported": list(brought.imported),
         "pulled": list(brought.pulled),
         "images": dict(brought.after),
-        "present": list(brought.present),
+        "present": dict(brought.present),
         "pins": dict(brought.pins),
         "diff": {"before": _lines(brought.before), "after": _lines(brought.after)},
     }

@@ -10,7 +10,7 @@ run, and not once per robot.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,11 +22,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Known
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
@@ -150,7 +153,7 @@ class ActionModule(ClusterAction):
 
     def _update(self, params: Mapping[str, Any], result: dict[str, Any]) -> RobotOutcome | None:
         """The robot's outcome; nothing where it is left for its wave."""
-        check = bool(self._task.check_mode)
+        check, edge = bool(self._task.check_mode), self._edge_images()
         settings = Settings(
             Request(
                 only=tuple(params["apps"]), to=params["to"], shared=params["shared"], own=params["own"],
@@ -163,7 +166,8 @@ class ActionModule(ClusterAction):
             look_timeout=self._look_timeout(params),
             since=self._before.get("since") or {},
             earlier=[StepResult.from_dict(step) for step in self._before.get("steps") or ()],
-            edge_images=self._edge_images(),
+            edge_images={name: list(there) for name, there in edge.items()},
+            known=self._known(params["image_archives"], edge),
             **{name: params[name] for name in (
                 "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
                 "at_work", "rollout_timeout", "remove_claims", "remove_confirm",
@@ -201,7 +205,22 @@ class ActionModule(ClusterAction):
             functools.partial(voice.stand, self._host),
         )
 
-    def _edge_images(self) -> dict[str, list[str]]:
+    def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
+        """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""
+        hosts = self._vars[VARIABLE]["hosts"]
+        own, paths = str(hosts[self._host]["node"]), [str(one["path"]) for one in archives]
+        there = {hosts[name]["node"]: images for name, images in edge.items() if name in hosts}
+        there[own] = (self._vars.get("images_brought") or {}).get("present") or {}
+        read = Archives()
+
+        @functools.cache
+        def known(node: str, ref: str) -> Collection[str]:
+            seen = there.get(node, {}).get(normal_ref(ref))
+            return {seen} if seen else read.ids(paths, ref) if node == own else ()
+
+        return known
+
+    def _edge_images(self) -> dict[str, Mapping[str, str]]:
         """What the play before this one saw on the edge hosts; those that it did not see may be away.
 
         Any of them knows it of all: looking at each of them would cost every robot as much as there are edge hosts.
@@ -210,4 +229,4 @@ class ActionModule(ClusterAction):
             return {}
         hostvars, edge = self._vars["hostvars"], self._vars["groups"].get("edge", [])
         told: Mapping[str, Any] = next(filter(None, (hostvars[name].get("edge_images") for name in edge)), {})
-        return {name: list(one["present"]) for name, one in told.items() if one.get("present")}
+        return {name: one["present"] for name, one in told.items() if one.get("present")}

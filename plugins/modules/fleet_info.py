@@ -24,6 +24,13 @@ options:
       - Where C(timeout) ended that (status 124 or 137), the host is among the C(problems).
     type: str
     required: true
+  images:
+    description:
+      - Name of the variable that holds, on every host, the registered result of C(k3s crictl images -o json).
+      - A pod that runs another image than its image's name means on its node is among the C(problems). Without it
+        nobody looks.
+    type: str
+    default: ""
 notes:
   - The access to each cluster is fetched from its own server over SSH, unless one is given by C(k3s_kubeconfig_path) of
     its hosts or, for the cluster C(edge), by C(K8S_AUTH_HOST), C(K8S_AUTH_KUBECONFIG) or C(K8S_AUTH_CONTEXT). A cluster

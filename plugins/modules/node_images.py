@@ -117,8 +117,9 @@ pins:
   type: dict
   sample: {"docker.io/lab/apps:1.1": wanted, "docker.io/lab/apps:1.0": before}
 present:
-  description: The full names of all images that the node has now; nothing where nothing was asked for.
+  description:
+    - The full names of all images that the node has now, or in check mode would have, with their IDs; nothing where
+      nothing was asked for.
   returned: success, and where bringing one failed
-  type: list
-  elements: str
+  type: dict
 """

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive impor
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import local_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.tree import merged, python_version
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
 # Where containerd looks for a program, unless the image says it (containerd, oci/spec.go).
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
@@ -67,6 +69,11 @@ class Archives:
         name, found = normal_ref(ref), [self._read(path) or {} for path in paths]
         return next((images[name] for images in reversed(found) if name in images), None)
 
+    def ids(self, paths: Iterable[str], ref: str) -> frozenset[str]:
+        """The IDs that the image of this name has in the last of these archives that holds it, one per architecture."""
+        found = self.find(paths, ref)
+        return frozenset() if found is None else _ids(found)
+
     def unusable(self, path: str) -> str:
         """Why no node can take the archive, as far as that is seen."""
         try:
@@ -86,6 +93,15 @@ class Archives:
                 return []
             held |= {*map(normal_ref, archive.get("images") or images)}
         return [] if normal_ref(ref) in held else sorted(held)
+
+
+def _ids(archived: ArchivedImage) -> frozenset[str]:
+    found = set[str]()
+    with opened(archived.archive) as archive:
+        for machine in MACHINES.values():
+            with contextlib.suppress(SpecError):  # an image for several of them need not be for all
+                found |= {image.id for image in archive.images(machine.architecture) if image.ref == archived.image.ref}
+    return frozenset(found)
 
 
 def _read(path: str) -> Mapping[str, ArchivedImage] | None:

@@ -53,7 +53,7 @@ class Brought:
     """Archives imported and names pulled (in check mode: that would be), and what is wrong all the same.
 
     `before` and `after` are the names that were asked for with their IDs, as far as they are there; what check mode
-    would pull has an empty ID in `after`. `present` are all names that the node has now, `pins` those whose pin is
+    would pull has an empty ID in `after`. `present` are all that the node has now, `pins` those whose pin is
     another one now (`pins.pins`).
     """
 
@@ -62,7 +62,7 @@ class Brought:
     problems: tuple[str, ...] = ()
     before: Mapping[str, str] = field(default_factory=dict)
     after: Mapping[str, str] = field(default_factory=dict)
-    present: tuple[str, ...] = ()
+    present: Mapping[str, str] = field(default_factory=dict)
     pins: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -121,7 +121,7 @@ class NodeImages:
             try:
                 after = self._change(plan, there)
             except ImagesError as error:  # whoever goes on without it has to know what there is
-                error.details["present"] = sorted(self.present().images)
+                error.details["present"] = dict(self.present().images)
                 raise
         changes = pins([*plan.wanted, *map(normal_ref, keep)], after)
         if changes and not check:
@@ -208,7 +208,7 @@ def _brought(plan: Plan, before: Present, after: Present, changes: Mapping[str, 
         tuple(images_problems(plan.wanted, after.images)),
         {ref: before.images[ref] for ref in plan.wanted if ref in before.images},
         {ref: after.images[ref] for ref in plan.wanted if ref in after.images},
-        tuple(sorted(after.images)),
+        after.images,
         changes,
     )
 

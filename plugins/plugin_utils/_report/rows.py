@@ -29,6 +29,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     name_of,
     why_not_ready,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, Outdated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import judge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
@@ -198,6 +199,18 @@ def placement_rows(nodes: Iterable[Row], workloads: Iterable[Row]) -> list[Row]:
         here = [f"{one['robot']}/{one['name']}" for one in placed if node["name"] in one["nodes"]]
         rows.append({"node": node["name"], "placement": node["placement"], "runs": sorted(here)})
     return rows
+
+
+def outdated_rows(found: Iterable[Outdated]) -> list[Row]:
+    """Problems: apps whose pods keep an image that its name does not mean any more."""
+    return [
+        {
+            "where": f"{one.app} in {one.namespace}",
+            "what": one.what,
+            "todo": TODO,
+        }
+        for one in dict.fromkeys(found)
+    ]
 
 
 def claim_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mapping[str, int]) -> list[Row]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Known
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, READY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
@@ -35,4 +36,5 @@ class Settings:
     remove_confirm: bool = False
     rollout_timeout: float = 300.0  # of what is installed, whose images may have to be pulled
     at_work: bool = True  # whether a robot at work may be changed; else it is only looked at
+    known: Known = lambda _node, _ref: ()
     edge_images: Mapping[str, Sequence[str]] = field(default_factory=dict)  # edge host -> names of images there

@@ -16,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record im
     back_in_words,
     ways_back,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, outdated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import (
@@ -173,8 +174,11 @@ class Turn(Hands):
             self.say(f"the robot's metrics will not show this: {error}")
 
     def news(self) -> list[str]:
-        """What the keeper did that no run has told yet."""
+        """What the keeper did that no run has told yet, and apps that run another image than its name means by now."""
+        taken = {app for step in self.plan.steps for app in step.apps}  # their pods are new ones by then
+        others = [one for one in outdated(self.live.pods, self.settings.known) if one.app not in taken]
         events = known_events(self.live.maps, self.robot.name)
         known = {str(event.get("reason")) for event in events if NEWS not in event}
         told = {app: back_in_words(one) for app, one in ways_back(self.live.deployments).items()}
-        return [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
+        back = [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
+        return [*back, *dict.fromkeys(f"{one.app} {one.what}; {TODO}" for one in others)]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -28,7 +29,7 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
     known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
     given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
-    return {**run(fleet_info, {"volumes": "usage"}, given), "asked": asked}
+    return {**run(fleet_info, {"volumes": "usage", "images": "usage"}, given), "asked": asked}
 
 
 def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,6 +51,24 @@ def test_claims_have_their_use(monkeypatch: pytest.MonkeyPatch) -> None:
     used = {"stdout_lines": ["512\t/var/lib/rancher/k3s/storage/pvc-1_robot-robot1_logs"]}
     found = info(monkeypatch, {"edge": Answer({"PersistentVolumeClaim": [claim]})}, robot1=used)
     assert [row["used_bytes"] for row in found["claims"]] == [512]
+
+
+def test_a_pod_that_keeps_an_image_which_its_name_does_not_mean_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    image = {"id": "sha256:2", "repoTags": ["docker.io/lab/apps:1.0"]}
+    container = {"name": "ros-app", "imageID": "sha256:1", "state": {"running": {}}}
+    pod = {
+        "metadata": {"name": "sensor-1", "namespace": "robot-robot1", "labels": {"rosops.fleet/app": "sensor"}},
+        "spec": {"nodeName": "robot1", "containers": [{"name": "ros-app", "image": "lab/apps:1.0"}]},
+        "status": {"containerStatuses": [container]},
+    }
+    listed = {"rc": 0, "stdout": json.dumps({"images": [image]})}
+    found = info(monkeypatch, {"edge": Answer({"Pod": [pod]})}, robot1=listed, robot2={"unreachable": True})
+    [problem] = found["problems"]
+    assert (problem["where"], problem["what"]) == (
+        "sensor in robot-robot1",
+        "runs another image than lab/apps:1.0 is by now on robot1: its pod keeps the old one",
+    )
+    assert problem["todo"].startswith("give the image a version of its own")
 
 
 @pytest.mark.parametrize(

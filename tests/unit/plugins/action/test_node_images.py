@@ -81,7 +81,7 @@ def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None
     def bring(images: NodeImages, archives: Any, names: Any, check: bool, keep: Any) -> Brought:
         assert (archives, names, check, images.directory) == ([], ["redis:7"], False, DIRECTORY)
         assert keep == []
-        return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"}, (REDIS, "other"), {REDIS: "wanted"})
+        return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"}, {REDIS: "sha256:1"}, {REDIS: "wanted"})
 
     result = run(action(), monkeypatch, bring)
     assert result == {
@@ -89,7 +89,7 @@ def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None
         "imported": ["/a.tar"],
         "pulled": [REDIS],
         "images": {REDIS: "sha256:1"},
-        "present": [REDIS, "other"],
+        "present": {REDIS: "sha256:1"},
         "pins": {REDIS: "wanted"},
         "diff": {"before": "", "after": f"{REDIS} sha256:1\n"},
     }

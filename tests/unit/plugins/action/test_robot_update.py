@@ -186,7 +186,7 @@ class Edge(dict[str, Any]):
 def test_images_of_all_edge_hosts_are_known_from_one(
     monkeypatch: pytest.MonkeyPatch, api: dict[str, Any], placement: str, asked: list[str]
 ) -> None:
-    told = {"edge2": {"present": ["apps:1.0"]}, "edge3": {"unreachable": True}}
+    told = {"edge1": {"present": {"docker.io/lab/apps:1.0": "sha256:1"}}, "edge3": {"unreachable": True}}
     edge, settings = Edge(edge1={}, edge2={"edge_images": told}, edge3={"edge_images": told}), list[Any]()
 
     class Engine:
@@ -203,7 +203,11 @@ def test_images_of_all_edge_hosts_are_known_from_one(
 
     monkeypatch.setattr(robot_update, "Engine", Engine)
     known = {**VARIABLES, **fleet_of(robot({**APP, "placement": placement})), "hostvars": edge}
-    result = run(robot_update, api, {**known, "groups": {"edge": list(edge)}})
+    brought = {"present": {"docker.io/library/redis:7": "sha256:7"}}
+    result = run(robot_update, api, {**known, "groups": {"edge": list(edge)}, "images_brought": brought})
     assert result["outcome"]["outcome"] == "unchanged"
     assert edge.asked == asked
-    assert settings[0].edge_images == ({"edge2": ["apps:1.0"]} if asked else {})
+    assert settings[0].edge_images == ({"edge1": ["docker.io/lab/apps:1.0"]} if asked else {})
+    assert settings[0].known("edge1", "lab/apps:1.0") == ({"sha256:1"} if asked else ())
+    assert settings[0].known("robot1", "redis:7") == {"sha256:7"}  # seen in this run
+    assert not settings[0].known("robot1", "redis:8")

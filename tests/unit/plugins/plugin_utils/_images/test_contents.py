@@ -17,6 +17,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images import conten
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import opened
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import ArchivedImage, Archives
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
+    ARM,
+    ID,
     archive,
     digest,
     docker_image,
@@ -188,3 +190,13 @@ def test_what_no_node_can_take_is_seen_as_far_as_it_is_there(tmp_path: Path) -> 
     packed.write_bytes(lzma.compress(BASE))
     assert "compressed by xz" in Archives().unusable(str(packed))
     assert [Archives().unusable(path) for path in (str(tmp_path / "none"), "~nobody-at-all/x.tar")] == ["", ""]
+
+
+def test_the_ids_of_an_image_for_whatever_machine(tmp_path: Path) -> None:
+    """Which machine a host is only a look at it says."""
+    old, new = (docker_image(tmp_path / f"{name}.tar", "lab/a:1", [BASE], {"Cmd": [name]}) for name in ("old", "new"))
+    archives = Archives()
+    (image,) = archives.ids([old, new], "docker.io/lab/a:1")
+    assert image == found(new, "lab/a:1").image.id != found(old, "lab/a:1").image.id
+    assert archives.ids([old], "lab/b:1") == frozenset()
+    assert archives.ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") == {ID, f"sha256:{digest(ARM)}"}

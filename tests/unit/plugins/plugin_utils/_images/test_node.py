@@ -121,7 +121,7 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     brought = images.bring([archive], ["redis:7"])
     pinned = {APPS: "wanted", REDIS: "wanted"}
     assert brought == Brought(
-        (archive["path"],), (REDIS,), (), {}, {APPS: ID, REDIS: "sha256:pulled"}, (APPS, REDIS), pinned
+        (archive["path"],), (REDIS,), (), {}, {APPS: ID, REDIS: "sha256:pulled"}, {**node.images}, pinned
     )
     assert brought.changed
     assert node.calls == [

@@ -4,8 +4,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update import simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,
@@ -46,6 +51,31 @@ def test_what_the_keeper_did_is_told_once_and_recorded() -> None:
     assert '"outcome": "rolled-back"' in sim.events()
     assert "it does not get ready" in sim.events()
     assert outcome_of(sim, SCENARIOS["overlap"].robot(OLD)).reason == ""
+
+
+@pytest.mark.parametrize("check", [False, True])
+def test_an_app_that_runs_another_image_than_its_name_means_by_now_is_told(
+    check: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is unchanged, as its Deployment is; what its pod keeps only a look at images shows."""
+    sim, wanted = begin("overlap", "good")
+    ref, plain = "docker.io/lab/sensor:1", simulation.pod_object
+
+    def pod_object(pod: Any) -> dict[str, Any]:
+        container = {"name": "ros-app", "imageID": "sha256:01d", "state": {"running": {}}}
+        spec = {"nodeName": "robot1", "containers": [{"name": "ros-app", "image": ref}]}
+        made = plain(pod)
+        mine = made["metadata"]["labels"]["rosops.fleet/app"] == "sensor"
+        return {**made, "spec": spec, "status": {**made["status"], "containerStatuses": [container]}} if mine else made
+
+    monkeypatch.setattr(simulation, "pod_object", pod_object)
+    known = {("robot1", ref): {"sha256:4e3"}}
+    found = outcome_of(sim, SCENARIOS["overlap"].robot(OLD), check=check, known=lambda *asked: known.get(asked, ()))
+    told = f"sensor runs another image than {ref} is by now on robot1: its pod keeps the old one; {TODO}"
+    assert (found.outcome, found.reason) == ("unchanged", told)
+    assert told in sim.said
+    # whose pods are replaced by a step anyway is not
+    assert outcome_of(sim, wanted, check=True, known=lambda *asked: known.get(asked, ())).reason.count("another") == 0
 
 
 def test_steps_that_had_ended_before_it_waited_are_told_with_the_rest() -> None:

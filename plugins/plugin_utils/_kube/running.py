@@ -1,0 +1,54 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Containers that run another image than their image's name means by now. Pure.
+
+A pod keeps the image that it began with. Who brings another one under the same tag changes nothing, until a container
+ends by chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import containers, is_terminating, meta
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+
+TODO = "give the image a version of its own, or delete the pod while the robot rests"
+# A node, and an image's name -> IDs that it may have there; nothing where nobody knows.
+Known = Callable[[str, str], Collection[str]]
+
+
+@dataclass(frozen=True)
+class Outdated:
+    """An app's container of this image, on this node."""
+
+    namespace: str
+    app: str
+    image: str
+    node: str
+
+    @property
+    def what(self) -> str:
+        return f"runs another image than {self.image} is by now on {self.node}: its pod keeps the old one"
+
+
+def outdated(pods: Iterable[Mapping[str, Any]], known: Known) -> Iterator[Outdated]:
+    """The kubelet says an image's ID, the digest of its configuration, or where containerd has one a name by digest."""
+    for pod in pods:
+        spec = pod.get("spec") or {}
+        node, listed = (
+            str(spec.get("nodeName") or ""),
+            [spec.get(key) or () for key in ("initContainers", "containers")],
+        )
+        images = {one["name"]: str(one["image"]) for some in listed for one in some}
+        for container in () if is_terminating(pod) else containers(pod):
+            image, runs = images.get(str(container.get("name")), ""), str(container.get("imageID") or "")
+            if "running" in (container.get("state") or {}):
+                has = {runs} if runs.startswith("sha256:") else {*known(node, runs)}
+                means = {*known(node, image)}
+                if has and means and not has & means:
+                    app = str((meta(pod).get("labels") or {}).get(names.LABEL_APP) or meta(pod).get("name"))
+                    yield Outdated(str(meta(pod).get("namespace") or ""), app, image, node)

@@ -1,0 +1,64 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A tag that means another image by now, in all forms in which a kubelet and containerd tell of images."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Outdated, outdated
+
+REF, OLD, NEW = "lab/apps:1.0", "sha256:01d", "sha256:4e3"
+BY_DIGEST = "docker.io/lab/apps@sha256:a9a"  # of the manifest: so says containerd of what was pulled
+
+
+def pod(image_id: str, image: str = REF, where: str = "containerStatuses", **more: Any) -> Object:
+    name = "hooks" if where.startswith("init") else "ros-app"
+    container = {"name": name, "imageID": image_id, "state": {"running": {}}, **more}
+    return {
+        "metadata": {"name": "sensor-1", "namespace": "robot-r1", "labels": {"rosops.fleet/app": "sensor"}},
+        "spec": {
+            "nodeName": "r1",
+            "containers": [{"name": "ros-app", "image": image}],
+            "initContainers": [{"name": "hooks", "image": image, "restartPolicy": "Always"}],
+        },
+        "status": {where: [container]},
+    }
+
+
+def node(**images: set[str]) -> Any:
+    found = {"tag": REF, "digest": BY_DIGEST}
+    said = {found[key]: value for key, value in images.items()}
+    return lambda where, ref: said.get(ref, set()) if where == "r1" else set()
+
+
+@pytest.mark.parametrize(
+    ("there", "known", "found"),
+    [
+        (pod(OLD), node(tag={NEW}), True),
+        (pod(NEW), node(tag={NEW}), False),
+        (pod(BY_DIGEST), node(tag={NEW}, digest={OLD}), True),
+        (pod(BY_DIGEST), node(tag={NEW}, digest={NEW}), False),
+        (pod(BY_DIGEST), node(tag={NEW}), False),  # which image that is nobody knows here
+        (pod(OLD), node(), False),  # what the tag means, neither
+        (pod(OLD), node(tag={NEW, OLD}), False),  # an archive for several machines
+        (pod(OLD, where="initContainerStatuses"), node(tag={NEW}), True),  # the hooks beside it
+        (pod(OLD, state={"waiting": {}}), node(tag={NEW}), False),
+        (pod("", state={"running": {}}), node(tag={NEW}), False),
+        (pod(OLD, image=BY_DIGEST), node(digest={OLD}), False),
+    ],
+)
+def test_what_a_pod_runs_and_what_its_images_name_means(there: Object, known: Any, found: bool) -> None:
+    expected = [Outdated("robot-r1", "sensor", REF, "r1")] if found else []
+    assert [*outdated([there], known)] == expected
+    assert not expected or expected[0].what == (
+        "runs another image than lab/apps:1.0 is by now on r1: its pod keeps the old one"
+    )
+
+
+def test_a_pod_on_its_way_out_is_replaced_anyway() -> None:
+    there = pod(OLD)
+    there["metadata"]["deletionTimestamp"] = "2026-11-25T04:00:00Z"
+    assert [*outdated([there], node(tag={NEW}))] == []
