@@ -19,6 +19,12 @@ Object = dict[str, Any]
 TEMPLATES = ("job_templates", "projects", "inventory_sources", "workflow_job_templates")  # approvals are not listed
 OWN = {"page_size", "order_by", "type"}
 FILES = ("site.yml", "update.yml", "rollback.yml", "status.yml", "guarded.yml", "validate.yml")  # as rosops.fleet.new
+ROLES = {
+    "job_templates": ("admin", "execute", "read"),
+    "workflow_job_templates": ("admin", "execute", "read", "approval"),
+    "inventories": ("admin", "update", "adhoc", "use", "read"),
+    "projects": ("admin", "use", "update", "read"),
+}
 APPROVAL = ("name", "description", "timeout")  # all that AWX keeps of an approval
 
 
@@ -53,7 +59,8 @@ class Awx(ThreadingHTTPServer):
     def add(self, kind: str, obj: Object) -> Object:
         self._numbers += 1
         number, place = self._numbers, f"/api/v2/{kind}/{self._numbers}/"
-        project = {"scm_revision": "", "summary_fields": {}}
+        roles = {f"{role}_role": {"id": f"{number}-{role}"} for role in ROLES.get(kind, ())}
+        project = {"scm_revision": "", "summary_fields": {"object_roles": roles}}
         related = {name: f"{place}{name}/" for name in ("survey_spec", "update")}
         made = {**project, **obj, "id": number, "url": place, "type": kind.rstrip("s"), "related": related}
         self.objects.setdefault(kind, []).append(made)
@@ -77,8 +84,8 @@ class Awx(ThreadingHTTPServer):
             (project,) = [other for other in self.objects["projects"] if other["id"] == one["project"]]
             unknown = one["playbook"] not in project.get("files", ())
             return {"playbook": ["Playbook not found for project."]} if unknown else {}
-        if kind in ("schedules", "workflow_job_template_nodes") and one.get("unified_job_template"):
-            wrong = _wrong_rule(one["rrule"]) if kind == "schedules" else ""
+        if kind == "schedules":
+            wrong = _wrong_rule(one["rrule"])
             missing = self._unanswered(one["unified_job_template"], one.get("extra_data") or {})
             told = {"rrule": [wrong] if wrong else [], "variables_needed_to_start": missing}
             return {key: value for key, value in told.items() if value}

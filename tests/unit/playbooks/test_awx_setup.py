@@ -18,6 +18,8 @@ import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
 from ansible_collections.rosops.fleet.tests.unit.playbooks.awx_server import Awx
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT
+from jinja2 import ChainableUndefined, StrictUndefined
+from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 
 class _Loader(yaml.SafeLoader):
@@ -34,6 +36,9 @@ SAID = {
     "awx_canary": "robot1",
     "awx_timezone": "Europe/Prague",
     "awx_vault_password": "hush-vault",
+    "awx_update_answers": {"update_on_busy": "defer"},
+    "awx_templates": {"fleet site": {"timeout": 7200, "labels": ["night"], "extra_vars": {"update_rate_seconds": 2}}},
+    "awx_teams": {"run": "fleet operators", "approve": "fleet approvers", "read": ""},
     "awx_notifications": [
         {
             "name": "operators",
@@ -98,6 +103,22 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
             1,
         )
         assert len(awx.associated[f"job_templates/{template['id']}/credentials"]) == 3
+    site = awx.of("job_templates", "fleet site")
+    assert (site["timeout"], site["extra_vars"]) == (7200, '{"update_rate_seconds": 2}')
+    assert awx.associated[f"job_templates/{site['id']}/labels"] == [awx.of("labels", "night")["id"]]
+    canary, word = awx.of("job_templates", "fleet update canary"), awx.of("notification_templates")
+    assert awx.associated[f"job_templates/{canary['id']}/notification_templates_success"] == [word["id"]]
+    assert word["messages"] == OBJECTS["awx_messages"]["webhook"]
+    workflow = awx.of("workflow_job_templates")
+    assert [one["name"] for one in awx.objects["teams"]] == ["fleet operators", "fleet approvers"]
+    assert awx.associated[f"roles/{workflow['id']}-approval/teams"] == [awx.of("teams", "fleet approvers")["id"]]
+    assert awx.associated[f"roles/{site['id']}-execute/teams"] == [awx.of("teams", "fleet operators")["id"]]
+    assert awx.of("schedules", "fleet update at night")["extra_data"] == {
+        "update_waves": "1, 25%, 100%",
+        "update_on_busy": "defer",
+        "update_busy_timeout": 600,
+        "update_failure_budget": "0",
+    }
     nodes = {one["identifier"]: one for one in awx.objects["workflow_job_template_nodes"]}
     then = {
         name: awx.associated.get(f"workflow_job_template_nodes/{one['id']}/success_nodes")
@@ -149,17 +170,51 @@ def test_defaults_fit_their_questions() -> None:
             assert one["min"] <= len(default) <= one["max"], name
 
 
-def test_whatever_is_required_is_answered_where_nobody_is_asked() -> None:
-    questions, answers = OBJECTS["awx_questions"], OBJECTS["awx_answers"]
-    required = {one["variable"]: one["default"] for one in questions.values() if one["required"]}
-    assert answers == {name: required[name] for name in answers}
-    asked = {
-        one["name"]: {questions[name]["variable"] for name in one["survey"]} for one in OBJECTS["awx_job_templates"]
-    }
-    for name in ("fleet update",):
-        assert set(answers) <= asked[name]
-        assert asked[name] & set(required) <= set(answers)
-    assert asked["fleet status"] == set()
+OUTCOMES = {
+    "robot1": {"outcome": "rolled-back", "reason": 'talker: "0 Hz"', "steps": []},
+    "robot2": {"outcome": "deferred-busy", "reason": "it works", "steps": []},
+}
+JOB = {"id": 22, "name": "fleet update", "status": "failed", "job_explanation": ""}
+KILLED = "Job terminated due to timeout"
+
+
+def told(kind: str, event: str, part: str, **job: Any) -> str:
+    """A message as AWX makes it: by Jinja's sandbox, of a job that may have no artifacts."""
+    sandbox = ImmutableSandboxedEnvironment(undefined=ChainableUndefined)
+    text = OBJECTS["awx_messages"][kind][event][part]
+    return sandbox.from_string(text).render(job={**JOB, **job}, url="https://awx/#/jobs/22")
+
+
+def test_word_of_a_job_has_robots_outcomes_and_reasons() -> None:
+    line = told("text", "error", "message", artifacts={"fleet_outcomes": OUTCOMES})
+    assert line == "fleet update #22 failed: robot1 rolled-back, robot2 deferred-busy https://awx/#/jobs/22"
+    body = told("text", "error", "body", artifacts={"fleet_outcomes": OUTCOMES})
+    assert 'robot1: rolled-back: talker: "0 Hz"\n' in body
+    hook = json.loads(told("webhook", "error", "body", artifacts={"fleet_outcomes": OUTCOMES}))
+    assert hook["outcomes"] == OUTCOMES
+
+
+@pytest.mark.parametrize("job", [{}, {"artifacts": {}}], ids=["a sync of the project", "killed"])
+def test_word_of_a_job_without_outcomes_has_awxs_own(job: dict[str, Any]) -> None:
+    said = {**job, "job_explanation": KILLED}
+    assert KILLED in told("text", "error", "message", **said)
+    assert KILLED in told("text", "error", "body", **said)
+    hook = json.loads(told("webhook", "error", "body", **said))
+    assert (hook["explanation"], hook["outcomes"]) == (KILLED, {})
+
+
+def test_awx_takes_the_messages() -> None:
+    """It renders each of a job that it makes up, and takes none that names what there is not."""
+    strict = ImmutableSandboxedEnvironment(undefined=StrictUndefined)
+    known = {"job": {**JOB, "artifacts": {}}, "url": "u", "workflow_url": "w", "approval_node_name": "a"}
+    for kind, events in OBJECTS["awx_messages"].items():
+        for parts in (events["success"], events["error"], events["workflow_approval"]["running"]):
+            made = {
+                part: strict.from_string(text).render({**known, "approval_status": "running"})
+                for part, text in parts.items()
+            }
+            assert "\n" not in made.get("message", "")
+            assert kind != "webhook" or json.loads(made["body"])
 
 
 def test_a_workflow_is_not_taken_for_a_slice() -> None:
