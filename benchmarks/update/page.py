@@ -68,6 +68,7 @@ AGAIN = """## Run it again
     make bench                      # goes on where the last run was cut off; a lab of its own, removed at the end
     make bench MINUTES=30           # begins no trial that would not be over by then
     make bench BENCH="--cases pubsub/minor --data /tmp/mine.jsonl"
+    make bench BENCH="--arms fleet-no-hold --cases action/server"   # goals are not held
     make bench-docs                 # this page and its pictures out of the trials
     make bench-probe BENCH=--publish   # what ours costs a robot at rest, per part
     make bench-fleet BENCH=--publish   # what the engine costs per robot

@@ -43,6 +43,59 @@ def test_a_record_from_logs() -> None:
     assert (found["step_s"], found["failed"]) == (4.0, None)
 
 
+# A run of 24 s whose step is its middle: its beginning and its end count as much.
+RUN, STEP = Span(1026.0, 1050.0), Span(1035.0, 1040.0)
+
+
+def measured(name: str, client: list[dict[str, Any]]) -> Measured:
+    case = next(one for one in CASES if one.name == name)
+    logs = {case.sink.name: {"c.jsonl": client}}
+    return measure(case, Step(RUN, STEP, 5.0, 0.0), logs, Round("fleet", False, 1, 10_000, QUIET, WHOLE))
+
+
+def test_a_response_is_looked_at_from_the_command_to_its_end() -> None:
+    slow = [at for at in range(1026, 1050) if not 1033 <= at < 1042]
+    asked = [
+        {"time": 1000.0 + tick / 20, "request": tick, "ok": True, "operation": "add",
+         "latency_ms": 50.0 if int(1000 + tick / 20) in slow else 10.0}
+        for tick in range(60 * 20)
+    ]  # fmt: skip
+    found = measured("service/server", asked)
+    assert (found.record["p95_before_ms"], found.record["p95_step_ms"], found.record["p95_run_ms"]) == (
+        10.0,
+        10.0,
+        50.0,
+    )
+    assert (found.record["run_s"], found.details["run_span"]) == (24.0, [1026.0, 1050.0])
+    assert found.details["series"][0][0] == -15.0  # seconds from the command
+
+
+def test_a_goal_that_waits_at_the_runs_beginning_counts() -> None:
+    client = [
+        {"time": sent + 0.2, "goal": f"g{sent}", "sent": float(sent), "outcome": "succeeded",
+         "completion_ms": 3200.0 if sent == 1027 else 200.0}
+        for sent in range(999, 1061)
+    ]  # fmt: skip
+    found = measured("action/server", client).record
+    assert found["completion_before_ms"] == 200.0
+    assert (found["completion_during_ms"], found["completion_longest_ms"]) == (300.0, 3200.0)  # of 30 goals
+
+
+def test_the_age_of_messages_and_their_order_are_those_of_the_whole_run() -> None:
+    received = [
+        {"time": 1000.0 + second, "version": "1.0", "ranges": [[990 * 500, 1070 * 500]], "longest_gap_ms": 5.0,
+         "oldest_age_ms": {1010: 20.0, 1028: 300.0, 1037: 90.0}.get(1000 + second, 8.0),
+         "ran_back": 2 if 1026 <= 1000 + second < 1050 else 0, "furthest_back": 4}
+        for second in range(60)
+    ]  # fmt: skip
+    published = [{"time": 1000.0, "ranges": [[990 * 500, 1070 * 500]]}]
+    logs = {"minor-pub": {"p.jsonl": published}, "minor-sub": {"s.jsonl": received}}
+    found = measure(CASES[0], Step(RUN, STEP, 5.0), logs, Round("fleet", False, 1, 10_000, QUIET, WHOLE)).record
+    # the control is as long as the step, at the end of the quiet beginning
+    assert (found["oldest_control_ms"], found["oldest_ms"], found["oldest_run_ms"]) == (8.0, 90.0, 300.0)
+    assert (found["ran_back"], found["furthest_back_ms"]) == (48, 8.0)
+
+
 def test_an_update_that_failed_has_no_time_but_its_messages_are_counted() -> None:
     step = Step(Span(1028.0, 1032.0), Span(1028.0, 1032.0), 4.0, 0.0, outcome="rolled-back", problem="rolled-back: why")
     found = measure(CASES[0], step, {}, Round("fleet", False, 1, 10_000, QUIET, WHOLE))
