@@ -24,6 +24,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     Object,
 )
 
+NO_WAY_BACK = "no version of it was ever proven, so it stays as it is; another version takes its place"
 VERIFY_EXTRA = 20.0
 AT_REST_SECONDS = 2.0  # in which a robot shows that it is at rest now and then
 BESIDE_SECONDS = 10.0  # that a new version waits beside the old one for a robot that went to work again
@@ -254,6 +255,9 @@ class Gated:
         if not now.applied:
             now.rest.release()
             return turn.result(now, FAILED, f"{now.left}: {error}")
+        if not (self.step.previous or self.step.created):  # and what another run made may work tomorrow
+            now.rest.release()
+            return turn.result(now, FAILED, f"{error}; {NO_WAY_BACK}")
         try:
             turn.host.there()  # a robot that is away proves nothing, and cannot be helped from here
             self._go_back()

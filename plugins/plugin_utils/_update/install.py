@@ -4,7 +4,7 @@
 """A robot on which no app is at work: all that is new comes at once, for nothing can be disturbed. Pure.
 
 Its Deployments carry the mark of what is not proven, and have no way back. So an installation that was cut off is known
-by its marks: whatever is marked and has nothing to go back to was never at work, and the next run installs it again.
+by its marks: what is marked, was never proven and does not work was never at work, and the next run installs it again.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import P
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     app_of,
     deployments_of,
-    read_contracts,
-    read_histories,
+    working,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
@@ -31,24 +30,23 @@ SERVING = (names.MASTER_NAME, names.KEEPER_NAME, EXPORTER_NAME)
 
 
 def at_work(robot: Robot, live: Live) -> list[str]:
-    """The apps of the robot's namespace that were proven once, or that have something to go back to."""
-    histories, contracts = read_histories(live.maps), read_contracts(live.maps)
-    return [
-        app
-        for item in live.deployments
-        if item["metadata"]["namespace"] == robot.namespace and (app := app_of(item)) not in SERVING
-        if histories.get(app)
-        or contracts.get(app, {}).get("proven")
-        or names.ANNOTATION_UPDATING not in (item["metadata"].get("annotations") or {})
-    ]
+    """The apps of the robot's namespace that work, or did once."""
+    return [app for namespace, app in sorted(working(live)) if namespace == robot.namespace and app not in SERVING]
 
 
 def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
-    """The plan with all steps that only create as one, the last one, where no app is at work."""
-    new = [step for step in plan.steps if not step.previous]
-    if not new or at_work(robot, live):
+    """The plan with all that never came up as one step, the last one, where no app is at work.
+
+    What an installation that was cut off has brought up is installed once more: as it is wanted, so that nothing
+    becomes of it but a proof.
+    """
+    again = [step for step in plan.steps if step.resume and not step.previous]
+    installed = {app for step in again for app in step.apps}
+    if set(at_work(robot, live)) - installed:
         return plan
-    return replace(plan, steps=[*(step for step in plan.steps if step.previous), _united(new, robot)])
+    new = [step for step in plan.steps if step.fresh or step in again]
+    others = [step for step in plan.steps if step not in new]
+    return replace(plan, steps=[*others, *([_united(new, robot)] if new else [])])
 
 
 def _united(steps: Sequence[Step], robot: Robot) -> Step:
@@ -60,6 +58,7 @@ def _united(steps: Sequence[Step], robot: Robot) -> Step:
         apps=apps,
         handoff="replace",
         objects=[item for step in steps for item in step.objects],
+        previous={},
         created=[item for step in steps for item in step.created],
         resume=False,
         drifted=False,

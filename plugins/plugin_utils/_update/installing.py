@@ -9,6 +9,7 @@ There is nothing to go back to: what does not come up stays, and is told.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS
@@ -19,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING, members, promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import marked
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import Bounds, installed, marked
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import UNFINISHED, Now, Turn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
@@ -57,7 +58,7 @@ class Installing:
                 keeps_promise(turn, step.conditions, self.settings.verify_seconds)
                 turn.cluster.wait(step.workloads, 5.0, fail_on_restart=True)
             result = turn.result(now, UPDATED)
-            turn.apply_all([*step.workloads, turn.events(None, [result])])
+            self._prove(step.workloads, [turn.events(None, [result])])
             return result
         except (AwayError, CancelledError, LostError) as error:
             return turn.broken_off(now, error)
@@ -72,11 +73,17 @@ class Installing:
                 with contextlib.suppress(NotReadyError):
                     turn.cluster.wait(workloads, LOOK_SECONDS)
                     keeps_promise(turn, promised(turn.robot, [app]), seconds, seconds + LOOK_SECONDS)
-                    turn.apply_all(workloads)
+                    self._prove(workloads)
                     proven.append(app)
         except FleetError as error:
             turn.say(f"{self.step.name}: {error}")
         return f"; up: {', '.join(proven)}" if proven else ""
+
+    def _prove(self, workloads: Sequence[Object], more: Sequence[Object] = ()) -> None:
+        """Say that they are proven, then take their marks off: whatever brings a mark back is no word against them."""
+        bounds = Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
+        said = installed(workloads, self.step, bounds, self.now.started)
+        self.turn.apply_all([*said, *workloads, *more])
 
 
 def all_ready(turn: Turn) -> None:

@@ -42,6 +42,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions imp
     read_contracts,
     read_histories,
     revision_of,
+    working,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
@@ -64,7 +65,8 @@ class Step:
     drifted: bool  # somebody changed by hand what runs, and did not change its node's name with it
     objects: Sequence[Object]
     previous: Mapping[str, Object]  # app, or the master's keeper -> the Deployment to go back to
-    created: Sequence[Object]  # Deployments that were not there: the way back deletes them
+    created: Sequence[Object]  # Deployments that were not there: the way back deletes them, and no others
+    fresh: bool  # nothing of it ever came up
     resume: bool  # an earlier run applied just this, and ended before it was proven
     proven: bool  # an earlier run proved just this, and only its mark is left to be taken off
     unproven: Sequence[str]  # apps of which something runs that nobody has proven: its graph shows nothing to hold to
@@ -135,16 +137,17 @@ class _Robot:
     histories: Histories = field(default_factory=dict)
     contracts: Mapping[str, Object] = field(default_factory=dict)  # app -> that of its last step
     drifted: Collection[Key] = ()  # Deployments that somebody changed by hand
+    working: Collection[Key] = ()  # those that were proven once, or work now
 
     def step(self, members: Sequence[str], back: bool = False) -> Step:
         objects = [item for app in members for item in self.desired[app]]
         apps = {app.name: app for app in self.robot.apps if app.name in members}
         first = {app: next(iter(deployments_of(self.desired[app]))) for app in members}
+        changed = any(self.differs(item) for item in deployments_of(objects))
         unproven = [
             app for app in members for item in deployments_of(self.desired[app])
-            if self._unproven(self.live.get(key_of(item)))
+            if self._unproven(self.live.get(key_of(item))) and not (changed and self._found_at_work(item))
         ]  # fmt: skip
-        changed = any(self.differs(item) for item in deployments_of(objects))
         previous = self._previous(objects)
         running = {app: node_of(self.live[key_of(first[app])]) for app in apps if key_of(first[app]) in self.live}
         old_nodes = {app: node_of(previous[app]) for app in apps if app in previous} if unproven else running
@@ -156,9 +159,8 @@ class _Robot:
             handoff=max([app.handoff for app in apps.values()] or ["replace"], key=HANDOFFS.index),
             objects=objects,
             previous=previous,
-            created=[
-                identity(item) for item in deployments_of(objects) if app_of(item) not in previous
-            ],
+            created=[identity(item) for item in deployments_of(objects) if key_of(item) not in self.live],
+            fresh=not any(key_of(item) in self.working for item in deployments_of(objects)),
             resume=bool(unproven) and not changed,
             proven=not (unproven or changed),
             unproven=unproven,
@@ -191,17 +193,27 @@ class _Robot:
         return self.differs(item) or is_updating(self.live.get(key_of(item)))
 
     def _previous(self, objects: Sequence[Object]) -> dict[str, Object]:
-        """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven."""
+        """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven.
+
+        Where there is none, it is what was there before another version came.
+        """
         found: dict[str, Object] = {}
         for item in deployments_of(objects):
             app, there = app_of(item), self.live.get(key_of(item))
             if there is None:
                 continue
-            if not self._unproven(there):
-                found.setdefault(app, kept(there, whole=key_of(there) in self.drifted))
-            elif self.histories.get(app):
+            if self._unproven(there) and self.histories.get(app):
                 found[app] = self.histories[app][0]["deployment"]
+            elif self.differs(item) or not self._unproven(there):
+                found.setdefault(app, kept(there, whole=key_of(there) in self.drifted))
         return found
+
+    def _found_at_work(self, item: Object) -> bool:
+        """Whether it works, and nobody says what did before it: the mark alone is no word against it.
+
+        `kubectl rollout undo` brings back the mark that the version had while it was installed.
+        """
+        return key_of(item) in self.working and not self.histories.get(app_of(item))
 
     def _unproven(self, there: Object | None) -> bool:
         """Whether it carries the mark of a step that has not proven it.
@@ -238,7 +250,8 @@ def update_plan(
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     running = {key_of(item): item for item in live.deployments}
-    there = _Robot(robot, desired, running, read_histories(live.maps), read_contracts(live.maps), drifted)
+    histories, contracts = read_histories(live.maps), read_contracts(live.maps)
+    there = _Robot(robot, desired, running, histories, contracts, drifted, working(live))
     brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
     asked = [
         app for app, objects in desired.items()

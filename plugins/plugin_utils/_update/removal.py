@@ -77,6 +77,7 @@ def _step(item: Object, robot: Robot) -> Step:
         objects=[],
         previous={app: kept(item)},
         created=[],
+        fresh=False,
         resume=False,
         proven=False,
         unproven=[],

@@ -37,6 +37,28 @@ def _read(maps: Iterable[Object], key: str, empty: str) -> dict[str, Any]:
     }
 
 
+def working(live: Live) -> set[Key]:
+    """The Deployments that were proven once, have something to go back to, or have a pod that is Ready.
+
+    A mark alone says nothing against what works, nor does a ConfigMap that is not there.
+    """
+    histories, contracts = read_histories(live.maps), read_contracts(live.maps)
+    ready = {(pod["metadata"]["namespace"], app_of(pod)) for pod in live.pods if _is_ready(pod)}
+    return {
+        key_of(item)
+        for item in live.deployments
+        if not is_updating(item)
+        or histories.get(app_of(item))
+        or contracts.get(app_of(item), {}).get("proven")
+        or (key_of(item)[0], app_of(item)) in ready
+    }
+
+
+def _is_ready(pod: Object) -> bool:
+    containers = (pod.get("status") or {}).get("containerStatuses") or []
+    return bool(containers) and all(container.get("ready") for container in containers)
+
+
 def files_owner(item: Object) -> Key:
     """The app whose files a ConfigMap holds; without a name where it is another one."""
     return key_of(item)[0], (item["metadata"].get("labels") or {}).get(names.LABEL_FILES, "")

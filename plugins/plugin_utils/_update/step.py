@@ -378,6 +378,12 @@ def with_strategy(objects: Iterable[Object], strategy: Mapping[str, Any]) -> lis
     ]
 
 
+def installed(workloads: Iterable[Object], step: Step, bounds: Bounds, now: float) -> list[dict[str, Any]]:
+    """That these of its Deployments were proven, each by itself; their graph is recorded before their next step."""
+    each = [(item, replace(step, apps=[app_of(item)])) for item in workloads]
+    return fulfilled([_update_map(item, one, NO_CONTRACT, bounds, now) for item, one in each])
+
+
 def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:
     """The ConfigMaps of a step's contracts, once these are fulfilled. Only then may the mark come off."""
     found = []

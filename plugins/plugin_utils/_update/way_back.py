@@ -59,8 +59,9 @@ def go(turn: Turn, now: Now) -> None:
             turn.host.register(turn.master, now.graph, old)
         except RosError as error:  # without the old version there is nothing to register
             turn.say(f"{step.name}: its old nodes are not registered again yet: {error}")
-    # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here
-    turn.apply_all(decide.marked(step.previous.values(), str(int(now.started))))
+    # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here; and
+    # never without the contract, which a refused apply may have left unwritten
+    turn.apply_all([*now.maps, *decide.marked(step.previous.values(), str(int(now.started)))])
     turn.cluster.delete(step.created)
     turn.cluster.wait(list(step.previous.values()), settings.ready_timeout)
     dead = sorted({*step.new_nodes.values(), *follows.values()} - {"", *old})

@@ -107,9 +107,11 @@ class Simulation(SimulatedRobot):
         self.interrupted: set[str] = set()  # those that are without one for a reason
         self.verify_seconds = 0.0
         self.cancelled, self.begun = False, 0.0
+        self.before: dict[KEY, dict[str, Any]] = {}  # the Deployments at the run's beginning
         self.messages: dict[str, Callable[[float], Object | None]] = {}  # topic -> its message then
         self.steps: list[float] = []  # when a Deployment was changed for a version that is to be proven
         self.unheld = True  # no call that lets goals go has met a fault
+        self.copied: dict[tuple[tuple[str, str], str], dict[str, str]] = {}  # a ReplicaSet's annotations
 
     # --- an operator ------------------------------------------------------------------------------------------------
 
@@ -121,6 +123,10 @@ class Simulation(SimulatedRobot):
             if item["kind"] == "Deployment":
                 self.proven.add((deployment_key(item), template_of(item)))
         self.advance(10.0)
+        self.watch(robot)
+
+    def watch(self, robot: Robot) -> None:
+        """Others listen to all of it, and what overlaps is never away."""
         self.watched = {app.name for app in robot.apps if app.handoff == "overlap"}
         everything = [topic for process in self.living() for topic in process.topics]
         self.others.append(Process("/listener", "http://10.42.1.1:4000/", subscriptions=everything))
@@ -133,7 +139,7 @@ class Simulation(SimulatedRobot):
         self.calls, self.said, self.touched, self.silent, self.checking = [], [], set(), 0.0, settings.check
         self.fault, self.at, self.verify_seconds = fault, at, settings.verify_seconds
         self.unheld, self.cancelled, self.begun = True, False, self.time
-        before = {key: obj for key, obj in self.objects.items() if key[0] == "Deployment"}
+        before = self.before = {key: obj for key, obj in self.objects.items() if key[0] == "Deployment"}
         engine = self.engine = Engine(
             robot, settings, World(SimulatedCluster(self), SimulatedHost(self), self, self.say)
         )
@@ -153,6 +159,15 @@ class Simulation(SimulatedRobot):
         else:
             item["spec"]["template"]["spec"]["containers"][0]["image"] = image("good", 77)
         self.objects["Deployment", *key] = {**item, "applied": {}}
+
+    def undo_by_hand(self, key: tuple[str, str]) -> None:
+        """`kubectl set image`, `kubectl rollout undo`: what runs is as it was, with its ReplicaSet's annotations.
+
+        The controller copies those of the Deployment there, and takes none of them away.
+        """
+        item = copy.deepcopy(self.objects["Deployment", *key])
+        item["metadata"]["annotations"] |= self.copied[key, template_of(item)]
+        self.write(item, {**item, "applied": {}})
 
     # --- the keeper goes back by itself -----------------------------------------------------------------------------
 
@@ -369,7 +384,7 @@ class Simulation(SimulatedRobot):
             self.is_proven(key, there, "its mark could not be taken off" in result.reason)
         elif result.outcome == "rolled-back":
             if there is None:
-                assert key[2] not in result.before, f"rolled back, and {key} is gone"
+                assert before is None, f"rolled back, and {key} is gone"
                 return
             assert template_of(there) != template_of(wanted) or before is None, f"rolled back, and {key} is the new one"
             self.is_proven(key, there, False)
@@ -424,6 +439,9 @@ class Simulation(SimulatedRobot):
         self.objects[key] = after or {**self.objects[key], **item, "applied": item}
         self.changed()
         if item["kind"] == "Deployment":
+            self.copied.setdefault((deployment_key(item), template_of(item)), {}).update(
+                item["metadata"]["annotations"]
+            )
             self.reconcile(deployment_key(item))
             if is_marked(item) and not self.looking:
                 self.looking = True
@@ -511,6 +529,8 @@ class SimulatedCluster:
             for item in objects:
                 key = (item["kind"], *deployment_key(item))
                 done.append(Applied(ref_of(item), sim.objects.get(key), None, key in sim.objects))
+                removed = sim.engine.settings.request.remove or item["kind"] != "Deployment"
+                assert dry_run or removed or key not in sim.before, f"{key} was there before this run, which deletes it"
                 if not dry_run and sim.objects.pop(key, None) is not None:
                     sim.touched.add(key)
                     sim.watched -= {key[2]} if sim.engine.settings.request.remove else set()

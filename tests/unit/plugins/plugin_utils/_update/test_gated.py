@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     INFRASTRUCTURE,
@@ -20,8 +22,10 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+    SimulatedCluster,
     SimulatedHost,
     Simulation,
+    is_marked,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -80,6 +84,101 @@ def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by
     assert there is not None
     assert there["spec"] == {item["metadata"]["name"]: item for item in wanted_deployments(wanted)}[app_name]["spec"]
     assert outcome_of(sim, wanted).outcome == "unchanged"
+
+
+# --- a mark that says nothing of what runs ---------------------------------------------------------------------------
+
+
+def installed(name: str, *others: dict[str, Any]) -> tuple[Simulation, Robot]:
+    """By a run, so that nothing is kept beside its apps but what that leaves."""
+    sim, first = Simulation(), SCENARIOS[name].robot(OLD)
+    wanted = replace(first, apps=(*first.apps, *robot(*others).apps))
+    found = sim.run(wanted, settings(parts=PARTS))
+    assert found is not None
+    assert found.outcome == "updated"
+    sim.watch(wanted)
+    return sim, SCENARIOS[name].robot(image("good"))
+
+
+@pytest.mark.parametrize("mapped", [True, False], ids=["with a record", "of a collection that left none"])
+@pytest.mark.parametrize("beside", [(), (app("stats", OLD),)], ids=["alone", "beside another one"])
+@pytest.mark.parametrize("version", ["good", "never-starts", "half-the-rate"])
+@pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
+def test_an_undo_by_hand_makes_nothing_new_of_what_works(
+    name: str, version: str, beside: tuple[dict[str, Any], ...], mapped: bool
+) -> None:
+    """`kubectl rollout undo` brings the mark of the installation back, beside an app that works."""
+    sim, _wanted = installed(name, *beside)
+    first = SCENARIOS[name].robot(image(version))
+    wanted = replace(first, apps=(*first.apps, *robot(*beside).apps))
+    (changed,) = [one.name for one in first.apps]
+    if not mapped:
+        del sim.objects["ConfigMap", "robot-robot1", f"{changed}-update"]
+    sim.undo_by_hand(("robot-robot1", changed))
+    goal = sim.goal("/plan", 20.0)
+    sim.advance(1.0)
+    found = outcome_of(sim, wanted)
+    assert found.outcome == ("updated" if version == "good" else "rolled-back"), found
+    assert "hold" in sim.calls or name != "drain"
+    assert "graph" in sim.calls
+    assert sim.deployment(("robot-robot1", changed))
+    assert goal.ended or name != "drain"
+    assert outcome_of(sim, wanted).outcome == ("unchanged" if version == "good" else "rolled-back")
+    better = SCENARIOS[name].robot(image("good", 7))
+    assert outcome_of(sim, replace(better, apps=(*better.apps, *robot(*beside).apps))).outcome == "updated"
+
+
+def test_an_undo_by_hand_alone_costs_only_its_mark() -> None:
+    sim, _wanted = installed("drain")
+    sim.undo_by_hand(("robot-robot1", "planner"))
+    assert outcome_of(sim, SCENARIOS["drain"].robot(OLD)).outcome == "updated"
+    assert not {"graph", "hold", "rollout", "ready"} & {*sim.calls}
+    assert outcome_of(sim, SCENARIOS["drain"].robot(OLD)).outcome == "unchanged"
+
+
+@pytest.mark.parametrize("second", ["killed", "cancelled", "api-gone", "time-out"])
+@pytest.mark.parametrize("name", ["overlap", "drain"])
+def test_a_refused_apply_and_then_more_leaves_what_works_known(
+    name: str, second: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The old version gets a mark on the way back: never without what says that it was proven."""
+    first, _wanted = installed(name)
+    wanted = SCENARIOS[name].robot(image("half-the-rate"))
+    refuse = Refuse(monkeypatch)
+    outcome_of(first, wanted)
+    for at in range(refuse.at, len(first.calls) + 1):
+        sim, _wanted = installed(name)
+        refuse.again()
+        sim.run(wanted, settings(), second, at)
+        sim.restore()
+        refuse.over()
+        goal = sim.goal("/plan", 20.0)
+        sim.advance(1.0)
+        assert outcome_of(sim, wanted).outcome == "rolled-back", at
+        assert goal.ended or name != "drain"
+
+
+class Refuse:
+    """The API server refuses the first apply of a version that is to be proven; `at` is the call after it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.at, self.due = 0, True
+        apply = SimulatedCluster.apply
+
+        def refusing(cluster: SimulatedCluster, objects: Any, dry_run: bool = False) -> Any:
+            new = any(item["kind"] == "Deployment" and is_marked(item) for item in objects)
+            if self.due and new:
+                self.due, self.at = False, len(cluster.sim.calls) + 1
+                raise KubeError("denied by a webhook")
+            return apply(cluster, objects, dry_run)
+
+        monkeypatch.setattr(SimulatedCluster, "apply", refusing)
+
+    def again(self) -> None:
+        self.due = True
+
+    def over(self) -> None:
+        self.due = False
 
 
 # --- beside a master that does not answer ---------------------------------------------------------------------------

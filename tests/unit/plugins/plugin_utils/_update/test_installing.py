@@ -123,8 +123,11 @@ def test_what_does_not_come_up_stays_and_is_told_and_the_rest_is_at_work() -> No
     )
     assert "sensor" in found.reason
     assert marked(sim) == {"sensor"}
-    # from here on something is at work: the next version comes through the gate, or goes again
-    assert word(sim, wanted(BAD)) == "rolled-back"
+    # from here on something is at work: the next version comes through the gate; there is none to go back to
+    found = outcome(sim, wanted(BAD))
+    assert found.outcome == "failed"
+    assert "no version of it was ever proven, so it stays as it is" in found.reason
+    assert sim.deployment((NAMESPACE, "sensor"))
     assert word(sim, wanted(GOOD)) == "updated"
     assert word(sim, wanted(GOOD)) == "unchanged"
     assert not marked(sim)
