@@ -72,7 +72,7 @@ test: ## What CI runs: everything that needs no host, and on hosts one case for 
 .PHONY: test-all
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
 	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
-	    --lane artifacts molecule-default molecule-fleet molecule-update test-rigel molecule-observability \
+	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
 	    --lane $(subst sanity,sanity-all,$(HOSTLESS)) units-all
 
 .PHONY: check
@@ -95,7 +95,6 @@ mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the 
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
-	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/rigel
 	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tests/browser:tools mypy tests/observability
 
 .PHONY: yamllint
@@ -171,12 +170,6 @@ test-go: ## Unit tests of labk3s's own packages
 .PHONY: test-ros
 test-ros: ## Probes, stop hook, keeper and gates on real ROS nodes (skipped, with the reason, where Debian's rospy is missing)
 	python -m pytest -n 0 -rs tests/ros
-
-.PHONY: test-rigel
-test-rigel: artifacts ## Three Rigelfiles imported, deployed on hosts, and what their apps wrote collected
-	@trap '$(LAB) down --lab rigel' EXIT; \
-	$(LAB) up --fresh --lab rigel --hosts edge1:edge,robot1:robots; \
-	ROSOPS_LAB=rigel python -m pytest -n 0 -rs tests/rigel
 
 .PHONY: test-browser
 test-browser: ## The status page in a headless browser (skipped, with the reason, where chromium is missing)

@@ -40,8 +40,6 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_observability": ("_model", "_objects"),
     # above the objects: an app's overrides are judged by the object that they are laid over
     "_validate": ("_model", "_objects", "_observability"),
-    # what an import makes is held against the same validation
-    "_rigel": ("_model", "_validate"),
     "_update": ("_model", "_kube", "_images", "_objects", "_observability"),
     # what actions share: how they run modules on the host at hand, and what an update calls the ways in which they fail
     "_action": ("_model", "_kube", "_images", "_update"),

@@ -24,7 +24,6 @@ HOSTS = {"edge": "192.0.2.10", "robots": "192.0.2.21"}
 SITE = "tests/unit/playbooks/test_site_robots.py"
 REHEARSAL = "tests/update/test_5_rehearsal.py::test_rehearsal_and_reality_agree"
 COLLECT = "tests/unit/playbooks/test_collect.py::test_results_come_with_their_sums_and_once"
-IMPORT = "tests/unit/playbooks/test_import_rigelfile.py::test_what_was_imported_passes_the_validation"
 UPDATE = "tests/update/test_1_fleet.py"
 # A command, its options and what stands for a name as a regular expression -> the test that runs it.
 RUN = {
@@ -53,9 +52,6 @@ RUN = {
     r"PLAY collect -e (collect_dest=results|collect_robots=robot1|'\{.*\}')( --check)?": COLLECT,
     r"ansible-playbook rosops\.fleet\.awx_setup -e @my-awx\.yml": "tests/unit/playbooks/test_awx_setup.py"
     "::test_an_awx_has_it_all_and_a_second_run_changes_nothing",
-    r"ansible-playbook rosops\.fleet\.import_rigelfile -e rigelfile=Rigelfile -e dest=my-fleet.*": IMPORT,
-    r"ansible-playbook rosops\.fleet\.(validate|site)": "tests/rigel/test_rigelfiles.py"
-    "::test_imported_deployed_and_collected",
     r"ansible-playbook -i my-lab rosops\.fleet\.rehearse --limit lab1,edge1 .*": REHEARSAL,
 }
 WORDS = {"PLAY ": r"ansible-playbook rosops\.fleet\.", "LIMIT": r"--limit robot\d"}

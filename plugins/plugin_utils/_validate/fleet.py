@@ -28,6 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.images import inside
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import layered
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import without_rigels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
     fleet_app_problems,
     master_problems,
@@ -61,8 +62,7 @@ def check_fleet(given: Any, find: Find = unseen) -> Report:
     problems += _shape_problems(value)
     groups = _mapping(value, "groups")
     hosts = {
-        name: layered(item, join_path("hosts", name), problems) if isinstance(item, dict) else {}
-        for name, item in _mapping(value, "hosts").items()
+        name: _variables(item, join_path("hosts", name), problems) for name, item in _mapping(value, "hosts").items()
     }
     problems += _first_server_problems(groups, hosts)
     groups = edge_ordered(groups, next(filter(None, _first_servers(groups, hosts).values()), ""))
@@ -92,6 +92,10 @@ def check_fleet(given: Any, find: Find = unseen) -> Report:
     problems = unique(problems)
     fleet = None if problems else _fleet(groups, hosts, drafts)
     return Report(problems, unique(warnings), fleet, hosts)
+
+
+def _variables(said: Any, path: str, problems: list[Problem]) -> dict[str, Any]:
+    return layered(without_rigels(said, path, problems), path, problems) if isinstance(said, dict) else {}
 
 
 def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:

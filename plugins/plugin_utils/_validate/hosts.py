@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import INSTEAD
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import needed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
 
@@ -52,9 +53,11 @@ def variables_of(hostvars: Mapping[str, Any], host: str) -> Mapping[str, Any]:
 
 def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], problems: list[Problem]) -> dict[str, Any]:
     variables = variables_of(hostvars, host)
-    picked = {}
+    picked: dict[str, Any] = {}
     for name in variables:
-        if is_ours(str(name)):
+        if name in INSTEAD:
+            picked[name] = None  # whatever its value is, it has no effect
+        elif is_ours(str(name)):
             try:
                 # a variable may be templated piece by piece, as it is read
                 picked[str(name)] = _read(str(name), variables[name], seen)
@@ -83,6 +86,6 @@ def _copied(value: Any) -> Any:
 def is_ours(name: str) -> bool:
     """Whether a variable is one of the collection's, or looks like a misspelt one."""
     known = known_variables()
-    if name in known:
+    if name in known or name in INSTEAD:
         return True
     return name.startswith(OWN_PREFIXES) and nearest_name(name, known, MISSPELT) is not None

@@ -11,6 +11,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import INSTEAD
 
 
 class Templated(Mapping[str, Any]):
@@ -74,3 +75,11 @@ def test_fleet_hosts_reports_templates_that_fail_all_at_once() -> None:
         "hosts.r1.ros_apps: cannot be templated: 'site' is undefined; allowed: a value that is defined",
         "hosts.r2.persistent_storage: cannot be templated: 'site' is undefined; allowed: a value that is defined",
     ]
+
+
+def test_keys_of_a_rigelfile_are_refused_all_at_once_whatever_their_values() -> None:
+    said = Templated({name: ValueError("it rests on what is not there") for name in INSTEAD})
+    hosts = fleet_hosts({"robot1": said}, ["robot1"])
+    found = check_fleet({"groups": {"edge": ["edge1"], "robots": ["robot1"]}, "hosts": hosts}).problems
+    assert [problem.path for problem in found] == [f"hosts.robot1.{name}" for name in sorted(INSTEAD)]
+    assert all(problem.allowed == INSTEAD[problem.path.rpartition(".")[2]] for problem in found)
