@@ -43,7 +43,7 @@ class ActionModule(FleetAction):
 
 
 def _kept(known: Mapping[str, Any]) -> list[str]:
-    """What the apps of a robot run on its own host, also where nobody has to bring it before."""
+    """What the apps of a robot run on its own host: a step may have brought it, and nobody asks for it here."""
     robots = (known.get(VARIABLE) or {}).get("robots") or {}
     return images(robot_from_vars(known), "local") if known["inventory_hostname"] in robots else []
 

@@ -15,7 +15,7 @@ description:
   - Imports archives of the control node, lets the node pull the other names, and verifies that every image is there.
     Of an archive only the layers travel that the node lacks.
   - Pins the images, so that the kubelet does not delete them when the disk fills; of each repository what was wanted or
-    ran before stays pinned, too. On the host of a robot all images that its apps run there are.
+    ran before stays pinned, too.
   - Runs as an action plugin on the control node. The host needs k3s and Python's standard library.
 author:
   - rosops.fleet contributors (@rosops)

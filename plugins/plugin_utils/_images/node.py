@@ -102,8 +102,8 @@ class NodeImages:
         check: bool = False,
         keep: Iterable[str] = (),
     ) -> Brought:
-        """Import the archives (`{path, images}`) and pull the names that the node lacks; `check` only looks. `keep` are
-        names that are pinned, too, where they are there.
+        """Import the archives (`{path, images}`) and pull the names that the node lacks; `check` only looks. What of
+        `keep` an earlier run pinned stays pinned.
 
         SpecError for an archive that cannot be used, ImagesError for a step that fails on the node. What an interrupted
         transfer left stays there, for the next one to resume.
@@ -123,7 +123,7 @@ class NodeImages:
             except ImagesError as error:  # whoever goes on without it has to know what there is
                 error.details["present"] = dict(self.present().images)
                 raise
-        changes = pins([*plan.wanted, *map(normal_ref, keep)], after)
+        changes = pins(plan.wanted, after, map(normal_ref, keep))
         if changes and not check:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
             self._run("ansible.builtin.command", {"argv": ["/bin/sh", "-c", LABEL, BINARY, *pairs]})

@@ -22,9 +22,10 @@ LABEL = (
 )
 
 
-def pins(wanted: Iterable[str], there: Present) -> dict[str, str]:
-    """Names whose pin has to change, and to what."""
-    now = {ref: WANTED for ref in wanted if ref in there.images}
+def pins(wanted: Iterable[str], there: Present, keep: Iterable[str] = ()) -> dict[str, str]:
+    """Names whose pin has to change, and to what. One of `keep` stays pinned, where it is."""
+    names = [*wanted, *(ref for ref in keep if ref in there.pins)]
+    now = {ref: WANTED for ref in names if ref in there.images}
     ours = {_repository(ref) for ref in now}
     runs = {ref for ref, image in there.images.items() if image in there.used and "@" not in ref}
     left = [ref for ref in there.pins if ref in there.images and ref not in now]

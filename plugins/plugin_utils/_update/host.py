@@ -22,7 +22,7 @@ RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken 
 class ImageSource:
     """Where images come from: archives of the control node (`{path, images}`), and names that are always wanted.
 
-    `keep` are those that the robot's apps run by the inventory; nobody has to bring them before.
+    `keep` are those that the robot's apps run by the inventory: they stay pinned.
     """
 
     node: NodeImages

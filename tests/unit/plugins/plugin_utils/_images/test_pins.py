@@ -65,3 +65,10 @@ def test_the_shell_labels_all_of_them_and_says_when_one_cannot_be(tmp_path: Path
         f"{label} {V1} io.cri-containerd.pinned= rosops.fleet/pinned=",
     ]
     assert (found.returncode, len(said)) == ((3, 2) if broken else (0, 3))
+
+
+def test_what_a_step_has_brought_stays_pinned_where_nobody_asks_for_it() -> None:
+    """The next run brings the archives alone. What the node has pulled by itself is none of its business."""
+    there = node(V1, V2, ROS, v2="wanted")
+    assert pins([ROS], there, [V1, V2]) == {ROS: "wanted"}
+    assert pins([ROS], there) == {ROS: "wanted", V2: "before"}
