@@ -22,6 +22,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import OURS, hold, sweep
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import (
     NoClusterError,
     ServersAwayError,
@@ -78,7 +79,7 @@ def given_way(params: Mapping[str, Any], path: str, environ: Mapping[str, str], 
 def first_time(directory: Path, cluster: str) -> bool:
     """Whether this is the run's first way to that cluster: which one a run takes is said once."""
     try:
-        (directory / f"rosops-fleet-{cluster}.said").touch(mode=0o600, exist_ok=False)
+        (directory / f"{OURS}{cluster}.said").touch(mode=0o600, exist_ok=False)
     except FileExistsError:
         return False
     return True
@@ -107,7 +108,9 @@ class Fetch:
         """The way to a cluster, by the first of its servers that is there and serves."""
         path = self._path(home.part.cluster, "yaml")
         with self._alone(home.part.cluster):
+            hold(self.directory, os.getpid())
             if not path.exists():
+                sweep(self.directory)
                 self._refuse_again(home.part.cluster)
                 try:
                     keep(str(path), self._kubeconfig(home, hostvars))
@@ -164,7 +167,7 @@ class Fetch:
         self._path(cluster, "failed").write_text(json.dumps(note), "utf-8")
 
     def _path(self, cluster: str, kind: str) -> Path:
-        return self.directory / f"rosops-fleet-{cluster}.{kind}"
+        return self.directory / f"{OURS}{cluster}.{kind}"
 
     @contextlib.contextmanager
     def _alone(self, cluster: str) -> Iterator[None]:
