@@ -144,6 +144,10 @@ dist: package ## The package through Galaxy's importer, installed into an empty 
 release-notes: ## The changelog's part of the latest release, into .cache/release-notes.md
 	antsibull-changelog generate --only-latest --output .cache/release-notes.md --output-format md
 
+.PHONY: support
+support: ## Warn of pinned parts whose support has ended (docs/versions.md)
+	@python tests/tools/support.py
+
 .PHONY: ee
 ee: package ## The execution environment's image (podman; needs the registries of its base image and of Galaxy)
 	@mkdir -p .cache/ee
