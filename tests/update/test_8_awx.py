@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from awx_job import Ended, Job, Template
+from awx_job import IDLE, Ended, Job, Template
 from fleet import ALL_AT_ONCE, Fleet
 from runs import CHECKOUT
 from test_3_interrupted import PHASES, wait_for_sign
@@ -28,7 +28,10 @@ ROBOT1 = "robot1,edge1"
 
 
 class Controller:
-    """Launches jobs; whatever still runs in the end is killed."""
+    """Launches jobs at the verbosity that a template has, 0; whatever still runs in the end is killed.
+
+    With 1 a job says each of its phases, for whoever waits for one.
+    """
 
     def __init__(self, fleet: Fleet, folder: Path) -> None:
         self._fleet, self._folder = fleet, folder
@@ -44,7 +47,7 @@ class Controller:
     def launch(
         self, playbook: str, own: Mapping[str, Any], answers: Mapping[str, Any] | None = None, **more: Any
     ) -> Job:
-        template = Template(playbook, self.inventory, answers or {}, own, verbosity=1, **more)
+        template = Template(playbook, self.inventory, answers or {}, own, **more)
         self._jobs.append(Job(self._folder / f"job{next(self._numbers)}", template))
         return self._jobs[-1]
 
@@ -55,12 +58,13 @@ class Controller:
         ended = self.launch(playbook, own, answers, **more).finish()
         print(ended.output)
         assert ended.status != "timeout"
+        assert ended.silence < IDLE
         return ended
 
     def close(self) -> None:
         for job in self._jobs:
-            if job.running:
-                job.cancel()
+            ended = job.ended or job.cancel()
+            self._fleet.figures.append(f"longest silence of {job.template.playbook}: {ended.silence:.1f} s")
 
 
 @pytest.fixture
@@ -75,7 +79,7 @@ def test_a_cancelled_job_and_the_next_one(fleet: Fleet, awx: Controller) -> None
     app, sign = PHASES["rollout"]
     wanted, history = fleet.new_version("robot1", app), fleet.cluster.history("robot1", app)
     watch = fleet.watch()
-    job = awx.launch("update", wanted, {"update_waves": "1, 100%"}, limit=ROBOT1)
+    job = awx.launch("update", wanted, {"update_waves": "1, 100%"}, limit=ROBOT1, verbosity=1)
     wait_for_sign(fleet, job, app, sign, history)
     assert job.cancel().artifacts == {}
     began = time.monotonic()
@@ -97,7 +101,7 @@ def test_a_job_cancelled_in_each_phase(fleet: Fleet, awx: Controller, phase: str
     app, sign = PHASES[phase]
     wanted, history = fleet.new_version("robot1", app), fleet.cluster.history("robot1", app)
     watch = fleet.watch()
-    job = awx.launch("update", wanted, limit=ROBOT1)
+    job = awx.launch("update", wanted, limit=ROBOT1, verbosity=1)
     wait_for_sign(fleet, job, app, sign, history)
     job.cancel()
     ended = awx.run("update", wanted, limit=ROBOT1)
