@@ -40,7 +40,7 @@ class Present:
 
 def present(printed: str) -> Present:
     """Out of what LOOK printed. A host without k3s has got no further than its machine."""
-    machine, images, labels, blobs, containers, *_none = [*printed.split(f"{_BREAK}\n"), "", "", "", ""]
+    machine, images, labels, blobs, containers, *_none = [*f"{printed}\n".split(f"{_BREAK}\n"), "", "", "", ""]
     listed = _json(containers).get("containers") or []
     return Present(
         machine.strip(),
