@@ -38,7 +38,7 @@ SIZES = (10, 30, 100)
 APPS = ("sensor", "stats", "driver", "planner", *(f"app{number}" for number in range(8)))
 OFFERS.update({name: Offer({f"{name}_out": 10.0}) for name in APPS if name not in OFFERS})
 SHARES = {"deferred-busy": 0.1, "deferred-offline": 0.05, "rolled-back": 0.03}
-SETTINGS = Settings(ready_timeout=30.0, verify_seconds=5.0, busy_timeout=60.0)
+SETTINGS = Settings(ready_timeout=30.0, busy_timeout=60.0)
 
 
 def wanted(name: str, version: str, number: int) -> Robot:

@@ -68,7 +68,7 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "busy_timeout": {"type": "float", "default": 600},
     "come_back": {"type": "bool", "default": False},
     "ready_timeout": {"type": "float", "default": 120},
-    "verify_seconds": {"type": "float", "default": 1},
+    "verify_seconds": {"type": "float", "default": 10},
     "rate_tolerance": {"type": "float", "default": 0.1},
     "rate_seconds": {"type": "float", "default": 1},
     "failure_budget": {"type": "str", "default": "0"},

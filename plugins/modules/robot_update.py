@@ -106,9 +106,12 @@ options:
     type: float
     default: 120
   verify_seconds:
-    description: Seconds for which the graph has to stay as it was recorded, once the old version is gone.
+    description:
+      - Seconds for which a new version has to work on, once the old one is gone, until it is proven. If one of its
+        containers ends by then, it is taken back. The graph has to be as it was recorded at their begin and their end.
+      - Each step of a robot takes so long. Robots of a wave wait at the same time.
     type: float
-    default: 1
+    default: 10
   rate_tolerance:
     description: How much a topic's rate may fall below the recorded one, as a share of it.
     type: float

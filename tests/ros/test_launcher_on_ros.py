@@ -154,7 +154,11 @@ def test_how_processes_ended_is_remembered(scene: Scene) -> None:
     ("file", "status", "words"),
     [
         (("required.launch",), 7, ()),
-        (("missing.launch",), 1, ("absent could not be started",)),
+        (
+            ("missing.launch",),
+            1,
+            ("rosops.fleet: absent could not be started: cannot launch node of type [made/nothing]",),
+        ),
         (("nowhere.launch",), 1, ("nowhere.launch",)),
         (
             ("--overlap", "--replace=other", "two.launch"),

@@ -45,6 +45,26 @@ def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> 
     fleet.assert_still_running(before)
 
 
+@pytest.mark.promise("an undo by hand makes nothing new of what works")
+def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> None:
+    """As it was installed: `kubectl rollout undo` brings back the mark that the version had then."""
+    before = fleet.running()
+    watch = fleet.watch()
+    for command in ("set image deployment/temperature '*=lab/apps:nowhere'", "rollout undo deployment/temperature"):
+        fleet.hosts.ssh("edge1", f"k3s kubectl -n robot-robot1 {command}")
+    limit = ("--limit", "robot1,edge1")
+    bad = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
+    run = fleet.update(bad, *limit, update_ready_timeout=30)
+    assert (run.status, run.outcomes) == (2, {"robot1": "rolled-back"}), run
+    fleet.wait_settled()
+    fleet.assert_still_running(before, "robot1")
+    run = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
+    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    (step,) = run.steps("robot1")
+    assert {"gate", "record"} <= set(step["phases"]), run  # through the gate, and no installation
+    watch.assert_nothing_lost("robot1", goals=False)
+
+
 @pytest.mark.promise("an update of a whole fleet loses nothing")
 def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch = fleet.watch()

@@ -44,6 +44,7 @@ SUFFIX = re.compile(r"_[0-9a-f]{8}(?=/|\Z)")
 INTERRUPT, TERMINATE = 5.0, 2.0  # s that a node has to end after SIGINT, and then after SIGTERM
 LOOK = 0.5  # s between two looks at the graph, while there is something to look for
 LONGEST = 60.0  # s for nodes to say their private names
+ERROR = "ERROR:"  # what roslaunch's errors begin with
 ATTEMPT = 0.5  # s for a connection, which takes milliseconds
 
 
@@ -366,6 +367,14 @@ def launch_of(roslaunch, master, options):
             """Nodes that could not be started; roslaunch goes on without them."""
             return sorted(node.name for node in self.config.nodes if not node.process_name)
 
+        def why_absent(self, told):
+            # type: (Iterable[str]) -> str
+            """The nodes, and why by roslaunch's own words: without its list of all places where it has looked."""
+            first = [text.strip().splitlines()[0] for text in told if text.strip().startswith(ERROR)]
+            causes = [line[len(ERROR) :].strip() for line in first]
+            said = "%s could not be started" % ", ".join(self.absent())
+            return "%s: %s" % (said, "; ".join(causes)) if causes else said
+
     return Launch
 
 
@@ -400,6 +409,7 @@ def main(words):
     """Does not return before the launch file's nodes have ended."""
     import rosgraph
     import roslaunch
+    import roslaunch.core
     import roslaunch.nodeprocess
     import roslaunch.parent
     import roslaunch.rlutil
@@ -417,6 +427,8 @@ def main(words):
 
     options, deaths = Options(words, os.environ), Deaths()
     launch = None  # type: Any
+    told = []  # type: List[str]
+    roslaunch.core.add_printerrlog_handler(told.append)
     os.environ.setdefault("PYTHONUNBUFFERED", "1")  # of the nodes: what they say is the container's log
     os.environ.setdefault("ROSCONSOLE_STDOUT_LINE_BUFFERED", "1")
     while not rosgraph.is_master_online():
@@ -429,10 +441,9 @@ def main(words):
         made = launch_of(roslaunch, master, options)
         launch = made(identity, files, process_listeners=[deaths], force_screen=True, **_patience(roslaunch))
         launch.start(auto_terminate=False)
-        absent = ", ".join(launch.absent())
-        if absent:
+        if launch.absent():
             launch.shutdown()
-            raise roslaunch.RLException("%s could not be started" % absent)
+            raise roslaunch.RLException(launch.why_absent(told))
         if options.revision:
             attend(launch, master, Waiting(master.address_of))
         launch.pm.registrations_complete()

@@ -32,6 +32,7 @@ from .state import load_contract, load_settings, load_state, save_state
 
 SECONDS = 10.0  # of looking in one call, before a reason is given
 INTERVAL, SLOW_INTERVAL = 0.1, 0.5  # slow once a call has ended in vain: then nobody waits for a tenth of a second
+CHILDREN_INTERVAL = 1.0
 SETTLE = 0.5  # without a contract or a command nothing says what the node is still going to register
 SETTLE_LAUNCH = 3.0  # nodes of a launch file start one after the other
 COMMAND_TIMEOUT = 5.0
@@ -83,6 +84,12 @@ def message(checks: list[Check]) -> str:
     return f"{how}: " + "; ".join(str(check) for check in checks if check.verdict == worst)
 
 
+def _fallen(child: Child, said: str) -> Check:
+    if child.respawn:
+        return Check("node", child.node, WAIT, said)
+    return Check("node", child.node, FAIL, f"{said}, and is not started again (no respawn in the launch file)")
+
+
 class Starting:
     """One look after the other, and what has to be remembered between them."""
 
@@ -92,6 +99,8 @@ class Starting:
         self.since = 0.0
         self.missing: dict[Gap, float] = {}  # since when
         self.silence = Silence(self.now)
+        self.fallen: list[Check] = []  # as it was at this moment
+        self.fallen_at: float | None = None
 
     def __call__(self) -> list[Check]:
         # first the command: what the app registered before it agreed is in the graph that is looked at then
@@ -109,6 +118,9 @@ class Starting:
 
     def _graph(self, contract: Mapping[str, Any] | None, whole: bool) -> list[Check]:
         state = self.ros.state(types=True)
+        ended = self._ended(state)
+        if overall([check.verdict for check in ended]) == FAIL:  # all else only follows from it
+            return ended
         found, lacking = self._own(state)
         if lacking:
             return lacking
@@ -124,7 +136,7 @@ class Starting:
         checks = judge(graph, state, wanted, self._forgiving(state, graph, wanted))
         checks += self._settled(own) if not (wanted.contract or self.settings["command"]) else []
         if whole and all(check.verdict == PASS for check in checks):
-            checks += [*self._streams(graph, own, wanted), *self._fallen(own)]
+            checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
             if self.settings["expect_node"] and all(check.verdict == PASS for check in checks):
                 save_state(own[0].name, state_of(own[0], service_uris(graph.services, own[0].services)))
         return checks
@@ -150,14 +162,20 @@ class Starting:
         return [Check("topic", name, WAIT, "is private to this version, and has to move to the name that others know")
                 for name in loose]  # fmt: skip
 
-    def _fallen(self, own: Iterable[Node]) -> list[Check]:
-        """Processes of the launch file that ended by an error, and are not up again: roslaunch goes on without them."""
-        alone = self.settings.get("launch") and not self.settings.get(
-            "host_network"
-        )  # else the address is others', too
-        hosts = {host_of(node.uri) for node in own} if alone else set()
-        ended = [child for child in self.outside.children(hosts) if not child.alive] if hosts else []
-        return [Check("node", child.node, WAIT, said) for child in ended if (said := crash(child))]
+    def _ended(self, state: MasterState, now: bool = False) -> list[Check]:
+        """Processes of the launch file that ended by an error, and are not up again: roslaunch goes on without them.
+
+        One that it does not start again is the end of this version. They are asked for `now`, or once a second.
+        """
+        # with the host's network the address is others', too
+        alone = self.settings.get("launch") and not self.settings.get("host_network")
+        due = now or self.fallen_at is None or self.now() - self.fallen_at >= CHILDREN_INTERVAL
+        if alone and due:
+            hosts = {host_of(uri) for uri in self.outside.here(state).values()}
+            ended = [child for child in self.outside.children(hosts) if not child.alive] if hosts else []
+            self.fallen = [_fallen(child, said) for child in ended if (said := crash(child))]
+            self.fallen_at = self.now()
+        return self.fallen
 
     def _peers(self, state: MasterState, graph: Graph, own: Iterable[str]) -> Graph:
         """The graph with the answers of those that the own nodes are not connected to."""

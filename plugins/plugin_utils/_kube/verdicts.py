@@ -154,8 +154,10 @@ def _deployment_waits(obj: Mapping[str, Any], current: Sequence[Object], old: Se
     available, unavailable = _number(status, "availableReplicas"), _number(status, "unavailableReplicas")
     if updated < desired:
         return _with_pods(f"{updated} of {desired} pods updated", current)
-    if old:
-        return _old_left(old)
+    ready = sum(map(is_ready, current))
+    if old:  # that it works on while the new one is not ready is no fault
+        unready = ready < len(current)
+        return _with_pods(f"{ready} of {desired} new pods ready", current) if unready else _old_left(old)
     if replicas > updated:
         return f"{replicas - updated} old pods left"
     if available < desired or unavailable:

@@ -8,9 +8,10 @@ The cluster, the clock and the way to say something are handed in.
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
@@ -42,7 +43,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     sidecars,
     uid_of,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import ProbeNews
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import HOPELESS, ProbeNews
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import (
     Tracker,
@@ -65,6 +66,13 @@ SHARED_FROM = 5  # from so many namespaces on, one stream for the whole cluster 
 BEGUN_SECONDS = 1.0  # after that what runs has found its command
 NO_PLACE = (UNSCHEDULABLE, REFUSED)  # no room on a node, or in a quota
 SHOWN = 12  # lines of a progress message
+LOG_LINES, TELLING_LINES = 200, 5  # that are read of a log, and that are told
+_ERROR = re.compile(r"\b(ERROR|FATAL|Traceback|[A-Za-z.]*(Error|Exception)\b|rosops\.fleet:|not found|[Ss]egmentation)")
+_WHERE = re.compile(
+    r"(pod [^\s:,]+(?:, container [^\s:,]+)?): (?:\w+ probe failed: )?(?:(?:not|cannot become) ready: )?(.+)", re.S
+)
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_NAME, _NUMBER = re.compile(r"^\[[^\]]*\]"), re.compile(r"\d+")  # `[camera-3] killing on exit`
 
 
 class Cluster(Protocol):
@@ -101,6 +109,8 @@ class Settings:
     timeout: float = 300.0
     grace: float = 10.0
     fail_on_restart: bool = False
+    watched: float = 0.0  # seconds for which all of it has to stay rolled out
+    before: dict[str, dict[str, int]] = field(default_factory=dict)  # by pod uid, restarts that are none of its rollout
     begun: bool = False  # enough that the new pods run, or have no place yet; with minReadySeconds, that they are Ready
     say: Callable[[str], None] = say_nothing
     now: Callable[[], float] = time.monotonic
@@ -144,7 +154,7 @@ class _Wait:
     def __init__(self, refs: Sequence[Ref], settings: Settings) -> None:
         self.refs, self.settings = refs, settings
         self.view, self.tracker, self.news = View(), Tracker(settings.grace), ProbeNews()
-        self.before: dict[str, dict[str, int]] = {}  # by pod uid, the restarts that are none of this rollout's
+        self.well: float | None = None  # since when all of it is rolled out
         self.up: dict[str, float] = {}  # by pod uid, since when one was seen to run that is to begin
         self.unlisted = set(targets_for(refs))
         self.lost: dict[Target, ApiError] = {}
@@ -154,6 +164,12 @@ class _Wait:
     def end(self) -> float:
         """When the time is over: that of the objects begins when the API has shown them."""
         return self.start + PATIENCE if self.unlisted else self.seen + self.settings.timeout
+
+    def stayed(self, verdict: str) -> bool:
+        """Whether all of it has been rolled out for as long as it has to be."""
+        now = self.settings.now()
+        self.well = (now if self.well is None else self.well) if verdict == PASS else None
+        return self.well is not None and now >= self.well + self.settings.watched
 
     def count(self) -> None:
         """The time that old pods have for their end, before new ones come or after, is not the new ones' time."""
@@ -221,7 +237,7 @@ class _Wait:
         """The verdict with what the present pods have to add: an end with an error, and the last words of a probe."""
         for pod in pods if self.settings.fail_on_restart else ():
             # a pod that was Ready when first seen had its restarts in an earlier life
-            before = self.before.setdefault(uid_of(pod), restarts(pod) if is_ready(pod) else {})
+            before = self.settings.before.setdefault(uid_of(pod), restarts(pod) if is_ready(pod) else {})
             ended = error_end(pod, before)
             if ended:
                 return ended
@@ -232,8 +248,9 @@ class _Wait:
                 return Verdict(FAIL, f"pod {name_of(pod)}: {line.text}")
         if verdict.verdict == PASS or not said:
             return verdict
-        heard = "; ".join(f"pod {name_of(pod)}: {line.text}" for pod, line in said[:3])
-        return Verdict(verdict.verdict, f"{verdict.reason}; {heard}", verdict.suspect)
+        heard = [f"pod {name_of(pod)}: {line.text}" for pod, line in said[:3]]
+        rest = [] if len(said) == len(lines) and not verdict.suspect else [verdict.reason]
+        return Verdict(verdict.verdict, "; ".join([*heard, *rest]), verdict.suspect)
 
     def begun_at(self, now: float) -> float | None:
         """When the next of those that run will have run for long enough."""
@@ -264,6 +281,8 @@ def _waits(pod: Mapping[str, Any]) -> bool:
 
 def _progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
     open_rows = [row for row in rows if row.verdict.verdict != PASS]
+    if not open_rows:
+        return "rollout: all of it is there, and watched for a while"
     lines = [f"rollout: {len(open_rows)} of {len(rows)} still open after {elapsed:.0f} s"]
     if unreachable:
         lines.append(f"  no news at the moment: {unreachable}")
@@ -283,10 +302,10 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if any(row.verdict.verdict == WAIT for row in rows) and wait.hear(kube):
                 rows = wait.rows()
             verdict, now = overall([row.verdict.verdict for row in rows]), settings.now()
-            if verdict == PASS:
+            if wait.stayed(verdict):
                 return {"objects": [row.as_dict() for row in rows], "elapsed": round(now - wait.start, 3)}
             wait.count()
-            over = now >= wait.end()
+            over = now >= wait.end() and wait.well is None
             if over and wait.unlisted and wait.lost:
                 raise next(iter(wait.lost.values()))
             if verdict == FAIL or over:
@@ -295,6 +314,8 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
                 settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
             over_at = max(wait.end(), wait.gone)
+            if wait.well is not None:
+                over_at = wait.well + settings.watched
             ends = [over_at, say_at, wait.tracker.due(), wait.news.due(wait.starting(), now), wait.begun_at(now)]
             until = min(end for end in ends if end is not None)
             if wait.unlisted:
@@ -329,10 +350,18 @@ def _not_ready(kube: Cluster, wait: _Wait, rows: Sequence[Row], verdict: str) ->
     else:
         head = f"{len(bad)} of {len(rows)} are not rolled out after {elapsed:.0f} s"
     notes = [] if wait.unlisted or wait.lost else _notes(kube, bad, wait.view)
-    lines = [f"{head}:", *(f"  {row}" for row in bad), *notes]
+    which = ", ".join(str(row.ref) for row in bad)
+    lines = [*(cause_first(row) for row in bad), *notes, f"  {head}: {which}"]
     if wait.unreachable() and not wait.unlisted:
         lines.append(f"  The last news is old: {wait.unreachable()}")
     return NotReadyError("\n".join(lines), objects=[row.as_dict() for row in rows], elapsed=round(elapsed, 3))
+
+
+def cause_first(row: Row) -> str:
+    """What is wrong, as the app or the kubelet has it, and then whose it is."""
+    found = _WHERE.match(row.verdict.reason)
+    where, why = (f", {found[1]}", found[2]) if found else ("", row.verdict.reason)
+    return f"{why} ({row.ref}{where})"
 
 
 def _notes(kube: Cluster, bad: Sequence[Row], view: View) -> list[str]:
@@ -346,9 +375,9 @@ def _notes(kube: Cluster, bad: Sequence[Row], view: View) -> list[str]:
         for namespace in sorted({row.ref.namespace for row in bad if row.ref.namespace})[:3]:
             names = {row.ref.name for row in bad if row.ref.namespace == namespace}
             events = kube.objects("Event", namespace, fields="type=Warning")
-            notes += _warnings((one for one in events if _is_news(one, view, namespace, said)), names)
             for pod in view.all("Pod", namespace):
                 notes += _last_words(kube, pod, names, said)
+            notes += _warnings((one for one in events if _is_news(one, view, namespace, said)), names)
     except KubeError:
         pass
     return notes[:SHOWN]
@@ -393,18 +422,37 @@ def _last_words(kube: Cluster, pod: Mapping[str, Any], names: Iterable[str], sai
         last = (container.get("lastState") or {}).get("terminated") or {}
         now = (container.get("state") or {}).get("terminated") or {}
         ended = last or (now if now.get("exitCode") else {})
+        where = namespace, name, str(container.get("name"))
         if ended and not ended.get("message"):
-            tail = _log_of_the_end(kube, namespace, name, str(container.get("name")))
-            lines += [f"  log of pod {name}, container {container.get('name')}: {line}" for line in tail.splitlines()]
+            log = _log_of_the_end(kube, *where)
+        elif not ended and f"pod {name}: " in said and HOPELESS in said:  # a node of it has ended, and it has not
+            log = kube.log_tail(*where, LOG_LINES, previous=False)
+        else:
+            continue
+        lines += [f"  log of pod {name}, container {where[2]}: {line}" for line in telling(log)]
     return lines
 
 
 def _log_of_the_end(kube: Cluster, namespace: str, pod: str, container: str) -> str:
     """Of the container that ended: the previous one, or the present one if none was started since."""
     try:
-        return kube.log_tail(namespace, pod, container)
+        return kube.log_tail(namespace, pod, container, LOG_LINES)
     except ApiError:
-        return kube.log_tail(namespace, pod, container, previous=False)
+        return kube.log_tail(namespace, pod, container, LOG_LINES, previous=False)
+
+
+def telling(log: str, count: int = TELLING_LINES) -> list[str]:
+    """So many lines of a log that say the most of an end, in the log's order.
+
+    Errors and exceptions come before the rest. Of what is the same each time, as the end of each node, one is enough.
+    """
+    lines = [line for line in (_COLOUR.sub("", line).rstrip() for line in log.splitlines()) if line.strip()]
+    places = {line: number for number, line in enumerate(lines)}  # the last place of each
+    alike = {_NUMBER.sub("", _NAME.sub("", line)): number for line, number in places.items()}
+    errors = [number for number in alike.values() if _ERROR.search(lines[number])]
+    others = [number for number in alike.values() if number not in errors]
+    chosen = [*sorted(errors)[-count:], *sorted(others, reverse=True)][:count]
+    return [lines[number] for number in sorted(chosen)]
 
 
 # --- for the module and the action ----------------------------------------------------------------------------------

@@ -220,7 +220,8 @@ class RunReport:
         self._learn(task, host, result)
         if ignored:
             return
-        name = task.name if task else ""
+        # what makes a host leave the run says nothing of what became of it
+        name = task.name if task and task.action != "_leave" else ""
         self.host(host).failure = {"task": name, "message": message_of(result)}
         if task and task.for_all and self._plays:
             for other in self._plays[-1].hosts:
@@ -309,7 +310,7 @@ class RunReport:
                 "here": self._outcome(host, {"changed": changed, "ok": 1}, {}),
                 "lost": self._outcome(host, lost, failed),
             }
-            task = host.failure.get("task")
+            task = host.failure.get("task") or None
             found[name] = {
                 "host": {"changed": changed, "steps": host.declared.get("steps") or []},
                 "here": dict(zip(("outcome", "reason"), outcomes["here"])),
@@ -325,7 +326,7 @@ class RunReport:
             "groups": host.groups,
             "outcome": outcome,
             "reason": reason,
-            "failed_task": host.failure.get("task") if counts.get("failures") else None,
+            "failed_task": (host.failure.get("task") or None) if counts.get("failures") else None,
             "changed": host.changed,
             "ready": host.ready or None,
             "rollout": host.rollout or None,
@@ -395,10 +396,10 @@ def _ready_cell(host: Mapping[str, Any]) -> str:
 
 
 def note_of(host: Mapping[str, Any]) -> str:
-    """What there is to say of a host's outcome, in one line."""
+    """What there is to say of a host's outcome, in one line: the cause, and then where it showed."""
     lines = str(host.get("reason") or "").strip().splitlines()
     first = " ".join(line.strip() for line in lines[:2])
-    return f"{host['failed_task']}: {first}" if host.get("failed_task") else first
+    return f"{first} (task: {host['failed_task']})".strip() if host.get("failed_task") else first
 
 
 def screen(report: ReportFile, width: int = 120) -> list[str]:
@@ -413,7 +414,11 @@ def screen(report: ReportFile, width: int = 120) -> list[str]:
         ]
         for host in report["hosts"]
     ]
-    lines = table(["host", "outcome", "ros graph", "changed", "note"], rows, width) if rows else ["no host took part"]
+    lines = (
+        table(["host", "outcome", "ros graph", "changed", "note"], rows, width, wrapped=True)
+        if rows
+        else ["no host took part"]
+    )
     slow = sorted(report["stages"], key=lambda stage: float(stage["seconds"]), reverse=True)[:6]
     spent = ", ".join(f"{stage['name']} {stage['seconds']:.1f} s" for stage in slow if stage["seconds"] >= 0.1)
     lines.append(f"{report['elapsed']:.1f} s" + (f": {spent}" if spent else ""))

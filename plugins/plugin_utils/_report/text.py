@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import
 WIDTH = 120
 GAP = "  "
 NARROWEST = 6  # no column is cut below this
+NARROWEST_WRAPPED = 40  # what is read line by line
 UNCUT = 10_000
 WHOLE = frozenset({"problems", "went_back", "outcomes"})  # what kept or changed something is said whole
 Columns = Sequence[tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
@@ -137,13 +139,23 @@ def _fit(widths: list[int], room: int) -> list[int]:
     return fitted
 
 
-def table(headers: Sequence[str], rows: Sequence[Sequence[Any]], width: int = WIDTH) -> list[str]:
-    """Lines of a table; what is too wide is cut, the widest column first."""
+def table(
+    headers: Sequence[str], rows: Sequence[Sequence[Any]], width: int = WIDTH, wrapped: bool = False
+) -> list[str]:
+    """Lines of a table; what is too wide is cut, the widest column first. The last one may be `wrapped` instead."""
     cells = [[words(cell) for cell in row] for row in rows]
     natural = [max(len(line[column]) for line in [list(headers), *cells]) for column in range(len(headers))]
     widths = _fit(natural, width - len(GAP) * (len(headers) - 1))
-    lines = [list(headers), *cells]
+    if wrapped:
+        widths[-1] = max(widths[-1], min(natural[-1], NARROWEST_WRAPPED))
+    lines = [line for row in [list(headers), *cells] for line in (_wrapped(row, widths[-1]) if wrapped else [row])]
     return [GAP.join(_cut(cell, size).ljust(size) for cell, size in zip(line, widths)).rstrip() for line in lines]
+
+
+def _wrapped(row: Sequence[str], width: int) -> list[list[str]]:
+    """The row, and one for each further line of its last cell."""
+    first, *more = textwrap.wrap(row[-1], width) or [""]
+    return [[*row[:-1], first], *([*("" for _cell in row[:-1]), line] for line in more)]
 
 
 def _cell(row: Mapping[str, Any], source: Any) -> Any:

@@ -49,6 +49,7 @@ class KubeCluster:
         self._kube, self._say, self._holder = kube, say, holder
         self._writer = kube.allowed_by(self.confirm)  # before every try: the Lease may end while the API is away
         self._claims: list[_Claim] = []
+        self._restarts: dict[str, dict[str, int]] = {}  # by pod uid, those that it had before this run
 
     def read(self, namespaces: Iterable[str]) -> Live:
         """Only what is ours."""
@@ -98,10 +99,14 @@ class KubeCluster:
         return self._writer.delete([ref_of(item) for item in objects], dry_run)
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(objects, Settings(timeout, fail_on_restart=True, begun=True, say=self._say))
+        self._wait(objects, Settings(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say))
 
-    def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
-        self._wait(objects, Settings(timeout, fail_on_restart=fail_on_restart, say=self._say))
+    def wait(self, objects: Sequence[Object], timeout: float) -> None:
+        self._wait(objects, Settings(timeout, say=self._say))
+
+    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
+        how = Settings(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
+        self._wait(objects, how)
 
     def _wait(self, objects: Sequence[Object], settings: Settings) -> None:
         refs = parse_refs([dict(item) for item in objects])

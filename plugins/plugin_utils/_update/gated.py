@@ -208,23 +208,20 @@ class Gated:
         return objects
 
     def _roll_out(self) -> None:
-        self.turn.cluster.wait(self.step.workloads, self.settings.ready_timeout, fail_on_restart=True)
+        self.turn.cluster.stay(self.step.workloads, self.settings.ready_timeout)
 
     def _verify(self, gate: decide.Gate) -> None:
-        """The graph is what was recorded, for as long as asked, and nothing was started again meanwhile."""
+        """The graph is what was recorded, for as long as asked, and no container ended meanwhile."""
         turn, step = self.turn, self.step
         if step.kind == "master":
             turn.meet_master()
             turn.master_answers("the new master answers")
             if turn.recorded:
                 turn.host.register(turn.master, self.now.graph)
-        seconds = self.settings.verify_seconds
         proof = decide.proof(step, gate, self.settings.rate_tolerance)
         if decide.proves_nothing(proof):
             self.say(f"{step.name}: nothing is recorded and nothing promised to hold it to: only its pod is proven")
-        patience = seconds + max(VERIFY_EXTRA, step.patience)
-        turn.ready(proof, patience, f"{step.name} is what was recorded", stable=seconds)
-        turn.cluster.wait(step.workloads, 5.0, fail_on_restart=True)
+        turn.stays(step.workloads, proof, max(VERIFY_EXTRA, step.patience), f"{step.name} is what was recorded")
 
     def _finish(self) -> StepResult:
         """Say that the contract is fulfilled, then take the mark off. Where that cannot be done it is proven anyway."""

@@ -55,8 +55,7 @@ class Installing:
                 claims = storage_objects(turn.robot) if set(step.apps) - set(SERVING) else []
                 turn.cluster.wait([*claims, *step.workloads], self.settings.rollout_timeout)
             with turn.phase(now, "verify"):
-                keeps_promise(turn, step.conditions, self.settings.verify_seconds)
-                turn.cluster.wait(step.workloads, 5.0, fail_on_restart=True)
+                keeps_promise(turn, step.conditions, step.workloads)
             result = turn.result(now, UPDATED)
             self._prove(step.workloads, [turn.events(None, [result])])
             return result
@@ -67,12 +66,12 @@ class Installing:
 
     def _half(self) -> str:
         """Prove each app that came up all the same, so that it is at work from now on; what to say of that."""
-        turn, proven, seconds = self.turn, list[str](), self.settings.verify_seconds
+        turn, proven = self.turn, list[str]()
         try:
             for app, workloads in members(self.step).items():
                 with contextlib.suppress(NotReadyError):
                     turn.cluster.wait(workloads, LOOK_SECONDS)
-                    keeps_promise(turn, promised(turn.robot, [app]), seconds, seconds + LOOK_SECONDS)
+                    keeps_promise(turn, promised(turn.robot, [app]), workloads, LOOK_SECONDS)
                     self._prove(workloads)
                     proven.append(app)
         except FleetError as error:
@@ -90,18 +89,22 @@ def all_ready(turn: Turn) -> None:
     """All of the robot is rolled out, and its graph is what its apps promise, whether or not they were changed."""
     wanted = [*storage_objects(turn.robot), *deployments_of(workload_objects(turn.robot, PARTS))]
     turn.cluster.wait(wanted, turn.settings.rollout_timeout)
-    keeps_promise(turn, promised(turn.robot, [app.name for app in turn.robot.apps]), 0.0)
+    keeps_promise(turn, promised(turn.robot, [app.name for app in turn.robot.apps]))
 
 
-def keeps_promise(turn: Turn, conditions: Object, stable: float, timeout: float | None = None) -> None:
-    """The graph is what the apps promised."""
+def keeps_promise(turn: Turn, conditions: Object, new: Sequence[Object] = (), timeout: float | None = None) -> None:
+    """The graph is what the apps promised; with what is `new` for as long as that is looked at."""
     turn.meet_master()
     if not turn.master:
         raise NotReadyError(f"{turn.robot.name} has no ROS master; {NO_MASTER}")
     began, turn.graph_told = turn.clock.now(), {"verdict": FAIL}
     limit = float(conditions["timeout"]) if timeout is None else timeout
     try:
-        turn.ready(conditions, limit, "the graph is what the apps promised", stable)
+        what = "the graph is what the apps promised"
+        if new:
+            turn.stays(new, conditions, limit, what)
+        else:
+            turn.ready(conditions, limit, what)
         turn.graph_told["verdict"] = PASS
     finally:
         turn.graph_told["elapsed"] = round(turn.clock.now() - began, 3)

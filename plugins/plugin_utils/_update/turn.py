@@ -43,6 +43,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     World,
 )
 
+LOOK_SECONDS = 1.0  # for which the graph has to be as it should be
+STAY_EXTRA = 5.0  # until the API shows what the robot shows
 WITHDRAWN = "the new version, which had not begun, was taken back"
 LEAVING = "it is there still, or ending; the next run goes on from there"
 UNFINISHED = "what came up stays as it is; the next run goes on from there"
@@ -117,6 +119,18 @@ class Turn(Hands):
         finally:
             if now.rest.since is not None:
                 self.waiting[now.step.name] = now.rest.since
+
+    def stays(self, workloads: Sequence[Object], conditions: Object, timeout: float, what: str) -> None:
+        """The robot's graph is like that, and for `verify_seconds` no container of these ends; NotReadyError.
+
+        The graph is looked at first and last. Between them the API alone is watched: that costs the robot nothing.
+        """
+        seconds = self.settings.verify_seconds
+        at_first = min(seconds, LOOK_SECONDS)
+        self.ready(conditions, timeout + at_first, what, stable=at_first)
+        self.cluster.stay(workloads, STAY_EXTRA, seconds - at_first)
+        if seconds > at_first:
+            self.ready(conditions, timeout, what)
 
     @contextlib.contextmanager
     def phase(self, now: Now, name: str) -> Iterator[None]:

@@ -77,8 +77,14 @@ class Cluster(Protocol):
         With minReadySeconds: until these are Ready.
         """
 
-    def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
+    def wait(self, objects: Sequence[Object], timeout: float) -> None:
         """Until all are rolled out and the old pods are gone; NotReadyError, at once where waiting does not help."""
+
+    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
+        """The same, and then so many seconds more; NotReadyError at once if a container ends meanwhile.
+
+        What a pod had ended by itself before this run is none of it, whatever else this run has waited for.
+        """
 
 
 @dataclass(frozen=True)

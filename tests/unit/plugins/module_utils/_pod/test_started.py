@@ -334,20 +334,37 @@ def test_private_names_of_this_version_alone_are_on_their_way(two_nodes: World) 
 
 
 @pytest.mark.parametrize(
-    ("alive", "code", "words"),
+    ("alive", "code", "respawn", "words"),
     [
-        (False, 3, "not ready: node /arm/lidar: ended with exit code 3"),
-        (False, -11, "not ready: node /arm/lidar: ended with signal SIGSEGV"),
-        (False, 0, ""),  # it has done its work
-        (True, None, ""),
+        (False, 3, False, "cannot become ready: node /arm/lidar: ended with exit code 3, and is not started again"),
+        (False, -11, False, "cannot become ready: node /arm/lidar: ended with signal SIGSEGV, and is not started"),
+        (False, 3, True, "not ready: node /arm/lidar: ended with exit code 3"),
+        (False, 0, False, ""),  # it has done its work
+        (True, None, False, ""),
     ],
 )
-def test_a_process_that_crashed_is_said(two_nodes: World, alive: bool, code: int | None, words: str) -> None:
+def test_a_process_that_crashed_is_said(
+    two_nodes: World, alive: bool, code: int | None, respawn: bool, words: str
+) -> None:
     """roslaunch goes on without it, and the graph does not know of it."""
-    child = Child("arm/lidar-3", "127.0.0.1", alive, code, False, False, 1)
-    assert launched(two_nodes, children=[child]) == words
+    child = Child("arm/lidar-3", "127.0.0.1", alive, code, respawn, False, 1)
+    said = launched(two_nodes, children=[child])
+    assert said.startswith(words) if words else not said
     # the address of the host is that of others, too
     assert launched(two_nodes, children=[child], host_network=True) == ""
+
+
+def test_a_node_that_crashed_is_the_first_and_only_thing_that_is_said(
+    two_nodes: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What others lack for it, as its topics, follows from that; and waiting does not help."""
+    clock, child = Clock(), Child("arm/lidar-3", "127.0.0.1", False, 1, False, False, 1)
+    owe(monkeypatch, nodes=[OWN, OTHER, "/arm/lidar"], subscriptions={"/scan": {"type": "", "peers": []}})
+    assert "does not start /arm/lidar" in launched(two_nodes)
+    said = launched(two_nodes, clock=clock, children=[child])
+    assert said.startswith("cannot become ready: node /arm/lidar: ended with exit code 1")
+    assert OWN not in said
+    assert clock.at < 1.0
 
 
 def test_a_contract_counts_for_whoever_names_his_nodes_himself(

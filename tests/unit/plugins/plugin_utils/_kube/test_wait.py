@@ -20,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
     look_once,
     run,
     targets_for,
+    telling,
     wait_for_rollout,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change
@@ -179,8 +180,9 @@ def test_fails_at_once_with_the_pods_reason() -> None:
     done = Run((0.1, lists(old_pod, status={"availableReplicas": 0})), (1.0, [changed(PODS, bad)]))
     assert done.took == pytest.approx(1.0)
     assert done.message == (
-        f"1 of 1 cannot be rolled out:\n  Deployment {NS}/talker: pod talker-new-1, container ros-app: "
-        "ImagePullBackOff: image lab/apps:1.0: not found"
+        "ImagePullBackOff: image lab/apps:1.0: not found "
+        f"(Deployment {NS}/talker, pod talker-new-1, container ros-app)\n"
+        f"  1 of 1 cannot be rolled out: Deployment {NS}/talker"
     )
     assert done.result["objects"][0]["verdict"] == "fail"
 
@@ -230,9 +232,9 @@ def test_time_out_names_everything_that_is_open_and_its_last_reason() -> None:
     done = Run((0.1, lists(new_pod, old_pod)), refs=refs, timeout=25)
     assert done.took == pytest.approx(25.1)
     assert done.message == (
-        "2 of 3 are not rolled out after 25 s:\n"
-        f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1\n"
-        f"  Deployment {NS}/listener: is not there yet"
+        f"old pod talker-old-1 still runs on robot1 (Deployment {NS}/talker)\n"
+        f"is not there yet (Deployment {NS}/listener)\n"
+        f"  2 of 3 are not rolled out after 25 s: Deployment {NS}/talker, Deployment {NS}/listener"
     )
     assert [row["verdict"] for row in done.result["objects"]] == ["wait", "wait", "pass"]
     assert done.result["elapsed"] == 25.1
@@ -364,7 +366,7 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
         warning("talker-new-1", "second", 2),
         warning("talker-new-1", "first", 1),
         warning("talker-new-1", "known", 3, reason="BackOff"),
-        warning("talker-new-1", "Error: is terminating", 4),
+        warning("talker-new-1", "Error: ContainerCreating", 4),
         warning("talker-old-1", "on its way out", 5),
         warning("talker-gone-1", "gone", 5),
         warning("other-1", "not ours", 6),
@@ -374,7 +376,7 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
     ]
     steps = (0.1, lists(starting, gone_soon(old_pod), status={"availableReplicas": 0}))
     done = Run(steps, kube=FakeKube({"Event": events}), timeout=5)
-    assert done.message.splitlines()[2:] == [
+    assert done.message.splitlines()[1:-1] == [
         "  event of Pod talker-new-1: FailedMount: second",
         "  event of Deployment talker: Odd: of the Deployment itself",
     ]
@@ -384,12 +386,37 @@ def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
     crash = waiting("CrashLoopBackOff", restartCount=2, lastState={"terminated": {"exitCode": 1}})
     steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
     done = Run(steps, kube=FakeKube(log="Traceback\nImportError: rospy"))
-    assert done.message.splitlines()[-1] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
+    assert done.message.splitlines()[-2] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
 
 
 def test_what_may_not_be_read_is_done_without() -> None:
     done = Run((0.1, lists(old_pod)), kube=FakeKube(refuse=403), timeout=5)
     assert len(done.message.splitlines()) == 2
+
+
+def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
+    """roslaunch ends its nodes after the error that it ends for."""
+    log = [
+        "started core service [/rosout]",
+        "\x1b[31mERROR: cannot launch node of type [topic_tools/relay]: topic_tools\x1b[0m",
+        *(f"[{node}-{number}] killing on exit" for number, node in enumerate(("estop", "imu", "base", "arm", "map"))),
+        "shutting down processing monitor...",
+        "... shutting down processing monitor complete",
+    ]
+    found = telling("\n".join(log))
+    assert found[0] == "started core service [/rosout]" or len(found) == 5
+    assert "ERROR: cannot launch node of type [topic_tools/relay]: topic_tools" in found
+    assert sum("killing on exit" in line for line in found) == 1
+    assert telling("one\n\ntwo") == ["one", "two"]
+    assert telling("\n".join(f"Error of {word}" for word in "abcdefgh")) == [f"Error of {word}" for word in "defgh"]
+
+
+def test_what_a_node_said_that_ended_is_told_of_a_container_that_runs_on() -> None:
+    line = "Startup probe failed: cannot become ready: node /imu: ended with exit code 1, and is not started again"
+    kube = FakeKube({"Event": [unhealthy(line, 1)]}, log="[imu-1] started\nKeyError: 'port'")
+    done = Run((0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), kube=kube)
+    assert done.message.splitlines()[0].startswith("node /imu: ended with exit code 1")
+    assert "  log of pod talker-new-1, container ros-app: KeyError: 'port'" in done.message.splitlines()
 
 
 # --- an end with an error, at once -----------------------------------------------------------------------------------
@@ -408,8 +435,8 @@ def test_an_end_with_an_error_fails_at_once_with_exit_code_and_log() -> None:
     steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, dead)])]
     done = Run(*steps, kube=kube, fail_on_restart=True)
     assert done.took == pytest.approx(1.0)
-    assert done.message.splitlines()[1:] == [
-        f"  Deployment {NS}/talker: pod talker-new-1, container ros-app: ended with exit code 3 (Error)",
+    assert done.message.splitlines()[:-1] == [
+        f"ended with exit code 3 (Error) (Deployment {NS}/talker, pod talker-new-1, container ros-app)",
         "  log of pod talker-new-1, container ros-app: Traceback",
         "  log of pod talker-new-1, container ros-app: ImportError: rospy",
     ]
@@ -423,7 +450,7 @@ def test_an_end_that_was_missed_is_seen_by_the_restart_even_if_the_pod_is_ready_
     steps = [(0.1, lists(starting, old_pod)), (2.0, [changed(PODS, back), changed(PODS, old_pod, "gone")])]
     done = Run(*steps, fail_on_restart=True, kube=FakeKube(log="last words"))
     assert "exit code 3 (Error) (1 restart)" in done.message
-    assert done.message.endswith("container ros-app: last words")
+    assert done.message.splitlines()[-2].endswith("container ros-app: last words")
     assert Run(*steps).error is None
 
 
@@ -451,6 +478,28 @@ def test_an_old_pods_crash_is_not_this_rollouts() -> None:
     crashed = pod("talker-old-1", OLD, [app(restartCount=1, lastState=CRASHED)])
     done = Run((0.1, lists(new_pod, crashed)), (1.0, [changed(PODS, crashed, "gone")]), fail_on_restart=True)
     assert done.error is None
+
+
+def test_what_has_to_stay_is_watched_for_as_long_and_an_end_by_an_error_ends_it() -> None:
+    runs = (0.1, lists(new_pod))
+    assert Run(runs, watched=9.0).took == pytest.approx(9.1)
+    assert Run(runs, watched=9.0, timeout=5.0).error is None  # the time is for coming up
+    crashed = pod("talker-new-1", NEW, [app(restartCount=1, lastState=CRASHED)])
+    done = Run(runs, (4.0, [changed(PODS, crashed)]), watched=9.0, fail_on_restart=True)
+    assert ("exit code 3" in done.message, done.took) == (True, pytest.approx(4.0))
+    unready = pod("talker-new-1", NEW, [app()])
+    steps = [runs, (4.0, [changed(PODS, unready)]), (6.0, [changed(PODS, new_pod)])]
+    assert Run(*steps, watched=9.0).took == pytest.approx(15.0)
+
+
+def test_a_restart_between_two_waits_of_one_run_is_seen() -> None:
+    known: dict[str, dict[str, int]] = {}
+    starting, back = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW)
+    back["status"]["containerStatuses"] = [app(ready=True, restartCount=1, lastState=CRASHED)]
+    first = Run((0.1, lists(starting)), (1.0, [changed(PODS, new_pod)]), fail_on_restart=True, before=known)
+    assert first.error is None
+    assert "exit code 3" in Run((0.1, lists(back)), fail_on_restart=True, before=known).message
+    assert Run((0.1, lists(back)), fail_on_restart=True).error is None  # else it was an earlier life's
 
 
 # --- who is beside the old pod ---------------------------------------------------------------------------------------
@@ -510,18 +559,15 @@ def test_a_probe_without_hope_fails_at_once_with_its_line() -> None:
     kube = FakeKube({"Event": [unhealthy("Startup probe failed: not ready: not registered yet", 1)]})
     starting = pod("talker-new-1", NEW, [app()])
     calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
-    assert calm.message.splitlines()[1].endswith(
-        "old pod talker-old-1 still runs on robot1; "
-        "pod talker-new-1: Startup probe failed: not ready: not registered yet"
-    )
+    assert calm.message.splitlines()[0] == f"not registered yet (Deployment {NS}/talker, pod talker-new-1)"
     assert len(calm.message.splitlines()) == 2  # and not once more as an event
     assert "not registered yet" in calm.said[0]
     kube.lists["Event"].append(unhealthy(line, 2))
     done = Run((0.1, lists(starting, old_pod)), kube=kube)
     assert done.took == pytest.approx(0.1)
     assert done.message == (
-        f"1 of 1 cannot be rolled out:\n  Deployment {NS}/talker: pod talker-new-1: Startup probe failed: "
-        "cannot become ready: /talker_new has /temperature at 250 Hz of 500"
+        f"/talker_new has /temperature at 250 Hz of 500 (Deployment {NS}/talker, pod talker-new-1)\n"
+        f"  1 of 1 cannot be rolled out: Deployment {NS}/talker"
     )
 
 

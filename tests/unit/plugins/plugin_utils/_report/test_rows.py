@@ -533,7 +533,7 @@ def test_each_hosts_newest_run_counts() -> None:
     )
     assert [(row["host"], row["outcome"], row["playbook"], row["note"]) for row in found["outcomes"]] == [
         ("robot1", "rolled-back", "update.yml", "half the rate"),
-        ("robot2", "failed", "site.yml", "Apply: "),
+        ("robot2", "failed", "site.yml", "(task: Apply)"),
     ]
     assert found["problems"] == []
 

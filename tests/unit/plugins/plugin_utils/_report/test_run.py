@@ -7,7 +7,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo, message_of, screen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
+    RunReport,
+    TaskInfo,
+    message_of,
+    note_of,
+    screen,
+)
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
@@ -237,6 +243,24 @@ def test_an_unknown_task_does_no_harm() -> None:
     assert row(report, robot1=FAILED)["outcome"] == "failed"
 
 
+def test_what_a_host_left_the_run_for_comes_without_the_task() -> None:
+    report = started()
+    report.task("t9", TaskInfo("Leave the run", "rosops.fleet._leave"), 2.0)
+    report.failed("t9", "robot1", {"msg": "bringup: rate /imu: 45.4 Hz of 90 Hz"}, 2.0)
+    found = row(report, robot1=FAILED)
+    assert (found["failed_task"], note_of(found)) == (None, "bringup: rate /imu: 45.4 Hz of 90 Hz")
+
+
+def test_the_screen_says_a_cause_to_its_end() -> None:
+    report = started()
+    cause = "rate /imu/data: 45.4 Hz by /imu_driver_7888acda " + "and so on " * 20 + "of at least 90 Hz"
+    report.failed("t1", "robot1", {"msg": cause}, 2.0)
+    lines = screen(report.finish({"robot1": FAILED}, 3.0))
+    assert max(map(len, lines)) <= 120
+    said = " ".join(line.rpartition("  ")[2] for line in lines[1:-1])
+    assert said == f"{cause} (task: Apply)"
+
+
 def example(check_mode: bool = False) -> dict[str, Any]:
     report = started("edge1", "robot1", "robot2", "robot3")
     report.ok("t1", "robot1", {"changed": True, "verdict": "pass", "elapsed": 3.21, "checks": []}, 4.0)
@@ -251,7 +275,7 @@ def test_the_screen() -> None:
         "host    outcome           ros graph   changed  note",
         "edge1   unchanged         -           0        -",
         "robot1  updated           pass 3.2 s  1        -",
-        "robot2  failed            -           0        Apply: no such image",
+        "robot2  failed            -           0        no such image (task: Apply)",
         "robot3  deferred-offline  -           0        Connection timed out",
         "9.5 s: Robots 3.0 s",
     ]

@@ -61,7 +61,7 @@ class Version:
     @property
     def late(self) -> bool:
         """Whether it passes for a good one at first, so that the old one has gone when it shows what it is."""
-        return self.hang_at < FOREVER or FOREVER > self.crash_at > START
+        return self.hang_at < FOREVER or FOREVER > self.crash_at > PROBE
 
     @property
     def good(self) -> bool:
@@ -80,6 +80,8 @@ VERSIONS = {
     "crashes-at-once": Version(crash_at=0.4, crashes=999),
     "crashes-when-ready": Version(crash_at=5.0, crashes=999),
     "hangs": Version(hang_at=5.0),
+    **{f"crashes-after-{seconds}": Version(crash_at=float(seconds), crashes=999) for seconds in (1, 3, 5, 8)},
+    "crashes-after-5-once": Version(crash_at=5.0, crashes=1),
 }
 
 

@@ -481,6 +481,7 @@ class SimulatedCluster:
 
     def __init__(self, sim: Simulation) -> None:
         self.sim, self.claimed = sim, False
+        self.earlier: dict[int, int] = {}  # by pod, restarts that are not this run's
 
     def read(self, namespaces: Iterable[str]) -> Live:
         with self.sim.call("read", 0.2):
@@ -538,28 +539,37 @@ class SimulatedCluster:
         return done
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        self.wait(objects, timeout, True, begun=True)
+        self._wait(objects, timeout, whole=True, begun=True)
 
-    def wait(
-        self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False, begun: bool = False
+    def wait(self, objects: Sequence[Object], timeout: float) -> None:
+        self._wait(objects, timeout)
+
+    def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
+        self._wait(objects, timeout, whole=True, seconds=seconds)
+
+    def _wait(
+        self, objects: Sequence[Object], timeout: float, whole: bool = False, seconds: float = 0.0, begun: bool = False
     ) -> None:
+        """`whole`: what ends before it is over, or has ended since the run began, is bad."""
         sim = self.sim
         with sim.call("rollout", 0.1, loud=True):
-            end, earlier = sim.time + timeout, dict[int, int]()
+            end, well = sim.time + timeout, FOREVER
             for pod in sim.pods:
-                earlier[pod.uid] = pod.restarts if pod.ready else 0
+                self.earlier.setdefault(pod.uid, pod.restarts if pod.ready else 0)
             while True:
-                rows = [self.verdict(item, earlier, fail_on_restart, begun) for item in objects]
+                rows = [self.verdict(item, whole, begun) for item in objects]
                 bad = [why for verdict, why in rows if verdict == FAIL]
-                if bad or (sim.time >= end and any(verdict == WAIT for verdict, _why in rows)):
+                there = all(verdict == PASS for verdict, _why in rows)
+                well = min(well, sim.time) if there else FOREVER
+                if bad or (sim.time >= end and not there):
                     raise NotReadyError("; ".join(why for verdict, why in rows if verdict != PASS))
-                if all(verdict == PASS for verdict, _why in rows) and sim.api_until <= sim.time:
+                if sim.time >= well + seconds and sim.api_until <= sim.time:
                     return
-                if sim.time >= end:
+                if sim.time >= max(end, well + seconds):
                     raise NotReadyError("no news of the cluster")
-                sim.advance(min(0.25, end - sim.time))
+                sim.advance(min(0.25, max(end, well + seconds if there else 0.0) - sim.time))
 
-    def verdict(self, item: Object, earlier: Mapping[int, int], fail_on_restart: bool, begun: bool) -> tuple[str, str]:
+    def verdict(self, item: Object, whole: bool, begun: bool) -> tuple[str, str]:
         sim, key = self.sim, deployment_key(item)
         if item["kind"] != "Deployment":
             return (PASS, "") if (item["kind"], *key) in sim.objects else (WAIT, f"{key} is not there")
@@ -567,14 +577,14 @@ class SimulatedCluster:
         if there is None:
             return WAIT, f"{key} is not there"
         for pod in pods:
-            started_again = fail_on_restart and pod.restarts > earlier.get(pod.uid, 0)
+            started_again = whole and pod.restarts > self.earlier.get(pod.uid, 0)
             if pod.template == template_of(there) and (pod.hopeless or started_again or looping(pod)):
                 return FAIL, pod.hopeless or f"{key} crashes"
         if [pod.template for pod in pods] == [template_of(there)] and pods[0].ready:
             return PASS, ""
-        whole = "minReadySeconds" in there["spec"]
+        ready_only = "minReadySeconds" in there["spec"]
         new = [pod for pod in pods if pod.template == template_of(there)]
-        if begun and any(pod.ready or (not whole and (pod.waits or pod.up)) for pod in new):
+        if begun and any(pod.ready or (not ready_only and (pod.waits or pod.up)) for pod in new):
             return PASS, ""
         return WAIT, f"{key} is not rolled out"
 

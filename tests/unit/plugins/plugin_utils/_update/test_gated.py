@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     INFRASTRUCTURE,
     OLD,
@@ -84,6 +85,14 @@ def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by
     assert there is not None
     assert there["spec"] == {item["metadata"]["name"]: item for item in wanted_deployments(wanted)}[app_name]["spec"]
     assert outcome_of(sim, wanted).outcome == "unchanged"
+
+
+@pytest.mark.parametrize("after", ["1", "3", "5", "8", "5-once"])
+@pytest.mark.parametrize("name", ["overlap", "drain", "replace"])
+def test_a_version_that_ends_some_seconds_after_its_start_goes_back(name: str, after: str) -> None:
+    """With what a run has by default, also if it comes up again at once."""
+    sim, wanted = begin(name, f"crashes-after-{after}")
+    assert outcome_of(sim, wanted, ready_timeout=Settings.ready_timeout).outcome == "rolled-back"
 
 
 # --- a mark that says nothing of what runs ---------------------------------------------------------------------------

@@ -229,9 +229,8 @@ class Site:
             if self.lost or (self.lost_then and self.changes):
                 raise LostError("somebody else has this robot now")
 
-    def wait(self, objects: Sequence[Object], timeout: float, fail_on_restart: bool = False) -> None:
+    def wait(self, objects: Sequence[Object], timeout: float) -> None:
         with self.call("api rollout"):
-            assert not fail_on_restart, "a kubelet that starts containers again is no failure"
             if self.bad.get(self.version) == "rollout":
                 self.time += timeout
                 raise NotReadyError("node1 is not Ready")

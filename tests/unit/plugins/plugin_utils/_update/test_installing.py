@@ -48,7 +48,7 @@ SHARED = robot(app("chart", GOOD, pattern="service", scope="fleet"), app("sensor
 
 
 def site(sim: Simulation, of: Robot, fault: str = "", at: int = 0, **more: Any) -> RobotOutcome | None:
-    limits = {"ready_timeout": 30.0, "rollout_timeout": 60.0, "verify_seconds": 5.0, "busy_timeout": 60.0}
+    limits = {"ready_timeout": 30.0, "rollout_timeout": 60.0, "busy_timeout": 60.0}
     return sim.run(of, Settings(**{"parts": PARTS, **limits, **more}), fault, at)
 
 
@@ -79,7 +79,7 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     # one apply, one wait, one look at the graph; the second wait only sees that nothing was started again
     assert sim.calls == [
         "there", "read", "apply", "apply", "claim", "read", "apply", "apply", "rollout", "read", "ready", "rollout",
-        "apply",
+        "ready", "apply",
     ]  # fmt: skip
     assert not marked(sim)
     assert word(sim, of) == "unchanged"
@@ -215,7 +215,7 @@ def test_a_busy_robot_is_left_to_finish() -> None:
 def test_a_version_that_nobody_has_proven_is_not_taken_for_installed(at: int) -> None:
     """An update that was killed, then site.yml."""
     sim = working()
-    update = Settings(ready_timeout=30.0, verify_seconds=5.0)
+    update = Settings(ready_timeout=30.0)
     assert sim.run(wanted(BAD), update, "killed", at) is None
     assert word(sim, wanted(BAD)) == "rolled-back"
     assert not marked(sim)
