@@ -9,10 +9,13 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import live_in
 
 
 class ActionModule(ClusterAction):
@@ -25,12 +28,14 @@ class ActionModule(ClusterAction):
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         with self.cluster(params, known) as kube:
-            return written(kube.apply(_objects(params, known), self._task.check_mode))
+            robot = robot_from_vars(known)
+            there = located(robot, live_in(kube, [master_namespace(robot)]))
+            return written(kube.apply(_objects(params, there), self._task.check_mode))
 
     def foresee(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        return foreseen(_objects(params, known))
+        return foreseen(_objects(params, robot_from_vars(known)))
 
 
-def _objects(params: Mapping[str, Any], known: Mapping[str, Any]) -> list[Object]:
+def _objects(params: Mapping[str, Any], robot: Robot) -> list[Object]:
     settings = Settings(statistics=params["statistics"], claims_path=params["claims_path"])
-    return exporter_objects(robot_from_vars(known), exporter_files(), settings)
+    return exporter_objects(robot, exporter_files(), settings)

@@ -240,10 +240,14 @@ class Hosts:
         """To all processes of a pod; one of the kubelet's probes may have ended by now."""
         self.ssh(host, f"kill -{number:d} {' '.join(map(str, self.processes(host, uid)))} || true")
 
-    def logs(self, robot: str) -> dict[str, list[dict[str, Any]]]:
-        """The accounts of a robot's apps, by the file's name: what lies on the robot and what lies at the edge."""
+    def logs(self, robot: str, within: str = "") -> dict[str, list[dict[str, Any]]]:
+        """The accounts of a robot's apps, by the file's name: what lies on the robot and what lies at the edge.
+
+        With `within`, a directory of the robot's claim, that of clients on the robot itself stands for the edge's.
+        """
         found: dict[str, list[dict[str, Any]]] = {}
-        for host, claim in ((robot, SENSOR), (self._edge, EDGE)):
+        clients = (robot, f"{SENSOR}/{within}") if within else (self._edge, EDGE)
+        for host, claim in ((robot, SENSOR), clients):
             files = f"{STORAGE}/*_robot-{robot}_{claim}/*.jsonl"
             text = self.ssh(host, f'for f in {files}; do echo "==> $f"; tail -c {TAIL} "$f"; echo; done')
             for part in text.split("==> ")[1:]:
@@ -251,8 +255,8 @@ class Hosts:
                 found.setdefault(path.rsplit("/", 1)[-1], []).extend(evidence.parse(lines))
         return found
 
-    def losses(
-        self, robot: str, since: float, until: float, goals: bool = True, patience: float = 60
+    def losses(  # noqa: PLR0913 - each has its own way of looking
+        self, robot: str, since: float, until: float, goals: bool = True, patience: float = 60, within: str = ""
     ) -> evidence.Losses:
         """What the robot's apps noticed between two times, once every account has come past the second one.
 
@@ -268,7 +272,7 @@ class Hosts:
         seen: dict[str, Any] = {}
 
         def look() -> dict[str, float]:
-            seen.update(self.logs(robot))
+            seen.update(self.logs(robot, within))
             return behind(seen)
 
         wait_until(

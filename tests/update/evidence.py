@@ -20,6 +20,15 @@ STATS, PUBLISHED, REQUESTS, GOALS = (
 )
 SERVER = "prime-factors-server-"
 SUCCEEDED, ABANDONED = "succeeded", "abandoned"
+# What an update may take of time: so many times what the robot took in its own quiet time, or on a busy machine so many
+# ms. The worst of the benchmark's updates on a quiet one took a third of these; what comes seconds late takes more.
+BOUNDS = {
+    "gap_ms": ("the longest gap between messages", 5, 2500),
+    "oldest_ms": ("the age of the oldest message", 5, 2500),
+    "answer_ms": ("the longest answer", 5, 2500),
+    "p95_ms": ("the answer that 95 of 100 beat", 5, 500),
+    "goal_ms": ("the longest goal", 5, 15_000),
+}
 
 Records = Sequence[dict[str, Any]]
 Logs = Mapping[str, Records]  # by the file's name; of several files of one name all lines
@@ -34,9 +43,13 @@ class Losses:
     given_up: int = 0  # the sensor itself stalled (a busy machine) and says so
     duplicates: int = 0
     gap_ms: float = 0.0
+    oldest_ms: float = 0.0  # age of a message when it came
     requests: int = 0
+    answer_ms: float = 0.0
+    p95_ms: float = 0.0
     failed: list[str] = field(default_factory=list)
     goals: int = 0
+    goal_ms: float = 0.0
     unsuccessful: list[str] = field(default_factory=list)
     twice: list[str] = field(default_factory=list)
     abandoned: int = 0  # by the client itself, when it was stopped
@@ -46,11 +59,22 @@ class Losses:
         """No message lost, no request failed, no goal lost, aborted or executed twice."""
         return not (self.lost or self.failed or self.unsuccessful or self.twice)
 
+    def late(self, quiet: Losses) -> list[str]:
+        """What took longer than it may, by what the same robot took in a time in which nothing of it was changed."""
+        found = []
+        for name, (what, times, least) in BOUNDS.items():
+            took, was = getattr(self, name), getattr(quiet, name)
+            if took > max(times * was, least):
+                found.append(f"{what}: {took:.0f} ms, in quiet {was:.0f} ms")
+        return found
+
     def __repr__(self) -> str:
         said = (
             f"{self.messages} messages, {self.lost} lost, {self.duplicates} duplicates, "
-            f"longest gap {self.gap_ms:.0f} ms; {self.requests} requests, {len(self.failed)} failed; "
-            f"{self.goals} goals, {len(self.unsuccessful)} not succeeded, {len(self.twice)} executed twice"
+            f"longest gap {self.gap_ms:.0f} ms, oldest {self.oldest_ms:.0f} ms; "
+            f"{self.requests} requests, {len(self.failed)} failed, p95 {self.p95_ms:.0f} ms, "
+            f"longest {self.answer_ms:.0f} ms; {self.goals} goals, {len(self.unsuccessful)} not succeeded, "
+            f"{len(self.twice)} executed twice, longest {self.goal_ms:.0f} ms"
         )
         said += f"; the sensor itself gave up {self.given_up} readings" if self.given_up else ""
         said += f"; {self.abandoned} goals given up by their client" if self.abandoned else ""
@@ -70,11 +94,16 @@ def losses(logs: Logs, since: float, until: float) -> Losses:
     found.messages = sum(last - first + 1 for first, last in sequence.join_ranges(_ranges(stats)))
     found.duplicates = _grown(stats, "duplicates")
     found.gap_ms = max((line["longest_gap_ms"] for line in stats), default=0.0)
+    found.oldest_ms = max((line["oldest_age_ms"] for line in stats), default=0.0)
     requests = within.get(REQUESTS, [])
     found.requests = len(requests)
+    answers = sorted(line["latency_ms"] for line in requests)
+    found.answer_ms = max(answers, default=0.0)
+    found.p95_ms = answers[len(answers) * 95 // 100] if answers else 0.0
     found.failed = [str(line.get("error", f"wrong answer {line.get('sum')}")) for line in requests if not line["ok"]]
     ended = within.get(GOALS, [])
     found.goals = len(ended)
+    found.goal_ms = max((line["completion_ms"] for line in ended if line["outcome"] == SUCCEEDED), default=0.0)
     found.abandoned = sum(line["outcome"] == ABANDONED for line in ended)
     found.unsuccessful = [
         f"goal {line['goal']}: {line['outcome']}, {line['wrong']} wrong"

@@ -125,36 +125,44 @@ class Watch:
         self._fleet = fleet
         self._since = time.time()
 
-    def losses(self, *robots: str, goals: bool = True, patience: float = 60) -> dict[str, Losses]:
-        """Robot by robot, up to now; the figures are shown at the end of the tests."""
+    def losses(self, *robots: str, goals: bool = True, patience: float = 60, within: str = "") -> dict[str, Losses]:
+        """Robot by robot, up to now; the figures are shown at the end of the tests. `within`: see Hosts.logs."""
         until = time.time()
         found = {}
         for robot in robots or self._fleet.robots:
-            found[robot] = self._fleet.hosts.losses(robot, self._since, until, goals, patience)
+            found[robot] = self._fleet.hosts.losses(robot, self._since, until, goals, patience, within)
             self._fleet.figures.append(f"{robot}: {until - self._since:.0f} s: {found[robot]}")
         return found
 
-    def assert_nothing_lost(self, *robots: str, goals: bool = True) -> None:
+    def assert_nothing_lost(self, *robots: str, goals: bool = True) -> dict[str, Losses]:
         """There was something to lose, and no message, request or goal was lost, and no goal executed twice."""
-        for robot, losses in self.losses(*robots, goals=goals).items():
+        found = self.losses(*robots, goals=goals)
+        for robot, losses in found.items():
             assert losses.nothing, f"{robot}: {losses}"
             assert losses.messages > 0, f"{robot}: {losses}"
             assert losses.requests > 0, f"{robot}: {losses}"
             assert losses.goals > 0 or not goals, f"{robot}: {losses}"
+        return found
 
-    def assert_only_lookups_failed(self, *robots: str) -> None:
+    def assert_only_lookups_failed(self, *robots: str, within: str = "") -> None:
         """No message and no goal was lost.
 
         A client that looks its service up for every request, as this one does, has nobody to ask while there is no
         master, or no way to it. rospy waits for an answer as long as TCP does: a packet that meets kube-proxy in the
         middle of its change is repeated on the wrong way for up to two minutes.
         """
-        for losses in self.losses(*robots, patience=150).values():
+        for losses in self.losses(*robots, patience=150, within=within).values():
             assert (losses.lost, losses.unsuccessful, losses.twice) == (0, [], []), losses
             assert {
                 error for error in losses.failed if "master" not in error and "unavailable" not in error
             } == set(), losses
             assert len(losses.failed) <= 100, losses  # of ten a second
+
+
+def assert_in_time(during: Mapping[str, Losses], quiet: Mapping[str, Losses]) -> None:
+    """What came, came in time, by what each robot took in a time in which nothing of it was changed."""
+    late = {robot: found for robot, losses in during.items() if (found := losses.late(quiet[robot]))}
+    assert not late, f"{late}; during: {during}; in quiet: {quiet}"
 
 
 def with_changes(variables: Mapping[str, Any], changes: Mapping[str, Any]) -> Variables:

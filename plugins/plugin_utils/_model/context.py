@@ -195,7 +195,10 @@ class App:
 
 @dataclass(frozen=True)
 class Master:
-    """The robot's ROS master; a shared one serves all robots and so stands on the edge. `uri` is of an external one."""
+    """The robot's ROS master; a shared one serves all robots and so stands on the edge. `uri` is of an external one.
+
+    `addresses` is Service -> its address, of the master's and its keeper's, as far as the cluster has told them.
+    """
 
     mode: str = "robot"
     image: str = "ros:noetic-ros-core"
@@ -204,6 +207,7 @@ class Master:
     overrides: Mapping[str, Any] = field(default_factory=dict)
     goal_forwarding: bool = True
     keeper_overrides: Mapping[str, Any] = field(default_factory=dict)
+    addresses: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -304,8 +308,18 @@ def master_uri(robot: Robot) -> str:
     """ROS_MASTER_URI as the robot's pods need it."""
     if robot.master.mode == "external":
         return robot.master.uri
-    host = names.MASTER_NAME + (f".{names.FLEET_NAMESPACE}" if robot.master.mode == "shared" else "")
-    return f"http://{host}:{names.MASTER_PORT}"
+    return _service_uri(robot, names.MASTER_NAME, names.MASTER_PORT)
+
+
+def keeper_uri(robot: Robot) -> str | None:
+    """Where pods find the keeper of their master; an external master has none."""
+    return None if robot.master.mode == "external" else _service_uri(robot, names.KEEPER_NAME, names.KEEPER_PORT)
+
+
+def _service_uri(robot: Robot, name: str, port: int) -> str:
+    """By its address: to look a name up takes the cluster's DNS, which is on another host that may be away."""
+    by_name = name + (f".{names.FLEET_NAMESPACE}" if robot.master.mode == "shared" else "")
+    return f"http://{robot.master.addresses.get(name) or by_name}:{port}"
 
 
 def own_space(robot: Robot) -> str:

@@ -46,14 +46,15 @@ def config_map(name: str, namespace: str, labels: Mapping[str, str], data: Mappi
     return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": dict(sorted(data.items()))}
 
 
-def cluster_service(name: str, namespace: str, robot: str | None, port: int) -> Object:
-    """The Service in front of a workload's XML-RPC port."""
+def cluster_service(name: str, namespace: str, robot: str | None, port: int, address: str | None = None) -> Object:
+    """The Service in front of a workload's XML-RPC port. One with an address that pods know has it for ever."""
     return {
         "apiVersion": "v1",
         "kind": "Service",
         "metadata": {"name": name, "namespace": namespace, "labels": object_labels(name, robot)},
         "spec": {
             "type": "ClusterIP",
+            **({"clusterIP": address} if address else {}),
             "selector": pod_selector(name),
             "ports": [{"name": "xmlrpc", "port": port, "targetPort": port, "protocol": "TCP"}],
         },

@@ -39,7 +39,8 @@ def keeper_objects(robot: Robot) -> list[Object]:
         return []
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
     deployment = hardened(plain_keeper(robot), robot.master.keeper_overrides)
-    service = cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT)
+    address = robot.master.addresses.get(names.KEEPER_NAME)
+    service = cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT, address)
     # Holds are asked for and ended while k3s starts again, and its kubelet then takes whatever it probes for not ready
     # (see master.py). Readiness is what a change of the master waits for; the calls need none.
     service["spec"]["publishNotReadyAddresses"] = True

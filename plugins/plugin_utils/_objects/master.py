@@ -58,7 +58,8 @@ def ros_core_objects(robot: Robot) -> list[Object]:
         return []
     deployment = hardened(plain_master(robot), robot.master.overrides)
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    return [deployment, cluster_service(names.MASTER_NAME, namespace, owner, names.MASTER_PORT)]
+    address = robot.master.addresses.get(names.MASTER_NAME)
+    return [deployment, cluster_service(names.MASTER_NAME, namespace, owner, names.MASTER_PORT, address)]
 
 
 def plain_master(robot: Robot) -> Object:

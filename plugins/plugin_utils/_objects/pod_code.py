@@ -45,7 +45,8 @@ def begin_after(app: App, node: str) -> list[str]:
 
 # roslaunch's own interpreter, which may be one that nothing else of ours runs on
 LAUNCHER = (
-    'found=$(command -v roslaunch) || { echo "rosops.fleet: this image has no roslaunch" >&2; exit 127; }; '
+    "found=$(command -v roslaunch) || { "
+    'echo "rosops.fleet: this image has no roslaunch, or /ros_entrypoint.sh is not in its command" >&2; exit 127; }; '
     f'exec $(sed -n "1s/^#!//p" "$found") -u {names.CODE_DIR}/_pod.launch.py "$@"'
 )
 

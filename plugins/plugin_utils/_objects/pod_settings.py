@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import probe_command
 
@@ -34,7 +34,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "stop_deadline": app.stop_deadline,
         "command": probe_command(command) if command and app.hooks == "app" else None,
         "min_rates": {_full(topic["name"], app, robot): topic["min_rate"] for topic in rated},
-        "keeper": keeper_url(robot),
+        "keeper": context.keeper_uri(robot),
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
         **({"launch": app.handoff} if app.launch else {}),
@@ -65,11 +65,3 @@ def _kept(app: App) -> list[str]:
     if context.ALL_PARAMS not in app.keep_params:
         return [_param(name) for name in app.keep_params]
     return ["~"] if app.handoff == "overlap" else [_param(name) for name in app.params]
-
-
-def keeper_url(robot: Robot) -> str | None:
-    """Where pods find the keeper of their master; an external master has none."""
-    if robot.master.mode == "external":
-        return None
-    host = names.KEEPER_NAME + (f".{names.FLEET_NAMESPACE}" if robot.master.mode == "shared" else "")
-    return f"http://{host}:{names.KEEPER_PORT}"

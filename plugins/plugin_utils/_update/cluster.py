@@ -42,6 +42,19 @@ def run_name(known: Mapping[str, object]) -> str:
     return f"{socket.gethostname()}, process {os.getppid()} ({own})"
 
 
+def live_in(kube: Kube, namespaces: Iterable[str]) -> Live:
+    """What these namespaces have, of ours only."""
+    wanted = [(kind, namespace) for kind in KINDS for namespace in namespaces]
+    ours = f"app.kubernetes.io/managed-by={names.MANAGER}"
+    with ThreadPoolExecutor(len(wanted)) as pool:
+        lists = list(pool.map(lambda one: kube.objects(one[0], one[1], ours), wanted))
+    found: dict[str, list[Object]] = {kind: [] for kind in KINDS}
+    for (kind, _namespace), items in zip(wanted, lists, strict=True):
+        # the items of a list do not say what they are
+        found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
+    return Live(found["Deployment"], found["ConfigMap"], found["Service"], found["Pod"])
+
+
 class KubeCluster:
     """`say` gets what is still open, every ten seconds of a wait; `holder` is who has the robot meanwhile."""
 
@@ -52,16 +65,7 @@ class KubeCluster:
         self._restarts: dict[str, dict[str, int]] = {}  # by pod uid, those that it had before this run
 
     def read(self, namespaces: Iterable[str]) -> Live:
-        """Only what is ours."""
-        wanted = [(kind, namespace) for kind in KINDS for namespace in namespaces]
-        ours = f"app.kubernetes.io/managed-by={names.MANAGER}"
-        with ThreadPoolExecutor(len(wanted)) as pool:
-            lists = list(pool.map(lambda one: self._kube.objects(one[0], one[1], ours), wanted))
-        found: dict[str, list[Object]] = {kind: [] for kind in KINDS}
-        for (kind, _namespace), items in zip(wanted, lists, strict=True):
-            # the items of a list do not say what they are
-            found[kind] += [{**item, "apiVersion": KINDS[kind], "kind": kind} for item in items]
-        return Live(found["Deployment"], found["ConfigMap"], found["Service"], found["Pod"])
+        return live_in(self._kube, namespaces)
 
     @contextlib.contextmanager
     def claim(self, namespace: str) -> Iterator[None]:

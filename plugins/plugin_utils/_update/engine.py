@@ -45,6 +45,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import removed_claims
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import READY, ground_objects, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.gated import Gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL, claim_users, with_install
@@ -143,6 +144,8 @@ class Engine(Turn):
             if self._is_shared():
                 claims.enter_context(self.cluster.claim(names.FLEET_NAMESPACE))
                 self._plan()
+            if self._make_services():
+                self._plan()
             yield
 
     def _make_namespaces(self) -> None:
@@ -150,6 +153,18 @@ class Engine(Turn):
         wanted = [item for item in self._ground() if item["kind"] == "Namespace"]
         found = self.cluster.apply(wanted, dry_run=True) if wanted else ()
         self.apply_all([item for item, there in zip(wanted, found, strict=True) if there.before is None])
+
+    def _make_services(self) -> bool:
+        """Those of a new master: its pods and the apps' are told their addresses. Whether there were any."""
+        known, steps = self.robot.master.addresses, () if self.left else self.plan.steps
+        new = [
+            item
+            for step in steps
+            for item in step.objects
+            if item["kind"] == "Service" and item["metadata"]["name"] not in known
+        ]
+        self.apply_all(new)
+        return bool(new)
 
     def _differs(self, gone: Sequence[Object]) -> bool:
         """Whether anything is to be changed that no pod notices. The API server says so."""
@@ -187,6 +202,7 @@ class Engine(Turn):
 
     def _plan(self) -> None:
         self.live = self.read()
+        self.robot = located(self.robot, self.live)
         request = replace(self.settings.request, parts=self.settings.parts)
         plan = update_plan(self.robot, self.live, request, self._drifted())
         self.plan = with_removals(with_install(plan, self.robot, self.live), self.robot, self.live, request)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
@@ -47,11 +46,6 @@ class Hands:
         """What the API shows of the robot now, with what of the fleet is its own, too."""
         shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(self.robot) else []
         return self.cluster.read([self.robot.namespace, *shared])
-
-    def meet_master(self) -> None:
-        """Look for the address of a master that was made just now."""
-        if not self.master:
-            self.live = replace(self.live, services=self.read().services)
 
     def apply_all(self, objects: Sequence[Object]) -> None:
         """All of them in one call; in check mode it is only found out what that would change."""

@@ -94,7 +94,6 @@ def all_ready(turn: Turn) -> None:
 
 def keeps_promise(turn: Turn, conditions: Object, new: Sequence[Object] = (), timeout: float | None = None) -> None:
     """The graph is what the apps promised; with what is `new` for as long as that is looked at."""
-    turn.meet_master()
     if not turn.master:
         raise NotReadyError(f"{turn.robot.name} has no ROS master; {NO_MASTER}")
     began, turn.graph_told = turn.clock.now(), {"verdict": FAIL}

@@ -35,6 +35,8 @@ BEFORE = "command, or hooks: sidecar"
 PRIVATE_TO_NOBODY = "is private to a node, and the app names its nodes itself"
 FILES_BYTES = 900_000  # the API takes no object above a megabyte (kubernetes.io, ConfigMap)
 _MASTER = re.compile(r"(?:^|[\s/;&|(])(?:roscore|rosmaster)(?:$|[\s;&|)])")
+# Programs that an image like ros:noetic has below /opt/ros alone: its PATH does not lead there.
+_ROS_TOOLS = ("rosrun", "roslaunch", "rostopic", "rosservice", "rosparam", "rosnode", "rosbag")
 LAUNCHES = "roslaunch names its nodes itself"
 _SHELLS = ("sh", "bash", "dash")
 # What a `sh -c` script reads the appended ROS node name from.
@@ -53,6 +55,9 @@ def app_warnings(app: App, raw: Raw, path: str) -> Iterator[Problem]:
     if app.devices:
         told = "the container runs privileged, as Kubernetes has no other plain way to a device"
         yield Problem(f"{path}.devices", told)
+    if app.command and app.command[0] in _ROS_TOOLS:
+        told = f"{app.command[0]} is found once the image's entry point has run, which a command replaces"
+        yield Problem(f"{path}.command[0]", f"{told}; begin it with /ros_entrypoint.sh")
     if raw.get("private_names") and app.handoff != "overlap":
         yield Problem(f"{path}.private_names", f"has no effect with the handoff {app.handoff}")
 

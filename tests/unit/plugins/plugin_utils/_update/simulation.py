@@ -61,7 +61,11 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     image,
     template_of,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import owned
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
+    ADDRESSES,
+    addressed,
+    owned,
+)
 
 DAY = 86400.0
 CONNECT = 10.0  # a call gives an API up that was away for so long, and a wait says something so often
@@ -117,6 +121,7 @@ class Simulation(SimulatedRobot):
 
     def install(self, robot: Robot) -> None:
         """What a first installation leaves, and other nodes that listen to all of it."""
+        robot = addressed(robot)
         first = [*namespace_objects(robot), *code_maps(robot, {}), *master_objects(robot), *app_objects(robot)]
         for item in first:
             self.put(item)
@@ -412,7 +417,7 @@ class Simulation(SimulatedRobot):
         after: dict[str, Any] = {**item, "applied": item}
         after["metadata"] = {**metadata, "uid": "1", "managedFields": [field_set(item)]}
         if kind == "Service":
-            after["spec"] = {**item["spec"], "clusterIP": "10.43.0.1"}
+            after["spec"] = {"clusterIP": ADDRESSES.get(metadata["name"], "10.43.0.1"), **item["spec"]}
         if kind == "Deployment":
             annotations = {**metadata["annotations"], "deployment.kubernetes.io/revision": "1"}
             after["metadata"]["annotations"] = annotations

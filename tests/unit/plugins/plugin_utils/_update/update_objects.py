@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -14,6 +15,15 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import kept
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
+
+ADDRESSES = {names.MASTER_NAME: "10.43.0.17", names.KEEPER_NAME: "10.43.0.18"}
+
+
+def addressed(robot: Robot) -> Robot:
+    """A robot whose master's Services are there."""
+    return (
+        robot if robot.master.mode == "external" else replace(robot, master=replace(robot.master, addresses=ADDRESSES))
+    )
 
 
 def app(name: str, image: str = "example.org/app:1.0", **more: Any) -> dict[str, Any]:

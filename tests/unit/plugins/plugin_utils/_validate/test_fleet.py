@@ -253,12 +253,22 @@ def test_overlap_on_a_volume_of_one_node_depends_on_the_nodes() -> None:
         ({"image": "talker:latest"}, "may mean another image tomorrow"),
         ({"devices": ["/dev/ttyUSB0"]}, "devices: the container runs privileged"),
         ({"private_names": ["a"]}, "private_names: has no effect"),
+        ({"command": ["rosrun", "a", "b"]}, "rosrun is found once the image's entry point has run"),
+        (
+            {"command": ["rostopic"], "handoff": "replace"},
+            "command[0]: rostopic is found once the image's entry point has run, which a command replaces; begin it "
+            "with /ros_entrypoint.sh",
+        ),
     ],
 )
 def test_warnings(app: dict[str, Any], words: str) -> None:
     report = check(app)
     assert report.problems == []
     assert any(words in warning.line() for warning in report.warnings)
+
+
+def test_a_command_that_begins_with_the_entry_point_is_no_warning() -> None:
+    assert check({"command": ["/ros_entrypoint.sh"], "args": ["rosrun", "a", "b"]}).warnings == []
 
 
 def test_unused_volume_and_moving_master_image_are_warned_of() -> None:

@@ -1,0 +1,87 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where pods find their master and its keeper: by address, for a name takes DNS, which a robot may be cut off from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import revision_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
+    ADDRESSES,
+    addressed,
+    app,
+    applied,
+)
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+APPS = [app("one"), app("two", hooks="sidecar"), app("three", launch={"file": "/a.launch"})]
+ROBOT = robot(*APPS)
+
+
+def services(of: Robot, **addresses: str) -> list[dict[str, Any]]:
+    """As the API shows them; `addresses` are other ones."""
+    found = [item for item in workload_objects(of, PARTS) if item["kind"] == "Service"]
+    told = {**ADDRESSES, **{name.replace("_", "-"): address for name, address in addresses.items()}}
+    return [{**item, "spec": {**item["spec"], "clusterIP": told[item["metadata"]["name"]]}} for item in found]
+
+
+@pytest.mark.parametrize("mode", ["robot", "shared"])
+def test_no_pod_is_told_a_name(mode: str) -> None:
+    made = located(robot(*APPS, master={"mode": mode}), Live(services=services(robot(master={"mode": mode}))))
+    assert made.master.addresses == ADDRESSES
+    text = json.dumps([workload_objects(made, PARTS), exporter_objects(made, exporter_files(), Settings())])
+    told = text.replace('"http://ros-master', "").replace('"http://ros-keeper', "")
+    assert told == text
+    assert text.count("http://10.43.0.17:11311") == 6  # keeper, exporter, three apps, and a sidecar
+    assert text.count("http://10.43.0.18:11411") == 3  # apps' hooks
+
+
+def test_what_others_have_of_these_names_is_not_the_masters() -> None:
+    (master, keeper) = services(ROBOT)
+    elsewhere = {**master, "metadata": {**master["metadata"], "namespace": names.FLEET_NAMESPACE}}
+    port = {**keeper, "metadata": {**keeper["metadata"], "name": "one"}}
+    assert located(ROBOT, Live(services=[elsewhere, port])).master.addresses == {}
+
+
+def test_an_external_master_is_where_the_inventory_says() -> None:
+    external = robot(*APPS, master={"mode": "external", "uri": "http://192.0.2.5:11311"})
+    made = located(external, Live(services=services(ROBOT)))
+    text = json.dumps(workload_objects(made, PARTS))
+    assert ("http://192.0.2.5:11311" in text, "10.43.0.1" in text) == (True, False)
+
+
+def test_a_service_that_is_gone_gets_the_address_again_that_pods_know() -> None:
+    live = applied(addressed(ROBOT))
+    made = located(ROBOT, live)
+    assert made == addressed(ROBOT)
+    wanted = {item["metadata"]["name"]: item["spec"] for item in services(made)}
+    assert {name: spec["clusterIP"] for name, spec in wanted.items()} == ADDRESSES
+
+
+def test_a_service_that_somebody_made_anew_has_its_own_address() -> None:
+    """Then each pod is told it, and is so another version."""
+    there = services(ROBOT, ros_master="10.43.0.99")
+    made = located(ROBOT, replace(applied(addressed(ROBOT)), services=there))
+    assert made.master.addresses == {**ADDRESSES, "ros-master": "10.43.0.99"}
+    before, after = (
+        [revision_of(item) for item in workload_objects(one, PARTS) if item["kind"] == "Deployment"]
+        for one in (addressed(ROBOT), made)
+    )
+    assert [one == other for one, other in zip(before, after, strict=True)] == [True, False, False, False, False]
+
+
+def test_pods_that_know_names_and_those_of_another_master_tell_no_address() -> None:
+    assert located(ROBOT, applied(ROBOT)).master.addresses == {}
+    shared = robot(*APPS, master={"mode": "shared"})
+    assert located(ROBOT, applied(addressed(shared))).master.addresses == {}

@@ -1,0 +1,73 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A robot that is cut off from the edge: what runs on the robot works on, each look at its master included."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import evidence
+import pytest
+from fleet import Fleet
+
+LIMIT = ("--limit", "robot1,edge1")
+ROBOT, OWN = "robot1", "own"
+CUT = 60.0  # s
+BIN = "/opt/rosops-apps/bin"
+
+
+def clients(image: str) -> list[dict[str, Any]]:
+    """On the robot what the scenario has at the edge: each of them depends on nothing but its own robot."""
+    both: dict[str, Any] = {
+        "image": image, "placement": "local", "update": {"group": OWN},
+        "env": {"LOG_DIR": f"/mnt/data/sensor-volume/{OWN}"}, "volumes": [{"name": "sensor-volume", "shared": True}],
+    }  # fmt: skip
+    programs = {"own-stats": "temperature_subscriber", "own-asker": "add_two_ints_client",
+                "own-mission": "prime_factors_client"}  # fmt: skip
+    return [
+        {**both, "name": name, "command": [f"{BIN}/{program}"],
+         "readiness": {"command": f"{BIN}/readiness_probe.sh"}}
+        for name, program in programs.items()
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def on_its_own(fleet: Fleet) -> Iterator[Fleet]:
+    """The robot has clients of its own; what the tests after this one find is what they know."""
+    before = fleet.variables
+    wanted = clients(fleet.pods()[ROBOT]["temperature"][0].image)
+    run = fleet.update({**before, "ros_apps_robot": wanted}, *LIMIT)
+    assert run.status == 0, run
+    yield fleet
+    run = fleet.update(before, *LIMIT, update_remove_apps=[app["name"] for app in wanted])
+    assert run.status == 0, run
+
+
+@pytest.mark.promise("a robot works through a cut")
+def test_a_robot_works_through_a_cut(on_its_own: Fleet) -> None:
+    fleet, before = on_its_own, on_its_own.running()
+    watch, began = fleet.watch(), time.time()
+    fleet.hosts.power(ROBOT, "cut")
+    try:
+        over = time.monotonic() + CUT
+        with pytest.raises(subprocess.SubprocessError):
+            fleet.hosts.ssh(ROBOT, "true")
+        time.sleep(over - time.monotonic())
+        joined = time.time()
+    finally:
+        fleet.hosts.power(ROBOT, "join")
+    fleet.wait_settled()
+    # a cluster that has taken the node for lost has its pods out of their Services, until the kubelet says otherwise
+    watch.assert_only_lookups_failed(ROBOT, within=OWN)
+    during = evidence.losses(fleet.hosts.logs(ROBOT, OWN), began, joined)
+    fleet.figures.append(f"{ROBOT}: cut off for {joined - began:.0f} s: {during}")
+    assert during.nothing, during
+    assert during.messages > 0, during
+    assert during.requests > 9 * CUT, during  # of ten a second
+    assert during.goals > 0, during
+    assert not during.late(evidence.Losses()), during
+    fleet.assert_still_running(before, ROBOT)
