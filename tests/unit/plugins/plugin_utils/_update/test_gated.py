@@ -28,7 +28,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     Simulation,
     is_marked,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed, app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
@@ -83,7 +83,10 @@ def test_what_somebody_changed_by_hand_is_put_right_through_a_step(name: str, by
     assert (found.outcome, f"{app_name} was changed by hand" in sim.said) == ("updated", True)
     there = sim.deployment(("robot-robot1", app_name))
     assert there is not None
-    assert there["spec"] == {item["metadata"]["name"]: item for item in wanted_deployments(wanted)}[app_name]["spec"]
+    assert (
+        there["spec"]
+        == {item["metadata"]["name"]: item for item in wanted_deployments(addressed(wanted))}[app_name]["spec"]
+    )
     assert outcome_of(sim, wanted).outcome == "unchanged"
 
 
