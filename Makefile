@@ -138,7 +138,7 @@ package: ## Build the collection's package into .cache/package (what it holds: t
 
 .PHONY: dist
 dist: package ## The package through Galaxy's importer, installed into an empty place, and run from there
-	ROSOPS_IMPORTER_PYTHON=$$($(LAB) python importer) ROSOPS_OLD_PYTHON=$$($(LAB) python core-2.16) python -m pytest -n 0 tests/dist
+	ROSOPS_IMPORTER_PYTHON=$$($(LAB) python importer) ROSOPS_OLD_PYTHON=$$($(LAB) python old-core) python -m pytest -n 0 tests/dist
 
 .PHONY: release-notes
 release-notes: ## The changelog's part of the latest release, into .cache/release-notes.md

@@ -52,4 +52,4 @@ def test_it_is_remade_when_a_file_changes_that_the_requirements_take_in(
 def test_an_unknown_one_is_refused_with_the_names_that_there_are(tmp_path: Path) -> None:
     with pytest.raises(LabError, match=r"no environment core-2\.18") as error:
         environment(Cache(tmp_path), "core-2.18")
-    assert "core-2.16, core-2.20, core-2.21, importer" in str(error.value)
+    assert "core-2.20, core-2.21, importer, old-core" in str(error.value)

@@ -475,7 +475,7 @@ def test_deep_merge(base: dict[str, Any], overrides: dict[str, Any], merged: dic
 
 def test_the_quick_start_of_the_readme_is_a_fleet() -> None:
     text = (Path(__file__).resolve().parents[5] / "README.md").read_text("utf-8")
-    blocks = [part.split("\n\n\n")[0] for part in text.split("`my-fleet/")[1:]]
+    blocks = [part.split("\n\n\n")[0] for part in text.split("\n`inventory/")[1:]]
     hosts, robots = (yaml.safe_load(_indented(block)) for block in blocks[:2])
     children = hosts["all"]["children"]
     given = {
