@@ -18,13 +18,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import CODE, PARTS, ground_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import NAMES
 from ansible_collections.rosops.fleet.tests.unit.playbooks.control_node import CHECKOUT, Control
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import SERVICE_ADDRESS, Server
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 STAGES = ",".join(PARTS)
 APP = {"name": "talker", "image": "x.example/talker:1", "command": ["run"], "pattern": "pubsub"}
 WAVE = "Robots are updated, wave by wave"
-ADDRESS = "192.0.2.200"
 PLACES = {"Deployment": "apis/apps/v1", "Service": "api/v1", "ConfigMap": "api/v1"}
 
 
@@ -35,12 +34,12 @@ def path_of(kind: str, namespace: str, name: str) -> str:
 def runs(server: Server, name: str, image: str = "x.example/talker:0") -> None:
     """A robot that works, on an earlier version of its app or on another one."""
     named = robot({**APP, "image": image}, name=name)
-    made = replace(named, master=replace(named.master, addresses=dict.fromkeys(NAMES, ADDRESS)))
+    made = replace(named, master=replace(named.master, addresses=dict.fromkeys(NAMES, SERVICE_ADDRESS)))
     space = f"/api/v1/namespaces/robot-{name}"
     server.put(space, {"metadata": {}})
     for item in [*ground_objects(made, ["apps"], [], CODE), *master_objects(made), *app_objects(made)]:
         if item["kind"] in PLACES:
-            item = {**item, "spec": {**item.get("spec", {}), "clusterIP": ADDRESS}}  # noqa: PLW2901
+            item = {**item, "spec": {**item.get("spec", {}), "clusterIP": SERVICE_ADDRESS}}  # noqa: PLW2901
             server.put(path_of(item["kind"], f"robot-{name}", item["metadata"]["name"]), item)
 
 

@@ -22,6 +22,9 @@ PLURALS = {resource.plural for resource in RESOURCES.values()}
 END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
 
 
+SERVICE_ADDRESS = "192.0.2.200"  # which a Service gets that names none
+
+
 class Clock:
     """Time passes only while somebody sleeps."""
 
@@ -128,6 +131,8 @@ class Server(ThreadingHTTPServer):
             made = _merged(_without(before or {}, old, body), body)
         elif method == "PATCH":
             made = _merged(before or {}, body)
+        if "/services/" in full:
+            made = {**made, "spec": {"clusterIP": SERVICE_ADDRESS, **made.get("spec", {})}}
         if "dryRun" in query:
             return 200, made
         if "apply-patch" in content:
