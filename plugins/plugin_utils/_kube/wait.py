@@ -313,10 +313,10 @@ def wait_for_rollout(kube: Cluster, refs: Sequence[Ref], settings: Settings) -> 
             if now >= say_at:
                 settings.say(_progress(rows, wait.elapsed(), wait.unreachable()))
                 say_at += SAY_SECONDS
-            over_at = max(wait.end(), wait.gone)
-            if wait.well is not None:
-                over_at = wait.well + settings.watched
-            ends = [over_at, say_at, wait.tracker.due(), wait.news.due(wait.starting(), now), wait.begun_at(now)]
+            ends = [max(wait.end(), wait.gone), say_at, wait.tracker.due(), wait.begun_at(now)]
+            # what is only watched has no news to tell, and no end of its time
+            ends += [wait.news.due(wait.starting(), now)] if wait.well is None else []
+            ends[0] = ends[0] if wait.well is None else wait.well + settings.watched
             until = min(end for end in ends if end is not None)
             if wait.unlisted:
                 until = min(until, now + 1.0)

@@ -488,8 +488,11 @@ def test_what_has_to_stay_is_watched_for_as_long_and_an_end_by_an_error_ends_it(
     done = Run(runs, (4.0, [changed(PODS, crashed)]), watched=9.0, fail_on_restart=True)
     assert ("exit code 3" in done.message, done.took) == (True, pytest.approx(4.0))
     unready = pod("talker-new-1", NEW, [app()])
-    steps = [runs, (4.0, [changed(PODS, unready)]), (6.0, [changed(PODS, new_pod)])]
+    away = [changed(PODS, unready), changed(DEPLOYMENTS, deployment(status={"availableReplicas": 0}))]
+    steps = [runs, (4.0, away), (6.0, [changed(PODS, new_pod), changed(DEPLOYMENTS, deployment())])]
     assert Run(*steps, watched=9.0).took == pytest.approx(15.0)
+    late = Run(runs, (4.0, [changed(PODS, unready)]), watched=9.0)  # its Deployment does not say so yet
+    assert (late.took, late.script.waits < 20) == (pytest.approx(9.1), True)
 
 
 def test_a_restart_between_two_waits_of_one_run_is_seen() -> None:
@@ -595,11 +598,11 @@ def test_a_sidecar_says_in_its_log_why_the_app_is_not_ready() -> None:
     starting["spec"]["initContainers"] = [{"name": "hooks", "restartPolicy": "Always"}]
     kube = FakeKube({"Event": [unhealthy(status, 1)]}, log="not ready: not registered yet")
     calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
-    assert calm.message.splitlines()[1].endswith("pod talker-new-1: not ready: not registered yet")
+    assert calm.message.splitlines()[0] == f"not registered yet (Deployment {NS}/talker, pod talker-new-1)"
     kube.log = "cannot become ready: never"
     assert Run((0.1, lists(starting, old_pod)), kube=kube).took == pytest.approx(0.1)
     kube.log = ""
-    assert "talker-new-1:" not in Run((0.1, lists(starting, old_pod)), kube=kube, timeout=3).message.splitlines()[1]
+    assert "talker-new-1:" not in Run((0.1, lists(starting, old_pod)), kube=kube, timeout=3).message.splitlines()[0]
 
 
 def test_events_of_other_pods_say_nothing_here() -> None:
@@ -613,7 +616,7 @@ def test_events_of_other_pods_say_nothing_here() -> None:
     unready_old = pod("talker-old-1", OLD, [app()])
     done = Run((0.1, lists(starting, unready_old)), kube=FakeKube({"Event": events}), timeout=3)
     assert done.took == pytest.approx(3.1)
-    assert "never" not in done.message.splitlines()[1]
+    assert "never" not in done.message.splitlines()[0]
 
 
 def test_events_that_may_not_be_read_are_asked_for_once() -> None:

@@ -43,7 +43,7 @@ def test_what_was_kept_is_shown_on_another_control_node() -> None:
     kept = kept_object(kept_part([ROW, {**ROW, "host": "edge1", "outcome": "failed", "failed_task": "Start k3s"}]))
     shown = status_rows({"runs": kept_runs(kept)}, {}, {})
     assert shown["outcomes"] == [
-        {"host": "edge1", "outcome": "failed", "changed": 2, "note": "Start k3s: an edge is missing", **RUN},
+        {"host": "edge1", "outcome": "failed", "changed": 2, "note": "an edge is missing (task: Start k3s)", **RUN},
         {"host": "robot1", "outcome": "rolled-back", "changed": 2, "note": "an edge is missing", **RUN},
     ]
     assert shown["problems"] == []
