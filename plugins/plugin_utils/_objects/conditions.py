@@ -32,6 +32,16 @@ def graph_conditions(robot: Robot) -> dict[str, Any]:
     return conditions
 
 
+def promised_publishers(robot: Robot) -> dict[str, str]:
+    """Topic, by its full name -> the app whose readiness says that it is published."""
+    return {
+        item["name"]: app.name
+        for app in robot.apps
+        for item in _app_conditions(app, robot)["topics"]
+        if item.get("publishers") or item.get("min_rate")
+    }
+
+
 def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:
     metadata = app_deployment(app, robot)["spec"]["template"]["metadata"]
     stable = context.graph_node(app, robot)

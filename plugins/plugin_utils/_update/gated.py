@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import promised_publishers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import beside, early
@@ -156,6 +157,11 @@ class Gated:
         if policy == "wait" and not turn.check and not self.now.beside:
             # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
             turn.apply_all([turn.events(self.now, word=WAITING)])
+        silent = decide.unanswered(gate.calm, turn.graph) if policy != "force" else []
+        publishers = promised_publishers(turn.robot) if silent else {}
+        for topic in silent:
+            if topic in publishers:  # it may be down, and come up with this very run
+                self.say(f"{name}: {topic} is app {publishers[topic]}'s, which publishes nothing; {decide.UNASKED}")
         # a pod that waits beside the old one takes place, and the robot was at rest a moment ago
         seconds = BESIDE_SECONDS if self.now.beside else None
         seen = turn.rest(self.now, gate.calm, "the robot is idle", seconds=seconds)
@@ -163,7 +169,7 @@ class Gated:
             self.say(f"{name}: {'idle now' if seen.verdict == PASS else f'busy now: {seen.reason}'}")
         # in check mode nobody has waited: what would be waited for is no reason to leave out the rest of the plan
         if seen.verdict == WAIT and not (turn.check and policy == "wait"):
-            raise BusyError(seen.reason)
+            raise BusyError(f"{seen.reason}; {decide.UNASKED}" if silent else seen.reason)
         if seen.verdict == FAIL:
             raise NotReadyError(f"it cannot be seen whether the robot is idle: {seen.reason}")
         if seen.verdict == PASS and seen.reason:  # a goal that comes now may be lost

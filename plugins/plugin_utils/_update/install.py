@@ -38,14 +38,15 @@ def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
     """The plan with all that never came up as one step, the last one, where no app is at work.
 
     What an installation that was cut off has brought up is installed once more: as it is wanted, so that nothing
-    becomes of it but a proof.
+    becomes of it but a proof. The robot's messages are not asked before the other steps, those of master and keeper:
+    the app that would publish them is itself to come, and after them.
     """
     again = [step for step in plan.steps if step.resume and not step.previous]
     installed = {app for step in again for app in step.apps}
     if set(at_work(robot, live)) - installed:
         return plan
     new = [step for step in plan.steps if step.fresh or step in again]
-    others = [step for step in plan.steps if step not in new]
+    others = [replace(step, when=[]) for step in plan.steps if step not in new]
     return replace(plan, steps=[*others, *([_united(new, robot)] if new else [])])
 
 

@@ -35,6 +35,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 
 HISTORY_KEPT = 5
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
+UNASKED = "-e update_on_busy=force changes the robot without asking it"
 NO_GRAPH: Graph = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
 NO_CONTRACT: Mapping[str, Any] = ros_contract.record(NO_GRAPH, ())  # of what is nothing to the graph
 
@@ -242,6 +243,12 @@ def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
     revisions = {app: after["revision"] for app, after in step.after.items()}
     labels = names.LABEL_APP, names.LABEL_REVISION
     return [pod for pod in pods if tuple(pod["metadata"]["labels"].get(label) for label in labels) in revisions.items()]
+
+
+def unanswered(calm: Calm, graph: Graph) -> list[str]:
+    """Topics of which messages are asked for and that nobody publishes."""
+    topics = dict.fromkeys(one["topic"] for one in calm.when)
+    return [topic for topic in topics if not graph["topics"].get(topic, {}).get("publishers")]
 
 
 def at_work(graph: Graph, rest: Iterable[Object]) -> bool:

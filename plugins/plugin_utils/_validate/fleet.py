@@ -30,6 +30,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers impo
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import without_rigels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
+    answer_warnings,
     fleet_app_problems,
     master_problems,
     port_problems,
@@ -90,6 +91,8 @@ def check_fleet(given: Any, find: Find = unseen) -> Report:
         warnings += robot_warnings(item)
     problems += [*fleet_app_problems(drafts), *port_problems(drafts)]
     problems = unique(problems)
+    if not problems:
+        warnings += [warning for item in drafts for warning in answer_warnings(item)]
     fleet = None if problems else _fleet(groups, hosts, drafts)
     return Report(problems, unique(warnings), fleet, hosts)
 

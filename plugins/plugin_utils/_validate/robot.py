@@ -9,11 +9,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Master, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import promised_publishers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import plain_keeper
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import plain_master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import more_than_baseline
@@ -138,6 +140,18 @@ def _same_node(volume: Volume, app: App, edge_count: int) -> bool:
     if volume.access_mode == "ReadWriteOnce":
         return app.placement == "local" or edge_count <= 1 or volume.storage_class in NODE_BOUND
     return volume.access_mode != "ReadWriteOncePod"
+
+
+def answer_warnings(draft: Draft) -> Iterator[Problem]:
+    """What a robot without a mistake is asked before a change, and what its own app has to answer."""
+    publishers = promised_publishers(draft.robot)
+    for number, item in enumerate(draft.robot.when):
+        if publisher := publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
+            yield Problem(
+                f"{draft.path}.update_when[{number}].topic",
+                f"is published by app {publisher}: while that app is down, the robot gives no answer and is waited for",
+                "-e update_on_busy=force, for the run that mends it",
+            )
 
 
 def robot_warnings(draft: Draft) -> Iterator[Problem]:

@@ -473,6 +473,16 @@ def test_deep_merge(base: dict[str, Any], overrides: dict[str, Any], merged: dic
     assert (base, overrides) == before
 
 
+def test_a_question_that_the_robot_s_own_app_answers_is_told() -> None:
+    when = {"update_when": [{"topic": "/battery", "field": "percentage", "above": 0.4}]}
+    driver = {"readiness": {"topics": [{"name": "battery", "publishers": 1}]}}
+    [told] = [one.line() for one in check(driver, **when).warnings]
+    assert "update_when[0].topic" in told
+    assert "is published by app talker" in told
+    assert "-e update_on_busy=force" in told
+    assert check({"readiness": {"topics": [{"name": "battery", "connected": True}]}}, **when).warnings == []
+
+
 def test_the_quick_start_of_the_readme_is_a_fleet() -> None:
     text = (Path(__file__).resolve().parents[5] / "README.md").read_text("utf-8")
     blocks = [part.split("\n\n\n")[0] for part in text.split("\n`inventory/")[1:]]
