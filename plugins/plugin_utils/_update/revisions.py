@@ -9,7 +9,7 @@ import json
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part, foreign_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
@@ -83,9 +83,13 @@ def unused(live: Live, apps: Collection[Key], wanted: Iterable[Object]) -> list[
 
 
 def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:
-    """A live Deployment in the form in which it can be applied again; `whole` with what others changed of it."""
+    """A live Deployment in the form in which it can be applied again; `whole` with what others changed of it.
+
+    What others set and set back, as `kubectl set image` and `kubectl rollout undo` do, is theirs, though it is what we
+    applied: our part of it lacks the image then, and could not be applied.
+    """
     part = None if whole else applied_part(deployment, names.MANAGER)
-    if part is None:
+    if part is None or foreign_fields(deployment, part, names.MANAGER):
         # somebody else applied it: without what the API server keeps for itself it is what it was
         own = {"name", "namespace", "labels", "annotations"}
         metadata = {key: value for key, value in deployment["metadata"].items() if key in own}

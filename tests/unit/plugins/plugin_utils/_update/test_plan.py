@@ -236,6 +236,18 @@ def test_what_somebody_else_applied_is_kept_without_the_servers_bookkeeping() ->
     assert kept(item) == {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": own, "spec": item["spec"]}
 
 
+def test_what_somebody_else_set_and_set_back_belongs_to_what_is_kept() -> None:
+    """`kubectl set image`, then `rollout undo`: the image is kubectl's, and without it nothing could be applied."""
+    item = applied(robot(app("one"))).deployments[-1]
+    [ours] = item["metadata"]["managedFields"]
+    [container] = ours["fieldsV1"]["f:spec"]["f:template"]["f:spec"]["f:containers"].items()
+    key, fields = container
+    theirs = {key: {"f:image": fields.pop("f:image")}}
+    pods = {"f:spec": {"f:template": {"f:spec": {"f:containers": theirs}}}}
+    item["metadata"]["managedFields"].append({"manager": "kubectl", "operation": "Update", "fieldsV1": pods})
+    assert kept(item)["spec"]["template"]["spec"]["containers"] == item["spec"]["template"]["spec"]["containers"]
+
+
 def test_the_way_back_is_never_paused() -> None:
     item = applied(robot(app("one"))).deployments[-1]
     item["spec"]["paused"] = True
