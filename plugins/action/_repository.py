@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import EXAMPLES, contents, fleet_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.files import plan, read, write
 
 COLLECTION = Path(__file__).resolve().parents[2]
@@ -24,7 +24,7 @@ class ActionModule(FleetAction):
     ARGUMENTS: ClassVar = {
         "dest": {"type": "str", "required": True},
         "force": {"type": "bool", "default": False},
-        "example": {"type": "str", "choices": list(EXAMPLES), "default": EXAMPLES[0]},
+        "example": {"type": "str", "choices": list(EXAMPLE_FLEETS), "default": EXAMPLE_FLEETS[0]},
     }
 
     def work(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:

@@ -166,10 +166,11 @@ def test_a_drawn_graph_is_seen_and_said(browser: chromium.Chromium, dark: bool) 
 
 def test_tables_stay_tables_on_a_phone(browser: chromium.Chromium) -> None:
     """For a screen reader, though each row is drawn as a card."""
-    browser.open(written("fleet"), PHONE)
+    page = written("fleet")
+    browser.open(page, PHONE)
     nodes = browser.ask("Accessibility.getFullAXTree")["nodes"]
     roles = [node["role"]["value"] for node in nodes if not node["ignored"]]
-    assert roles.count("table") == 11
+    assert roles.count("table") == page.read_text("utf-8").count("<table") > 10
     assert roles.count("columnheader") > 60 and roles.count("rowheader") > 30 and roles.count("cell") > 100
     assert browser.evaluate("getComputedStyle(document.querySelector('tbody tr')).display") == "flex"
 

@@ -17,7 +17,7 @@ PLAYBOOKS = ("site.yml", "update.yml", "rollback.yml", "status.yml", "guarded.ym
 # Hidden files stand under another name, or they would be this checkout's own settings.
 HIDDEN = "dot-"
 EXAMPLE_NAME = "fleet_name: example"
-EXAMPLES = ("talker", "launch")  # the first is inventories/example, another is laid over it
+EXAMPLE_FLEETS = ("talker", "launch")  # the first is inventories/example, another is laid over it
 LONGEST = 63
 COLLECTIONS = """---
 collections: # and what it needs itself
@@ -29,7 +29,7 @@ ansible-core{core}
 """
 
 
-def contents(collection: Path, fleet: str, example: str = EXAMPLES[0]) -> dict[str, str]:
+def contents(collection: Path, fleet: str, example: str = EXAMPLE_FLEETS[0]) -> dict[str, str]:
     """Path -> text, of the collection in that directory for a fleet of that name with that example."""
     found = {name: _text(collection / name) for name in PLAYBOOKS}
     version = _version(collection)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import (
-    EXAMPLES,
+    EXAMPLE_FLEETS,
     contents,
     fleet_name,
 )
@@ -55,7 +55,7 @@ def test_hidden_files_are_hidden_there_and_the_name_is_put_in() -> None:
 
 
 def test_another_example_is_laid_over_the_first() -> None:
-    talker, launch = (contents(CHECKOUT, "mine", example) for example in EXAMPLES)
+    talker, launch = (contents(CHECKOUT, "mine", example) for example in EXAMPLE_FLEETS)
     assert {"secrets.yml", "images/base/Dockerfile", "images/base/base.launch"} == {
         path for path in set(launch) - set(talker) if not path.endswith((".py", "package.xml"))
     }
