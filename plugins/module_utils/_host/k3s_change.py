@@ -28,6 +28,7 @@ SNAPSHOTS_KEPT = 3
 STOP_TIMEOUT = 120.0  # systemd kills after 90 s
 SQLITE = f"{DATA_DIR}/server/db/state.db"
 DATABASE = f"{DATA_DIR}/server/db"
+SNAPSHOTS = f"{DATABASE}/snapshots"
 DATABASE_COPY = f"{DATA_DIR}/server/db.previous"
 DATABASE_LEFT = f"{DATA_DIR}/server/db.left"  # that of a version which was taken back
 
@@ -94,7 +95,7 @@ class K3sChange:
         kept = ""
         became_etcd = record["snapshot"] == DATABASE_COPY and self.path(ETCD).exists()
         if datastore and (became_etcd or _minor(record["version"]) != _minor(self._version())):
-            kept = self._kept_datastore(record["snapshot"])
+            kept = record["snapshot"] if self.path(record["snapshot"]).exists() else ""
         if kept:
             self._systemctl("stop", self.service)
         for name, existed in record["files"].items():
@@ -145,12 +146,18 @@ class K3sChange:
         if not self.server:
             return ""
         if self.path(ETCD).exists():
-            name = f"{SNAPSHOT}-{version.partition('+')[0]}"
-            self._k3s("etcd-snapshot", "save", "--name", name, otherwise="nothing was exchanged")
-            # older ones go; that one of them stays is no reason to leave k3s as it is
-            self.run([str(self.path(BINARY)), "etcd-snapshot", "prune", "--snapshot-retention", str(SNAPSHOTS_KEPT),
-                      "--name", name])  # fmt: skip
-            return f"{DATABASE}/snapshots/{name}-*"
+            name, there = f"{SNAPSHOT}-{version.partition('+')[0]}", self.path(SNAPSHOTS)
+            before = sorted(there.glob(f"{SNAPSHOT}-*"), key=lambda path: path.stat().st_mtime)
+            # older ones go here: k3s would count those of each version by themselves, and be silent about what stays
+            for old in before[: 1 - SNAPSHOTS_KEPT]:
+                old.unlink()
+            left = "nothing was exchanged"
+            # its directory is said, as `k3s_config` may have another
+            self._k3s("etcd-snapshot", "save", "--name", name, "--etcd-snapshot-dir", str(there), otherwise=left)
+            made = set(there.glob(f"{name}-*")) - set(before)
+            if not made:  # a full disk is no error to k3s
+                raise FleetError(f"k3s etcd-snapshot save left no {name} in {there}; {left}")
+            return f"/{made.pop().relative_to(self.root)}"
         if self.path(SQLITE).exists():
             # only a database that nobody writes to is copied whole
             self._systemctl("stop", self.service)
@@ -158,13 +165,6 @@ class K3sChange:
             shutil.copytree(str(self.path(DATABASE)), str(self.path(DATABASE_COPY)))
             return DATABASE_COPY
         return ""
-
-    def _kept_datastore(self, snapshot: str) -> str:
-        """Where the datastore of the snapshot's name is, the last one of several; empty where it is not."""
-        if snapshot == DATABASE_COPY:
-            return snapshot if self.path(snapshot).exists() else ""
-        there = sorted(self.root.glob(snapshot.lstrip("/")), key=lambda path: path.stat().st_mtime) if snapshot else []
-        return f"/{there[-1].relative_to(self.root)}" if there else ""
 
     def _restore(self, kept: str) -> None:
         """Put the datastore that was kept in place of the one that a newer k3s has changed. k3s is stopped."""

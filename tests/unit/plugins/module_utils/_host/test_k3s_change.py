@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s_chan
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import K3sChange
 
 BINARY, CONFIG = "/usr/local/bin/k3s", "/etc/rancher/k3s/config.yaml"
+DB = "/var/lib/rancher/k3s/server/db"
 REGISTRIES, ENVIRONMENT = "/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment"
 OLD = {BINARY: "v1.34.2+k3s1", CONFIG: "a: 1", ENVIRONMENT: "A=1"}
 NEW = {BINARY: "v1.34.3+k3s1", CONFIG: "a: 2", REGISTRIES: "mirrors: {}"}
@@ -28,7 +29,7 @@ class Machine:
 
     def __init__(self, root: Path, role: str = "server", **files: str) -> None:
         self.root, self.asked = root, list[list[str]]()
-        self.fails: str = ""
+        self.fails, self.saved, self.full = "", 0, False
         self.put({**OLD, **files})
         self.time, self.stops_at = 0.0, 0.0
         self.change = K3sChange(self.run, role, str(root))
@@ -55,7 +56,16 @@ class Machine:
             return 0, f"{len(self.asked) if again else 'first'}\n", ""
         self.asked.append([Path(command[0]).name, *command[1:]])
         failed = bool(self.fails) and self.fails in " ".join(command)
+        if command[1:3] == ["etcd-snapshot", "save"] and not failed:
+            self.save(dict(zip(command[3::2], command[4::2], strict=True)))
         return int(failed), "", "boom" if failed else ""
+
+    def save(self, flags: dict[str, str]) -> None:
+        """As k3s does: into the directory of its configuration where no other is said. A full disk is no error."""
+        directory = Path(flags.get("--etcd-snapshot-dir", self.root / "mnt/snapshots"))
+        self.saved += 1
+        if not self.full:
+            self.put({f"/{directory.relative_to(self.root)}/{flags['--name']}-edge1-{self.saved}": ""})
 
     def there(self) -> dict[str, str]:
         found = {name: self.root / name.lstrip("/") for name in {**OLD, **NEW}}
@@ -138,8 +148,9 @@ def test_a_servers_datastore_is_kept_first(tmp_path: Path, role: str, snapshot: 
     machine = Machine(tmp_path, role, **{"/var/lib/rancher/k3s/server/db/etcd/member": ""})
     found = switch(machine)
     saves = [command for command in machine.asked if command[1:3] == ["etcd-snapshot", "save"]]
-    assert saves == ([["k3s", "etcd-snapshot", "save", "--name", "rosops-before-v1.34.2"]] if snapshot else [])
-    assert ("rosops-before-v1.34.2" in found["snapshot"]) is snapshot
+    asked = ["k3s", "etcd-snapshot", "save", "--name", "rosops-before-v1.34.2"]
+    assert [command[:5] for command in saves] == ([asked] if snapshot else [])
+    assert found["snapshot"] == (f"{DB}/snapshots/rosops-before-v1.34.2-edge1-1" if snapshot else "")
     switch(machine)  # a second try writes no second one: what runs is not proven
     assert [command for command in machine.asked if command[1:3] == ["etcd-snapshot", "save"]] == saves
 
@@ -150,6 +161,27 @@ def test_a_datastore_that_cannot_be_kept_forbids_the_change(machine: Machine) ->
         switch(machine)
     assert machine.there() == OLD
     assert not machine.change.record()
+
+
+def test_a_snapshot_that_is_not_there_forbids_the_change(machine: Machine) -> None:
+    """k3s ends with 0 where its disk is full: what it was to keep is looked for."""
+    machine.full = True
+    with pytest.raises(FleetError, match=r"left no rosops-before-v1.34.2 in .*/db/snapshots; nothing was exchanged"):
+        switch(machine)
+    assert machine.there() == OLD
+    assert not machine.change.record()
+
+
+def test_of_all_versions_three_snapshots_stay(machine: Machine) -> None:
+    machine.put({f"{DB}/snapshots/{name}": "" for name in ("etcd-snapshot-edge1-1", "on-demand-edge1-2")})
+    for patch in range(3, 9):
+        found = switch(machine, {BINARY: f"v1.34.{patch}+k3s1"})
+        machine.change.prove()
+        assert (machine.root / found["snapshot"][1:]).exists()
+        os.utime(machine.root / found["snapshot"][1:], (patch, patch))
+    there = sorted(path.name for path in (machine.root / DB[1:] / "snapshots").iterdir())
+    ours = [f"rosops-before-v1.34.{before}-edge1-{before - 1}" for before in (5, 6, 7)]
+    assert there == ["etcd-snapshot-edge1-1", "on-demand-edge1-2", *ours]
 
 
 def test_a_database_in_a_file_is_copied_while_nobody_writes_to_it(tmp_path: Path) -> None:
@@ -173,7 +205,6 @@ def test_k3s_runs_again_where_its_database_could_not_be_copied(tmp_path: Path, m
     assert machine.there() == OLD
 
 
-DB = "/var/lib/rancher/k3s/server/db"
 MINOR = {BINARY: "v1.35.0+k3s1"}
 
 
@@ -198,13 +229,12 @@ def test_an_earlier_minor_version_gets_its_database_back(
 
 def test_an_earlier_minor_version_gets_its_etcd_back(machine: Machine) -> None:
     switch(machine, MINOR)
-    # of an earlier try, of a version that begins alike, and of this one
-    for age, name in enumerate(["v1.34.2-edge1-300", "v1.34.20-edge1-400", "v1.34.2-edge1-200"]):
-        machine.put({f"{DB}/snapshots/rosops-before-{name}": ""})
-        os.utime(machine.root / f"{DB[1:]}/snapshots/rosops-before-{name}", (-age, -age))
+    # by a clock that was set back; and of a version that begins alike
+    os.utime(machine.root / f"{DB[1:]}/snapshots/rosops-before-v1.34.2-edge1-1", (-100, -100))
+    machine.put({f"{DB}/snapshots/rosops-before-v1.34.20-edge1-400": ""})
     machine.asked = []
     machine.change.back(datastore=True)
-    snapshot = machine.root / f"{DB[1:]}/snapshots/rosops-before-v1.34.2-edge1-300"
+    snapshot = machine.root / f"{DB[1:]}/snapshots/rosops-before-v1.34.2-edge1-1"
     assert machine.asked[:2] == [
         ["systemctl", "stop", "k3s"],
         ["k3s", "server", "--cluster-reset", f"--cluster-reset-restore-path={snapshot}"],
@@ -227,7 +257,6 @@ def test_a_database_that_became_etcd_comes_back_as_it_was(tmp_path: Path, datast
 
 def test_k3s_starts_where_its_etcd_cannot_be_put_back(machine: Machine) -> None:
     switch(machine, MINOR)
-    machine.put({f"{DB}/snapshots/rosops-before-v1.34.2-edge1-300": ""})
     machine.fails = "--cluster-reset"
     with pytest.raises(FleetError, match=r"cluster-reset.*: boom; it starts with the datastore of the newer one"):
         machine.change.back(datastore=True)
