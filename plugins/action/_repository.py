@@ -11,7 +11,11 @@ from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import (
+    EXAMPLE_FLEETS,
+    contents,
+    fleet_name,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.files import plan, read, write
 
 COLLECTION = Path(__file__).resolve().parents[2]
