@@ -11,6 +11,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import res
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Readiness, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import full_name
 
 
 def graph_conditions(robot: Robot) -> dict[str, Any]:
@@ -32,26 +33,14 @@ def graph_conditions(robot: Robot) -> dict[str, Any]:
     return conditions
 
 
-def promised_publishers(robot: Robot) -> dict[str, str]:
-    """Topic, by its full name -> the app whose readiness says that it is published."""
-    return {
-        item["name"]: app.name
-        for app in robot.apps
-        for item in _app_conditions(app, robot)["topics"]
-        if item.get("publishers") or item.get("min_rate")
-    }
-
-
 def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:
     metadata = app_deployment(app, robot)["spec"]["template"]["metadata"]
-    stable = context.graph_node(app, robot)
-    node = metadata["annotations"].get(names.ANNOTATION_NODE, stable)  # those of a launch file are not promised
+    # those of a launch file are not promised
+    node = metadata["annotations"].get(names.ANNOTATION_NODE) or context.graph_node(app, robot)
     readiness = app.readiness
 
     def full(name: str) -> str:
-        # a private name that is remapped stays below the stable name, the others follow the revision's
-        owner = stable if name.startswith("~") and name[1:].lstrip("/") in app.private_names else node
-        return resolve(name, context.graph_namespace(app, robot), owner)
+        return resolve(full_name(name, app, robot), "/", node)
 
     return {
         "nodes": [node] if readiness.nodes else [],

@@ -8,6 +8,7 @@ It is part of the pod template: another readiness is another revision, which is 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
@@ -30,10 +31,10 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
         "app": app.name,
         "node": context.graph_node(app, robot),
         "expect_node": readiness.nodes,
-        "actions": [_full(action["name"], app, robot) for action in readiness.actions],
+        "actions": [full_name(action["name"], app, robot) for action in readiness.actions],
         "stop_deadline": app.stop_deadline,
         "command": probe_command(command) if command and app.hooks == "app" else None,
-        "min_rates": {_full(topic["name"], app, robot): topic["min_rate"] for topic in rated},
+        "min_rates": {full_name(topic["name"], app, robot): topic["min_rate"] for topic in rated},
         "keeper": context.keeper_uri(robot),
         "host_network": app.host_network,
         "space": context.robot_space(app, robot),
@@ -43,13 +44,20 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
     }
 
 
-def promised(app: App, robot: Robot) -> dict[str, float]:
-    """Hz that topics have at least, their publishers together. Which name a private one has the graph alone knows."""
-    rates = {_full(topic["name"], app, robot): topic.get("min_rate") for topic in app.readiness.topics}
-    return {topic: rate for topic, rate in rates.items() if rate and not topic.startswith("~")}
+def promised(robot: Robot) -> Iterator[tuple[str, App, Mapping[str, Any]]]:
+    """The topics that readiness says to be published, with their apps and what is said.
+
+    Which name a private one of a revision has, the graph alone knows.
+    """
+    for app in robot.apps:
+        for said in app.readiness.topics:
+            topic = full_name(said["name"], app, robot)
+            if (said.get("publishers") or said.get("min_rate")) and not topic.startswith("~"):
+                yield topic, app, said
 
 
-def _full(name: str, app: App, robot: Robot) -> str:
+def full_name(name: str, app: App, robot: Robot) -> str:
+    """As the graph has it; a private one that follows the node's name of a revision stays as it is."""
     kept = app.handoff != "overlap" or name[1:].lstrip("/") in app.private_names
     if name.startswith("~") and not kept:
         return f"~{name[1:].lstrip('/')}"

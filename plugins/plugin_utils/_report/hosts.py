@@ -126,9 +126,9 @@ def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Row]]:
         robot = host.robot
         if robot is None:
             continue
-        for app in robot.apps:
-            owner = host.name if app.scope == "robot" else SHARED
-            for topic, rate in promised(app, robot).items():
+        for topic, app, said in promised(robot):
+            if rate := said.get("min_rate"):
+                owner = host.name if app.scope == "robot" else SHARED
                 found.setdefault(host.graph, {})[topic] = {"min_rate": rate, "app": app.name, "robot": owner}
     return found
 

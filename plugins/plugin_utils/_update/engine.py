@@ -205,7 +205,7 @@ class Engine(Turn):
         self.robot = located(self.robot, self.live)
         request = replace(self.settings.request, parts=self.settings.parts)
         plan = update_plan(self.robot, self.live, request, self._drifted())
-        self.plan = with_removals(with_install(plan, self.robot, self.live), self.robot, self.live, request)
+        self.plan = with_removals(with_install(plan, self.robot), self.robot, self.live, request)
         self.left = not self.settings.at_work and any(step.kind != INSTALL for step in self.plan.steps)
 
     def _drifted(self) -> set[tuple[str, str]]:

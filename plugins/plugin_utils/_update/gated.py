@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import promised_publishers
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import beside, early
@@ -158,7 +158,7 @@ class Gated:
             # a wait may be long, and whoever looks at the robot meanwhile wants to know of it
             turn.apply_all([turn.events(self.now, word=WAITING)])
         silent = decide.unanswered(gate.calm, turn.graph) if policy != "force" else []
-        publishers = promised_publishers(turn.robot) if silent else {}
+        publishers = {topic: app.name for topic, app, _said in promised(turn.robot)} if silent else {}
         for topic in silent:
             if topic in publishers:  # it may be down, and come up with this very run
                 self.say(f"{name}: {topic} is app {publishers[topic]}'s, which publishes nothing; {decide.UNASKED}")

@@ -17,11 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    app_of,
-    deployments_of,
-    working,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, deployments_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 INSTALL = "install"
@@ -29,12 +25,7 @@ INSTALL = "install"
 SERVING = (names.MASTER_NAME, names.KEEPER_NAME, EXPORTER_NAME)
 
 
-def at_work(robot: Robot, live: Live) -> list[str]:
-    """The apps of the robot's namespace that work, or did once."""
-    return [app for namespace, app in sorted(working(live)) if namespace == robot.namespace and app not in SERVING]
-
-
-def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
+def with_install(plan: Plan, robot: Robot) -> Plan:
     """The plan with all that never came up as one step, the last one, where no app is at work.
 
     What an installation that was cut off has brought up is installed once more: as it is wanted, so that nothing
@@ -43,7 +34,8 @@ def with_install(plan: Plan, robot: Robot, live: Live) -> Plan:
     """
     again = [step for step in plan.steps if step.resume and not step.previous]
     installed = {app for step in again for app in step.apps}
-    if set(at_work(robot, live)) - installed:
+    at_work = {app for namespace, app in plan.working if namespace == robot.namespace} - {*SERVING}
+    if at_work - installed:
         return plan
     new = [step for step in plan.steps if step.fresh or step in again]
     others = [replace(step, when=[]) for step in plan.steps if step not in new]

@@ -100,13 +100,15 @@ class Step:
 class Plan:
     """The steps of a robot.
 
-    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes besides when apps go.
+    `orphans` are Deployments of ours that the inventory does not know, `remnants` what goes besides when apps go,
+    `working` those that were proven once, or work now.
     """
 
     steps: Sequence[Step] = ()
     unchanged: Sequence[str] = ()
     orphans: Sequence[str] = ()
     remnants: Sequence[Object] = ()
+    working: Collection[Key] = ()
 
 
 @dataclass(frozen=True)
@@ -251,7 +253,7 @@ def update_plan(
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     running = {key_of(item): item for item in live.deployments}
     histories, contracts = read_histories(live.maps), read_contracts(live.maps)
-    there = _Robot(robot, desired, running, histories, contracts, drifted, working(live))
+    there = _Robot(robot, desired, running, histories, contracts, drifted, working(live, histories, contracts))
     brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
     asked = [
         app for app, objects in desired.items()
@@ -259,7 +261,7 @@ def update_plan(
         and (MASTER_PART if app in (MASTER, KEEPER) else APPS) in request.parts
         and (request.shared if _is_shared(objects) else request.own)
     ]  # fmt: skip
-    return _back(there, asked, request) if request.to else _forward(there, asked)
+    return replace(_back(there, asked, request) if request.to else _forward(there, asked), working=there.working)
 
 
 def _forward(there: _Robot, asked: Sequence[str]) -> Plan:

@@ -37,12 +37,11 @@ def _read(maps: Iterable[Object], key: str, empty: str) -> dict[str, Any]:
     }
 
 
-def working(live: Live) -> set[Key]:
+def working(live: Live, histories: Mapping[str, Any], contracts: Mapping[str, Object]) -> set[Key]:
     """The Deployments that were proven once, have something to go back to, or have a pod that is Ready.
 
     A mark alone says nothing against what works, nor does a ConfigMap that is not there.
     """
-    histories, contracts = read_histories(live.maps), read_contracts(live.maps)
     ready = {(pod["metadata"]["namespace"], app_of(pod)) for pod in live.pods if _is_ready(pod)}
     return {
         key_of(item)

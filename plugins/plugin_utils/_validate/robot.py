@@ -15,9 +15,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import promised_publishers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import plain_keeper
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import plain_master
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import more_than_baseline
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
@@ -144,7 +144,7 @@ def _same_node(volume: Volume, app: App, edge_count: int) -> bool:
 
 def answer_warnings(draft: Draft) -> Iterator[Problem]:
     """What a robot without a mistake is asked before a change, and what its own app has to answer."""
-    publishers = promised_publishers(draft.robot)
+    publishers = {topic: app.name for topic, app, _said in promised(draft.robot)}
     for number, item in enumerate(draft.robot.when):
         if publisher := publishers.get(resolve(item["topic"], context.own_space(draft.robot), "")):
             yield Problem(
