@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -110,19 +112,30 @@ def test_without_the_validation_no_cluster_is_asked(server: Server, control: Con
     assert server.requests.empty()
 
 
-def test_what_is_known_is_kept_before_the_end_and_a_killed_run_lets_its_robots_go(
-    server: Server, control: Control
+@pytest.mark.parametrize(
+    ("ending", "of", "ends"),
+    [
+        (signal.SIGKILL, "run", (-signal.SIGKILL, "")),
+        (signal.SIGTERM, "run", (-signal.SIGTERM, "")),
+        (signal.SIGINT, "run", (99, "[ERROR]: User interrupted execution")),
+        (signal.SIGINT, "worker", (1, "[ERROR]: A worker was found in a dead state")),
+    ],
+)
+def test_what_is_known_is_kept_before_the_end_and_a_cancelled_run_lets_its_robots_go(
+    server: Server, control: Control, ending: signal.Signals, of: str, ends: tuple[int, str]
 ) -> None:
-    """SIGKILL of ansible-playbook alone, while its worker waits for minutes: so do tools cancel a run."""
+    """While its worker waits for minutes: by SIGKILL of ansible-playbook alone, as tools do it, and as people do it."""
     server.put("/api/v1/namespaces/kube-system", {"metadata": {"name": "kube-system"}})
     control.write("play.yml", f"- import_playbook: {CHECKOUT}/playbooks/site.yml\n")
-    said = {"ros_apps": [APP], "ros_app_rollout_timeout": 300}
-    process = control.start("--limit", "robot1,robot3", "--tags", "namespace,master,apps", "-e", json.dumps(said))
+    given = {"ros_apps": [APP], "ros_app_rollout_timeout": 300}
+    process = control.start("--limit", "robot1,robot3", "--tags", "namespace,master,apps", "-e", json.dumps(given))
     until(lambda: bool(server.find(path_of("Deployment", "robot-robot1", "talker"))))
     lease = "/apis/coordination.k8s.io/v1/namespaces/robot-robot1/leases/robot-update"
     assert server.find(lease)["spec"]["holderIdentity"]
-    process.kill()
-    process.communicate(timeout=60)
+    os.kill(process.pid if of == "run" else worker_of(process.pid), ending)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, err.strip()) == ends
+    assert "FLEET REPORT" not in out
     until(lambda: server.find(lease)["spec"]["holderIdentity"] == "")
     outcomes = "/api/v1/namespaces/kube-system/configmaps/rosops-outcomes"
     until(lambda: set(server.find(outcomes)["data"]) == {"robot1", "robot3"})
@@ -130,6 +143,12 @@ def test_what_is_known_is_kept_before_the_end_and_a_killed_run_lets_its_robots_g
     assert {host: one["outcome"] for host, one in kept.items()} == {"robot1": "failed", "robot3": "deferred-offline"}
     assert "the run was cancelled" in kept["robot1"]["reason"]
     assert kept["robot3"]["playbook"] == "play.yml"
+
+
+def worker_of(run: int) -> int:
+    """The one that is with the robot."""
+    (worker,) = Path(f"/proc/{run}/task/{run}/children").read_text().split()
+    return int(worker)
 
 
 def until(condition: Callable[[], bool]) -> None:
