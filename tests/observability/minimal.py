@@ -125,22 +125,6 @@ def otelcol(log: Path, queue: Path, loki_port: int, own_port: int) -> dict[str, 
     }
 
 
-def promtail(log: Path, directory: Path, loki_port: int, own_port: int) -> dict[str, Any]:
-    return {
-        "server": {"http_listen_address": "127.0.0.1", "http_listen_port": own_port, "grpc_listen_port": 0},
-        "positions": {"filename": str(directory / "positions.yml")},
-        "clients": [{"url": f"http://127.0.0.1:{loki_port}/loki/api/v1/push"}],
-        "scrape_configs": [
-            {
-                "job_name": "files",
-                "static_configs": [
-                    {"targets": ["localhost"], "labels": {"robot": "robot2", "app": "talker", "__path__": str(log)}}
-                ],
-            }
-        ],
-    }
-
-
 def vmagent(target: int) -> dict[str, Any]:
     job = {"job_name": "by-vmagent", "static_configs": [{"targets": [f"127.0.0.1:{target}"]}]}
     return {"global": {"scrape_interval": "1s"}, "scrape_configs": [job]}

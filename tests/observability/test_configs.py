@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the role renders, read by the programs it is for; and both shippers give the same lines the same labels."""
+"""What the role renders, read by the programs it is for; and the shipper brings every line under its labels."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ PODS = {
 }
 
 
-def rendered(profile: str, shipper: str = "otelcol") -> dict[str, str]:
+def rendered(profile: str) -> dict[str, str]:
     """File -> text, of every ConfigMap."""
-    spec = full({**PROFILES[profile], "log_shipper": shipper})
+    spec = full(PROFILES[profile])
     maps = [
         one for one in stack_objects(spec, stack_files([], "", default_dashboards=True)) if one["kind"] == "ConfigMap"
     ]
@@ -67,12 +67,6 @@ def test_collector_reads_it(tmp_path: Path, profile: str) -> None:
     accepted(
         tmp_path, rendered(profile)["log-shipper/otelcol.yml"], "otelcol-contrib", "validate", "--config=FILE", GATE
     )
-
-
-@pytest.mark.parametrize("profile", PROFILES)
-def test_promtail_reads_it(tmp_path: Path, profile: str) -> None:
-    text = rendered(profile, "promtail")["log-shipper/promtail.yml"]
-    accepted(tmp_path, text, "promtail", "-check-syntax", "-config.expand-env=true", "-config.file=FILE")
 
 
 @pytest.mark.parametrize("profile", ["standalone", "hub"])
@@ -129,8 +123,7 @@ def moved(value: Any, words: dict[str, str]) -> Any:
     return value
 
 
-@pytest.mark.parametrize("shipper", ["otelcol", "promtail"])
-def test_lines_and_labels(tmp_path: Path, stack: ExitStack, shipper: str) -> None:
+def test_lines_and_labels(tmp_path: Path, stack: ExitStack) -> None:
     """What the role renders, with other directories: every line once, whole, under exactly these labels."""
     http, own = free_port(), free_port()
     texts = [f"number {index} " + "x" * 40 for index in range(30)]
@@ -153,26 +146,21 @@ def test_lines_and_labels(tmp_path: Path, stack: ExitStack, shipper: str) -> Non
     server = stack.enter_context(running(tmp_path / "run", http, program("loki"), f"-config.file={path}"))
     server.ready("/ready")
 
-    config = yaml.safe_load(rendered("standalone", shipper)[f"log-shipper/{shipper}.yml"])
+    config = yaml.safe_load(rendered("standalone")["log-shipper/otelcol.yml"])
     words = {
         "http://loki.observability:3100": f"http://127.0.0.1:{http}",
         "/var/log/pods": str(pods),
         "/var/lib/rosops-fleet/log-shipper": str(tmp_path / "state"),
-        "${NODE_NAME}": "robot1",
     }
     config = moved(config, words)
-    path = tmp_path / f"{shipper}.yml"
-    if shipper == "otelcol":
-        [reader] = config["service"]["telemetry"]["metrics"]["readers"]
-        reader["pull"]["exporter"]["prometheus"].update(host="127.0.0.1", port=own)
-        command = [program("otelcol-contrib"), f"--config={path}", GATE]
-    else:
-        (tmp_path / "state").mkdir()
-        config["server"].update(http_listen_address="127.0.0.1", http_listen_port=own)
-        command = [program("promtail"), f"-config.file={path}"]
+    path = tmp_path / "otelcol.yml"
+    [reader] = config["service"]["telemetry"]["metrics"]["readers"]
+    reader["pull"]["exporter"]["prometheus"].update(host="127.0.0.1", port=own)
     path.write_text(yaml.safe_dump(config))
     stack.enter_context(pytest.MonkeyPatch.context()).setenv("NODE_NAME", "robot1")
-    brought = stack.enter_context(running(tmp_path / "shipper", own, *command))
+    brought = stack.enter_context(
+        running(tmp_path / "shipper", own, program("otelcol-contrib"), f"--config={path}", GATE)
+    )
 
     loki = Loki(f"http://127.0.0.1:{http}")
     began = time.time() - 600

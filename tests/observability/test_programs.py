@@ -98,8 +98,8 @@ def test_samples_and_alerts(tmp_path: Path, stack: ExitStack) -> None:
 
 
 def test_log_lines(tmp_path: Path, stack: ExitStack) -> None:
-    loki_path, otelcol_path, promtail_path = (program(name) for name in ("loki", "otelcol-contrib", "promtail"))
-    http, grpc, otelcol_own, promtail_own = (free_port() for _program in range(4))
+    loki_path, otelcol_path = program("loki"), program("otelcol-contrib")
+    http, grpc, otelcol_own = free_port(), free_port(), free_port()
     loki_config = minimal.write(tmp_path / "loki.yml", minimal.loki(tmp_path / "data", http, grpc))
     log = tmp_path / "pod.log"
     log.write_text("".join(f"line {number}\n" for number in range(LINES)))
@@ -112,20 +112,11 @@ def test_log_lines(tmp_path: Path, stack: ExitStack) -> None:
             minimal.write(tmp_path / "otelcol.yml", minimal.otelcol(log, tmp_path / "queue", http, otelcol_own)),
         )
     )
-    shipper = stack.enter_context(
-        running(
-            *(tmp_path / "promtail", promtail_own, promtail_path),
-            "-config.file="
-            + minimal.write(tmp_path / "promtail.yml", minimal.promtail(log, tmp_path, http, promtail_own)),
-        )
-    )
-    for robot, other in (("robot1", collector), ("robot2", shipper)):
-        lines = eventually(f"the lines of {robot}\n{other.tail}", partial(all_lines, loki, robot))
-        assert {line for _labels, line in lines} == {f"line {number}" for number in range(LINES)}
+    lines = eventually(f"the lines of robot1\n{collector.tail}", partial(all_lines, loki, "robot1"))
+    assert {line for _labels, line in lines} == {f"line {number}" for number in range(LINES)}
     labels = log_lines(loki, '{robot="robot1"}')[0][0]
     assert (labels["placement"], labels["container"]) == ("local", "node")
     assert "otelcol_exporter_sent_log_records" in get(f"{collector.url}/metrics")
-    assert "promtail_sent_entries_total" in get(f"{shipper.url}/metrics")
 
 
 @pytest.mark.parametrize(("arguments", "status"), [(["up == 1"], 0), (["up == == 1"], 1)])

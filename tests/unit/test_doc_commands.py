@@ -34,7 +34,7 @@ RUN = {
     r"PLAY site --tags apps,ready": "tests/update/test_2_bad_versions.py::test_bad_and_good_version_by_site",
     r"PLAY site --tags k3s( --check)?": "tests/update/test_4_k3s.py"
     "::test_another_configuration_goes_from_the_server_to_the_robots",
-    r"PLAY site --tags observability": "tests/observability/test_8_shippers.py::test_the_other_shipper",
+    r"PLAY site --tags observability": "tests/observability/test_8_shipper.py::test_off_and_on_again",
     r"PLAY status( LIMIT)?": "tests/update/test_5_doors.py::test_from_an_empty_home",
     r"PLAY update": f"{UPDATE}::test_what_site_brought_is_unchanged",
     r"PLAY update --check --diff": f"{UPDATE}::test_check_mode_says_what_would_change_and_changes_nothing",

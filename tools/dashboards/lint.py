@@ -15,7 +15,7 @@ from .queries import Query, of_page
 Page = dict[str, Any]
 SOURCES = {"prometheus": "${prometheus}", "loki": "${loki}"}
 WITH_UNITS = {"timeseries", "stat", "state-timeline", "table", "gauge", "bargauge"}
-# What both log shippers put on a stream (level and the rest come from parsers in the query).
+# What the log shipper puts on a stream (level and the rest come from parsers in the query).
 STREAM_LABELS = {"robot", "namespace", "app", "pod", "placement"}
 FIXED_RANGE = re.compile(r"\[\s*[0-9]")
 

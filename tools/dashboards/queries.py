@@ -25,7 +25,6 @@ INTERVALS = {"$__rate_interval": "1m", "$__interval": "1m", "$__range": "1h", "$
 
 # What has to be there for a query to have an answer: in a quiet lab these may be empty, and that is no fault.
 NEEDS = {
-    r"^promtail_": "log shipper promtail",
     r"^otelcol_exporter_(enqueue|send)_failed": "a lost log line",
     r"^otelcol_": "log shipper otelcol",
     r"^vmagent_": "profile robot",

@@ -118,10 +118,6 @@ def telemetry() -> Json:
                     f"sum by (robot, pod) (rate({shipper('exporter_sent_log_records')}[$__rate_interval]))",
                     "{{robot}} {{pod}}",
                 ),
-                query(
-                    f"sum by (robot, pod) (rate(promtail_sent_entries_total{{{R}}}[$__rate_interval]))",
-                    "{{robot}} {{pod}} promtail",
-                ),
             ),
             graph(
                 "Log shipper: queue on disk, part used",
@@ -142,10 +138,6 @@ def telemetry() -> Json:
                 query(
                     f"sum by (robot, pod) (rate({shipper('exporter_send_failed_log_records')}[$__rate_interval]))",
                     "{{robot}} {{pod}} not sent",
-                ),
-                query(
-                    f"sum by (robot, pod) (rate(promtail_dropped_entries_total{{{R}}}[$__rate_interval]))",
-                    "{{robot}} {{pod}} promtail",
                 ),
                 query("sum by (reason) (rate(loki_discarded_samples_total[$__rate_interval]))", "loki: {{reason}}"),
             ),

@@ -21,9 +21,9 @@ PORTS = {
     GRAFANA: 3000,
     ALERTMANAGER: 9093,
     NODE_EXPORTER: 9100,
+    SHIPPER: 8888,
     VMAGENT: 8429,
 }
-SHIPPER_PORTS = {"otelcol": 8888, "promtail": 9080}
 HTTP = "http"  # the name of every such port, in Services and containers
 
 ADMIN_SECRET = "grafana-admin"  # noqa: S105 - the name of a Secret

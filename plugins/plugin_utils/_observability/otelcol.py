@@ -158,7 +158,7 @@ def _loki(spec: Spec, loki_url: str) -> dict[str, Any]:
 def _own_metrics() -> dict[str, Any]:
     exporter = {
         "host": "0.0.0.0",  # noqa: S104 - the pod's address is known to the pod alone
-        "port": obs.SHIPPER_PORTS["otelcol"],
+        "port": obs.PORTS[obs.SHIPPER],
         # names as the collector has them by default
         "without_scope_info": True,
         "without_type_suffix": True,

@@ -10,9 +10,7 @@ in `robot-<name>`, and an app's Deployment has the app's name. Pure.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-STREAM_LABELS = ("robot", "namespace", "app", "pod", "placement")  # in this order in both shippers
+STREAM_LABELS = ("robot", "namespace", "app", "pod", "placement")
 POD_LOGS = "/var/log/pods"
 
 # Letters of generated names: no vowels and nothing that looks like another (k8s.io/apimachinery, util/rand).
@@ -25,11 +23,5 @@ PATH = rf"{POD_LOGS}/(?P<namespace>[^_/]+)_(?P<pod>[^_/]+)_[^/]+/(?P<container>[
 
 
 def anchored(regex: str) -> str:
-    """Anchored at both ends, and without a dollar, which both shippers' own files take for a variable's beginning."""
+    """Anchored at both ends, and without a dollar, which the collector's own file takes for a variable's beginning."""
     return rf"\A{regex}\z"
-
-
-def remote_regex(remote_nodes: Sequence[str]) -> str:
-    """Matches the names of the hosts that are placed `remote`; nothing where there is none."""
-    escaped = [name.replace(".", "[.]") for name in sorted(set(remote_nodes))]
-    return "|".join(escaped) or "-"  # no host is called so

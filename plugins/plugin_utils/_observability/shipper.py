@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The log shipper on every host, one of two: objects. Pure."""
+"""The log shipper on every host: objects. Pure."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.otelco
     otelcol_config,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import POD_LOGS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promtail import promtail_config
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import hub_url
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.yaml_text import yaml_text
 
 Spec = Mapping[str, Any]
 
 CONFIG_DIR = "/etc/log-shipper"
+CONFIG_FILE = "otelcol.yml"
 # Log files belong to root and to nobody else; nothing but reading them is left to it.
 SECURITY = {
     "allowPrivilegeEscalation": False,
@@ -34,33 +34,27 @@ SECURITY = {
 
 
 def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
-    """DaemonSet and ConfigMap of the collector or of Promtail; its state lies on the host and outlives the pod."""
-    name, kind = obs.SHIPPER, spec["log_shipper"]
+    """DaemonSet and ConfigMap of the collector; its state lies on the host and outlives the pod."""
+    name = obs.SHIPPER
     loki = hub_url(spec, "logs_port") if spec["profile"] == obs.ROBOT else obs.url(obs.LOKI)
-    file = f"{kind}.yml"
-    if kind == "otelcol":
-        config = yaml_text(otelcol_config(spec, loki))
-        args = [f"--config={CONFIG_DIR}/{file}", f"--feature-gates={FEATURE_GATE}"]
-        env, ready, room = workload.memory("40MiB"), "/metrics", workload.resources("20m", "48Mi", "128Mi")
-    else:
-        config = yaml_text(promtail_config(spec, loki))
-        args = [f"-config.file={CONFIG_DIR}/{file}", "-config.expand-env=true"]
-        env, ready, room = workload.memory("64MiB"), "/ready", workload.resources("20m", "64Mi", "160Mi")
-    port = obs.SHIPPER_PORTS[kind]
+    config = yaml_text(otelcol_config(spec, loki))
     container = workload.container(
         name,
-        spec["images"][kind],
-        args=args,
-        env=[{"name": NODE_ENV, "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}}, *env],
-        ports=workload.port_of(name, port),
-        resources=room,
+        spec["images"]["otelcol"],
+        args=[f"--config={CONFIG_DIR}/{CONFIG_FILE}", f"--feature-gates={FEATURE_GATE}"],
+        env=[
+            {"name": NODE_ENV, "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
+            *workload.memory("40MiB"),
+        ],
+        ports=workload.port_of(name),
+        resources=workload.resources("20m", "48Mi", "128Mi"),
         volumeMounts=[
             {"name": "config", "mountPath": CONFIG_DIR, "readOnly": True},
             {"name": "logs", "mountPath": POD_LOGS, "readOnly": True},
             {"name": "state", "mountPath": STATE_DIR},
         ],
-        # Promtail is ready once it has found a file, the collector once it counts what it does
-        readinessProbe=workload.probe(ready, port),
+        # ready once it counts what it does
+        readinessProbe=workload.probe("/metrics", obs.PORTS[name]),
         securityContext=SECURITY,
     )
     pod = pod_spec(
@@ -73,4 +67,4 @@ def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
         securityContext={"runAsUser": 0, "runAsGroup": 0},
         terminationGracePeriodSeconds=15,
     )
-    return [workload.config_map(name, name, spec, {file: config}), workload.workload(name, spec, pod, [kind, config])]
+    return [workload.config_map(name, name, spec, {CONFIG_FILE: config}), workload.workload(name, spec, pod, config)]

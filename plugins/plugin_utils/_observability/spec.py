@@ -62,7 +62,6 @@ VARIABLES: dict[str, Any] = {
             "alertmanager",
             "node_exporter",
             "otelcol",
-            "promtail",
             "vmagent",
         )
     },
@@ -102,7 +101,7 @@ def runs(spec: Spec) -> dict[str, bool]:
 
 def images(spec: Spec) -> list[str]:
     """The images of what runs, sorted, each once: for a registry or an archive of one's own."""
-    keys = {name: name.replace("-", "_") for name in obs.WORKLOADS} | {obs.SHIPPER: spec["log_shipper"]}
+    keys = {name: name.replace("-", "_") for name in obs.WORKLOADS} | {obs.SHIPPER: "otelcol"}
     return sorted({spec["images"][keys[name]] for name, wanted in runs(spec).items() if wanted})
 
 

@@ -113,9 +113,9 @@ def container(name: str, image: str, **more: Any) -> Object:
     return {"name": name, "image": image, "imagePullPolicy": "IfNotPresent", "securityContext": UNPRIVILEGED, **more}
 
 
-def port_of(name: str, number: int | None = None) -> list[Object]:
+def port_of(name: str) -> list[Object]:
     """The one port that a part listens on."""
-    return [{"name": obs.HTTP, "containerPort": number or obs.PORTS[name], "protocol": "TCP"}]
+    return [{"name": obs.HTTP, "containerPort": obs.PORTS[name], "protocol": "TCP"}]
 
 
 def probe(path: str, port: int) -> Object:

@@ -247,7 +247,7 @@ FORMS: dict[str, Schema] = {
         [
             f"observability_{part}_image"
             for part in (
-                "prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "promtail", "vmagent",
+                "prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent",
             )
         ],
         text("image"),
@@ -256,6 +256,7 @@ FORMS: dict[str, Schema] = {
         "http://<host> or https://<host>, without a port and a path", text("hub-url"), {"const": ""}
     ),
     "observability_allowed_networks[]": text("network"),
+    "observability_log_shipper": {"x-allowed": "otelcol, which took promtail's place and its labels, or none"},
 }  # fmt: skip
 
 # What is inside a mapping has the type that YAML gave it.

@@ -33,7 +33,6 @@ class Part:
     programs: Mapping[str, str]
     tools: Mapping[str, str] = field(default_factory=dict)
     module: str = ""
-    sources: str = ""
     version: str = ""
     version_variable: str = ""
     tags: Sequence[str] = ()
@@ -54,7 +53,7 @@ class Part:
 
     @property
     def module_directory(self) -> Path:
-        return OBSERVABILITY / (self.sources or self.name)
+        return OBSERVABILITY / self.name
 
     @property
     def archive(self) -> str:

@@ -34,7 +34,6 @@ def test_the_images_have_the_real_ones_names() -> None:
     assert {part.image for part in PARTS.values()} == {
         "docker.io/prom/prometheus:v3.2.1",
         "docker.io/grafana/loki:3.4.6",
-        "docker.io/grafana/promtail:3.4.6",
         "docker.io/otel/opentelemetry-collector-contrib:0.145.0",
         "docker.io/prom/node-exporter:v1.9.1",
         "docker.io/prom/alertmanager:v0.25.0",
@@ -124,7 +123,6 @@ def test_none_named_means_all() -> None:
         ("promtool", "prometheus", "root/bin/promtool"),
         ("amtool", "alertmanager", "root/bin/amtool"),
         ("lokitool", "loki", "tools/lokitool"),
-        ("promtail", "promtail", "root/usr/bin/promtail"),
     ],
 )
 def test_a_programs_place(program: str, part: str, place: str) -> None:
@@ -157,7 +155,7 @@ def test_a_changed_checksum_makes_another_artifact(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(observability, "OBSERVABILITY", tmp_path)
     (tmp_path / "loki").mkdir()
     (tmp_path / "loki" / "go.sum").write_text("1")
-    before = {name: recipe(PARTS[name]).key() for name in ("loki", "promtail", "vmagent")}
+    before = {name: recipe(PARTS[name]).key() for name in ("loki", "vmagent")}
     (tmp_path / "loki" / "go.sum").write_text("2")
     after = {name: recipe(PARTS[name]).key() for name in before}
     assert [name for name in before if before[name] == after[name]] == ["vmagent"]

@@ -30,8 +30,8 @@ SPECS: dict[str, dict[str, Any]] = {
     "standalone": {"remote_nodes": ["edge1"], "alertmanager": {"enabled": True}},
     "robot": {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}},
     "hub": {"profile": "hub", "remote_nodes": ["edge1"], "allowed_networks": ["192.0.2.0/24"]},
-    "promtail": {
-        "log_shipper": "promtail",
+    "no-shipper": {
+        "log_shipper": "none",
         "remote_nodes": ["edge1", "edge2.example.org"],
         "grafana": {"service_type": "ClusterIP", "persistence": {"enabled": False}},
         "storage_class": "fast",

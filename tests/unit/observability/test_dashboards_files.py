@@ -84,7 +84,7 @@ def test_promql_parses_and_asks_for_what_is_emitted(query: Query, promql: Any) -
 
 
 @pytest.mark.parametrize("query", [q for q in QUERIES if q.language == "logql"], ids=lambda query: str(query.where))
-def test_logql_chooses_streams_by_the_labels_of_both_shippers(query: Query) -> None:
+def test_logql_chooses_streams_by_the_labels_of_the_shipper(query: Query) -> None:
     assert list(logql_findings(query)) == []
 
 
@@ -230,4 +230,4 @@ def test_variables_are_filled_in_and_needs_are_told() -> None:
     assert needs("up == 0") == ["something that is down"]
     assert needs("max_over_time(robot:up:max[6h]) == 1 unless robot:up:max == 1") == ["a robot that is away"]
     assert needs("count(up == 0) or vector(0)") == []
-    assert needs("rate(promtail_sent_entries_total[1m])") == ["log shipper promtail"]
+    assert needs("rate(vmagent_rows_total[1m])") == ["profile robot"]

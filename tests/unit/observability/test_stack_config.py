@@ -29,7 +29,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promet
     CADVISOR,
     KUBELET,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promtail import promtail_config
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
 ROBOT = {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}}
@@ -94,9 +93,7 @@ WHOSE = {
 }
 
 
-@pytest.mark.parametrize(
-    "spec", [{}, {"profile": "hub", "alertmanager": {"enabled": True}}, ROBOT, {"log_shipper": "promtail"}]
-)
+@pytest.mark.parametrize("spec", [{}, {"profile": "hub", "alertmanager": {"enabled": True}}, ROBOT])
 def test_every_file_parses(spec: dict[str, Any]) -> None:
     found = maps(spec)
     assert found
@@ -239,7 +236,7 @@ def test_the_parts_of_a_log_files_path() -> None:
     }
 
 
-def test_both_shippers_and_loki_agree_on_the_labels() -> None:
+def test_shipper_and_loki_agree_on_the_labels() -> None:
     spec = full({"remote_nodes": ["edge1"]})
     limits = loki_config(spec)["limits_config"]
     indexed = limits["otlp_config"]["resource_attributes"]
@@ -247,18 +244,15 @@ def test_both_shippers_and_loki_agree_on_the_labels() -> None:
     assert indexed["attributes_config"][0]["attributes"] == list(STREAM_LABELS)
     assert limits["allow_structured_metadata"]
     assert limits["discover_service_name"] == []
-    stages = promtail_config(spec, LOKI)["scrape_configs"][0]["pipeline_stages"]
-    assert {"labelallow": list(STREAM_LABELS)} in stages
     text = json.dumps(otelcol_config(spec, LOKI)["receivers"]["filelog"]["operators"])
     assert "resource.placement" in text
     for label in ("namespace", "pod", "container", "robot", "app"):
         assert f"(?P<{label}>" in text
 
 
-def test_no_dollar_that_a_shipper_would_expand() -> None:
+def test_no_dollar_that_the_shipper_would_expand() -> None:
     spec = full({"remote_nodes": ["edge1"]})
     assert "$" not in json.dumps(otelcol_config(spec, LOKI))
-    assert json.dumps(promtail_config(spec, LOKI)).count("$") == 1  # the host's name
 
 
 def test_the_collector_loses_nothing() -> None:
@@ -284,7 +278,6 @@ def test_a_robots_own_cluster_names_the_robot() -> None:
     assert {"type": "add", "field": "resource.robot", "value": "robot2"} in otelcol_config(spec, LOKI)["receivers"][
         "filelog"
     ]["operators"]
-    assert promtail_config(spec, LOKI)["scrape_configs"][0]["static_configs"][0]["labels"]["robot"] == "robot2"
 
 
 @pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "24h")])

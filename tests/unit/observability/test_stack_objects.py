@@ -213,7 +213,7 @@ def test_images_of_each_profile() -> None:
         "standalone": hub | {"alertmanager"},
         "robot": {"vmagent", "node-exporter", shipper},
         "hub": hub,
-        "promtail": (hub - {shipper}) | {"promtail"},
+        "no-shipper": hub - {shipper},
     }
 
 

@@ -16,7 +16,6 @@ IMAGES = {
     "Prometheus": "prometheus",
     "Loki": "loki",
     "Grafana": "grafana",
-    "Promtail": "promtail",
     "Alertmanager": "alertmanager",
     "node-exporter": "node_exporter",
     "vmagent": "vmagent",

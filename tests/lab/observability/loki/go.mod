@@ -1,4 +1,4 @@
-// Loki and Promtail 3.4.6 and their tools. exclude and replace are Loki's own, but for the one of ./pkg/push, which the
+// Loki 3.4.6 and its tools. exclude and replace are Loki's own, but for the one of ./pkg/push, which the
 // module leaves out. Made by `go get -tool ...@v3.4.6` on top of Loki's own go.sum, which has checksums that the public
 // database lacks.
 module rosops.example/loki
@@ -18,7 +18,6 @@ replace (
 )
 
 tool (
-	github.com/grafana/loki/v3/clients/cmd/promtail
 	github.com/grafana/loki/v3/cmd/logcli
 	github.com/grafana/loki/v3/cmd/loki
 	github.com/grafana/loki/v3/cmd/lokitool
