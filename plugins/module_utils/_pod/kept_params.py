@@ -23,8 +23,8 @@ _KINDS = ((bool, "true or false"), ((int, float), "a number"), (str, "a text"), 
 
 
 def full(name: str, node: str) -> str:
-    """The parameter's whole name; `~` alone is all that is private to the node."""
-    return f"{node}/{name[1:]}".rstrip("/") if name.startswith(PRIVATE) else name
+    """The parameter's whole name."""
+    return f"{node}/{name[1:]}" if name.startswith(PRIVATE) else name
 
 
 def value_at(tree: Any, name: str) -> Any:

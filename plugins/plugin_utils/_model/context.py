@@ -32,8 +32,6 @@ HANDOFF_BY_PATTERN: dict[str | None, str] = {
 }
 
 
-ALL_PARAMS = "*"  # in keep_params
-
 # s of a grace period beyond the stop hook's own time: for the hook to start on a busy robot, and for the app to end
 STOP_MARGIN = 5
 
@@ -158,7 +156,7 @@ class App:
     launch: Launch | None = None  # instead of args
     env: Mapping[str, str | Mapping[str, str]] = field(default_factory=dict)  # text, or Secret and key
     params: Mapping[str, Any] = field(default_factory=dict)  # private to the node, but for names with a slash first
-    keep_params: tuple[str, ...] = ()  # names of such, or ALL_PARAMS
+    keep_params: tuple[str, ...] = ()  # names of such
     files: tuple[File, ...] = ()
     ports: tuple[Port, ...] = ()
     placement: str = "remote"

@@ -34,8 +34,6 @@ PRIVATE_PARTS = (".ssh", ".kube", ".gnupg")
 UNSAFE_DEVICES = ("/dev/mem", "/dev/kmem", "/dev/port")
 HOST_PATHS = "a path at or below /data, /media, /mnt, /opt or /srv, or below /dev, /home or /var/log, without '..'"
 
-PARAM_NAMES = "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"
-
 
 class Form(NamedTuple):
     """A test and, for people, what passes it."""
@@ -144,7 +142,6 @@ def _matching(pattern: str, longest: int = 253) -> Callable[[str], bool]:
 
 _GRAPH_NAME = _matching(r"(?:~/?|/)?[A-Za-z]\w*(?:/\w+)*")
 _GRAPH_PATTERN = _matching(r"(?:~/?|/)?[A-Za-z*][\w*]*(?:/[\w*]+)*")
-_PARAM_NAME = _matching(r"/?[A-Za-z]\w*(?:/\w+)*")
 _PRIVATE_NAME = _matching(r"(?:~/?)?[A-Za-z]\w*(?:/\w+)*")
 
 FORMS: dict[str, Form] = {
@@ -174,8 +171,9 @@ FORMS: dict[str, Form] = {
     "node-name": Form(
         _matching(r"[A-Za-z]\w*"), "a ROS node name: letters, digits and underscores, beginning with a letter, no slash"
     ),
-    "param-name": Form(_PARAM_NAME, PARAM_NAMES),
-    "kept-param": Form(lambda text: text == "*" or _PARAM_NAME(text), f"{PARAM_NAMES}; * for all"),
+    "param-name": Form(
+        _matching(r"/?[A-Za-z]\w*(?:/\w+)*"), "a ROS name such as rate, pid/gain or, for one that is read by all, /rate"
+    ),
     "package-name": Form(_matching(r"[A-Za-z][\w-]*"), "a ROS package's name"),
     "launch-file": Form(
         _matching(r"/?[\w.][\w.+-]*(?:/[\w.+-]+)*"), "a launch file's name, or with / first its whole path"

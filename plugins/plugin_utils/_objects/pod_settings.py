@@ -26,7 +26,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
     # the rate of a topic with several publishers is their sum, of which a pod sees its own part only
     rated = [topic for topic in readiness.topics if topic.get("min_rate") and (topic.get("publishers") or 1) < 2]
     params = {_param(name): value for name, value in app.params.items()}
-    keep = _kept(app)
+    keep = [_param(name) for name in app.keep_params]
     return {
         "app": app.name,
         "node": context.graph_node(app, robot),
@@ -66,10 +66,3 @@ def full_name(name: str, app: App, robot: Robot) -> str:
 
 def _param(name: str) -> str:
     return name if name.startswith("/") else f"~{name}"
-
-
-def _kept(app: App) -> list[str]:
-    """`*` is whatever goes with the node: all below a name that nobody else has, else what the inventory says."""
-    if context.ALL_PARAMS not in app.keep_params:
-        return [_param(name) for name in app.keep_params]
-    return ["~"] if app.handoff == "overlap" else [_param(name) for name in app.params]

@@ -296,8 +296,6 @@ def _keep_params(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Prob
         where = join_path(path, "keep_params", index)
         if name in app.keep_params[:index]:
             yield Problem(where, f"is {name} for the second time", "each name once")
-        elif name == context.ALL_PARAMS:
-            continue
         elif not name.startswith("/"):
             if not app.readiness.nodes:
                 yield Problem(where, PRIVATE_TO_NOBODY, f"/<node>/{name}")

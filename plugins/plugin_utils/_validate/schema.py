@@ -131,7 +131,7 @@ FORMS: dict[str, Schema] = {
         ),
     ),
     "ros_apps[].params": table("param-name", {}),
-    "ros_apps[].keep_params[]": text("kept-param"),
+    "ros_apps[].keep_params[]": text("param-name"),
     "ros_apps[].ports[].name": text("port-name"),
     "ros_apps[].ports[].port": whole(1, 65535),
     "ros_apps[].ports[].host_port": whole(1, 65535),

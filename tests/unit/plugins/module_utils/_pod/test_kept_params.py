@@ -69,7 +69,6 @@ def test_each_comes_from_where_this_version_left_it_or_from_the_source(own: str)
     found = space(own, tree).found(keep, Source(ONE))
     assert found == {f"{own}/rate": 1, f"{own}/off": 0, f"{own}/pid/p": 3}
     assert space(own, tree).found(keep, Source()) == {f"{own}/rate": 1, f"{own}/off": 0}
-    assert space(own, {ONE: tree[ONE]}).found(["~"], Source(ONE)) == {own: tree[ONE]}
 
 
 @pytest.mark.parametrize(
@@ -80,7 +79,6 @@ def test_each_comes_from_where_this_version_left_it_or_from_the_source(own: str)
         (["~rate"], Source(THREE, over=True), [MINE, THREE, f"{THREE}_kept"]),
         (["~rate"], Source(f"{LEFT}/values", over=True), [MINE, f"{LEFT}/values/rate"]),
         (["~rate", "~pid/p", "/speed"], Source(f"{LEFT}/values", over=True), [MINE, LEFT]),
-        (["~"], Source(f"{LEFT}/values", over=True), [MINE, LEFT]),
     ],
 )
 def test_what_is_taken_away(keep: list[str], source: Source, spent: list[str]) -> None:
@@ -95,12 +93,10 @@ def test_what_is_taken_away(keep: list[str], source: Source, spent: list[str]) -
     ("keep", "at_work", "left"),
     [
         (["~rate", "~pid/p", "~gone", "/speed"], {}, {"rate": 5, "pid/p": 2}),
-        (["~"], {}, {"rate": 5, "pid": {"p": 2, "d": 1}}),
         (["~rate", "~pid"], {THREE: None}, {"rate": 5, "pid": {"p": 2, "d": 1}}),
         (["~rate", "~pid"], {THREE: ["~pid/p"]}, {"rate": 5, "pid": {"p": 2, "d": 1}}),
         (["~rate", "~pid/p"], {THREE: ["~pid"]}, {"rate": 5}),
         (["~rate", "~pid"], {ONE: ["~rate"], THREE: ["~pid"]}, {}),
-        (["~rate", "~pid"], {THREE: ["~"]}, {}),
         (["~rate"], {THREE: "nonsense"}, {"rate": 5}),
     ],
 )
@@ -112,7 +108,7 @@ def test_what_is_left(own: str, keep: list[str], at_work: dict[str, Any], left: 
 
 
 def test_one_of_those_that_has_ended_takes_nothing_over() -> None:
-    tree = {TWO: {"rate": 5}, f"{THREE}_kept": {"names": ["~"]}}
+    tree = {TWO: {"rate": 5}, f"{THREE}_kept": {"names": ["~rate"]}}
     assert space(TWO, tree).left(["~rate"]) == {f"{MINE}/values/rate": 5}
 
 
@@ -172,4 +168,4 @@ def test_the_inventory_stays_as_it_is() -> None:
 
 
 def test_names() -> None:
-    assert [full(name, "/arm") for name in ("~rate", "~", "/rate")] == ["/arm/rate", "/arm", "/rate"]
+    assert [full(name, "/arm") for name in ("~rate", "/rate")] == ["/arm/rate", "/rate"]

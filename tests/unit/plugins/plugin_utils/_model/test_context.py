@@ -47,7 +47,7 @@ def test_every_field_survives() -> None:
             "ports": [{"name": "web", "port": 80, "protocol": "UDP", "host_port": 81, "node_port": 30080}],
             "files": [{"path": "/etc/a", "secret": "s", "mode": "0600"}, {"path": "/etc/b", "content": "b"}],
             "placement": "local", "scope": "fleet", "pattern": "service", "private_names": ["~p"],
-            "keep_params": ["*"],
+            "keep_params": ["p"],
             "volumes": [{"name": "v", "mount_path": "/m", "read_only": True}], "hooks": "none",
             "readiness": {
                 "command": ["r"], "nodes": False, "topics": [{"name": "t", "min_rate": 2}], "services": ["s"],

@@ -22,13 +22,7 @@ PARAMS = {"rate": 20, "/speed": 1}
             {"params": PARAMS, "keep_params": ["pid/p", "/speed"]},
             {"params": {"~rate": 20, "/speed": 1}, "keep_params": ["~pid/p", "/speed"]},
         ),
-        (
-            {"params": PARAMS, "keep_params": ["*"]},
-            {"params": {"~rate": 20, "/speed": 1}, "keep_params": ["~rate", "/speed"]},
-        ),
         ({"handoff": "replace", "keep_params": ["rate"]}, {"params": {}, "keep_params": ["~rate"]}),
-        ({"handoff": "replace", "keep_params": ["*"]}, {}),  # none of the inventory's, and the node's own stay anyway
-        ({"handoff": "overlap", "keep_params": ["*"]}, {"params": {}, "keep_params": ["~"]}),
         ({"params": PARAMS, "keep_params": []}, {"params": {"~rate": 20, "/speed": 1}}),
     ],
 )
