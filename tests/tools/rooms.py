@@ -36,7 +36,6 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_preflight": ("_model",),
     "_repository": (),
     "_objects": ("_model",),
-    "_collect": ("_model",),
     "_observability": ("_model", "_objects"),
     # above the objects: an app's overrides are judged by the object that they are laid over
     "_validate": ("_model", "_objects", "_observability"),

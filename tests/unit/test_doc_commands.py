@@ -23,7 +23,7 @@ TREE = str(CHECKOUT / ".ansible" / "collections")
 HOSTS = {"edge": "192.0.2.10", "robots": "192.0.2.21"}
 SITE = "tests/unit/playbooks/test_site_robots.py"
 REHEARSAL = "tests/update/test_5_rehearsal.py::test_rehearsal_and_reality_agree"
-COLLECT = "tests/unit/playbooks/test_collect.py::test_results_come_with_their_sums_and_once"
+COLLECT = "tests/unit/playbooks/test_collect.py::test_results_come_once_and_links_stay_there"
 UPDATE = "tests/update/test_1_fleet.py"
 # A command, its options and what stands for a name as a regular expression -> the test that runs it.
 RUN = {

@@ -11,19 +11,23 @@ from pathlib import Path
 from cluster import SENSOR, STORAGE
 from fleet import Fleet
 
+ODD = "$HOME;\n-rf.bag"
 
-def test_a_large_file_of_an_odd_name_comes_and_a_link_that_leads_out_does_not(fleet: Fleet, tmp_path: Path) -> None:
+
+def test_large_files_and_odd_names_come_and_a_link_that_leads_out_does_not(fleet: Fleet, tmp_path: Path) -> None:
     claim, volume = f"{STORAGE}/*_robot-robot1_{SENSOR}", SENSOR.removesuffix("-pvc")
     robot, results = fleet.hosts, tmp_path / "robot1" / volume
     robot.ssh("robot1", f"cd {claim} && head -c 200000000 /dev/urandom > 'a bag.bag' && ln -sf /etc/shadow out.bag")
-    wanted = {"collect_dest": str(tmp_path), "collect_claims": [volume], "collect_match": ["*.bag"]}
+    robot.ssh("robot1", f"cd {claim} && echo odd > '{ODD}' && ln -sfn /etc away && echo '- *' > .rsync-filter")
+    wanted = {"collect_dest": str(tmp_path), "collect_claims": [volume], "collect_match": ["*.bag", "away/*"]}
     variables = {**fleet.variables, **wanted, "collect_robots": ["robot1"]}
     collected = fleet.playbooks.run("collect", variables)
     assert (collected.status, collected.changed) == (0, 1), collected
-    assert sorted(path.name for path in results.iterdir()) == ["a bag.bag"]
+    assert sorted(path.name for path in results.iterdir()) == [ODD, "a bag.bag"]
+    assert (results / ODD).read_text() == "odd\n"
     with (results / "a bag.bag").open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
     assert found == robot.ssh("robot1", f"cd {claim} && sha256sum < 'a bag.bag'").split()[0]
     again = fleet.playbooks.run("collect", variables)
     assert (again.status, again.changed) == (0, 0), again
-    robot.ssh("robot1", f"cd {claim} && rm -f 'a bag.bag' out.bag")
+    robot.ssh("robot1", f"cd {claim} && rm -f 'a bag.bag' '{ODD}' out.bag away .rsync-filter")

@@ -28,6 +28,7 @@ PACKAGES = {
     "netavark": "",
     "openssh-client": "ssh",
     "podman": "podman",
+    "rsync": "rsync",  # the role collect
     "python3-venv": "",
     "runc": "runc",
     "stress-ng": "stress-ng",  # make bench

@@ -1,0 +1,57 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which claims of which hosts are collected, and below which directory each goes.
+
+The storage class local-path keeps a claim in a directory <volume of Kubernetes>_<namespace>_<claim>.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import claim_name, robot_namespace
+
+_LABEL = "[a-z0-9](?:[-a-z0-9]{0,61}[a-z0-9])?"  # RFC 1123, as Kubernetes names namespaces
+_DIRECTORY = re.compile(rf"(?P<pv>pvc-{_LABEL})_(?P<namespace>{_LABEL})_(?P<claim>{_LABEL})")
+
+
+class Source(NamedTuple):
+    """A claim's directory on a host, the volume, and the directory of the control node that it goes to."""
+
+    host: str
+    directory: str
+    volume: str
+    target: str
+
+
+class Asked(NamedTuple):
+    """What may come: the namespaces that are asked for, of each robot's host its own alone; these volumes, or all."""
+
+    namespaces: Collection[str]
+    own: Mapping[str, str]
+    volumes: Collection[str] = ()
+
+    def takes(self, host: str, namespace: str, volume: str) -> bool:
+        """Whether a claim may come from a host; one of the edge's has those of all robots."""
+        there = namespace in self.namespaces and namespace == self.own.get(host, namespace)
+        return there and (not self.volumes or volume in self.volumes)
+
+
+def sources(directories: Mapping[str, Collection[str]], asked: Asked) -> list[Source]:
+    """`directories` are those that each host names, and whoever is root there names what he wants.
+
+    So a claim is what its directory's name says, in the one form that Kubernetes gives it. What has no such name, or is
+    of a namespace that the host does not have, is left alone. A claim that is there twice, as after a cluster was made
+    anew, is told apart by its volume of Kubernetes: nothing of one is ever laid over the other.
+    """
+    named = [(host, _DIRECTORY.fullmatch(one)) for host in sorted(directories) for one in sorted({*directories[host]})]
+    claims = [(host, name, name["claim"].removesuffix(claim_name(""))) for host, name in named if name]
+    taken = [(host, name, volume) for host, name, volume in claims if asked.takes(host, name["namespace"], volume)]
+    targets = [f"{name['namespace'].removeprefix(robot_namespace(''))}/{volume}" for _host, name, volume in taken]
+    return [
+        Source(host, name[0], volume, f"{target}.{name['pv']}" if targets.count(target) > 1 else target)
+        for (host, name, volume), target in zip(taken, targets, strict=True)
+    ]
