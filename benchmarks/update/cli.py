@@ -49,9 +49,7 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--lab", default="bench", help="name of the lab that is made for it (default: bench)")
     made.add_argument("--keep", action="store_true", help="leave the lab as it is afterwards")
-    made.add_argument(
-        "--report", type=Path, metavar="DIRECTORY", help="run nothing: tables and plots of an earlier run"
-    )
+    made.add_argument("--report", type=Path, metavar="DIRECTORY", help="run nothing: the report of an earlier run")
     return made
 
 
@@ -105,7 +103,7 @@ def main() -> int:
                 "playbook": options.changer, "quiet_s": options.quiet}  # fmt: skip
     try:
         try:
-            # --report makes tables and plots of a run that was broken off: after each round it can
+            # --report makes the report of a run that was broken off: after each round it can
             experiment.run(lambda: report.save(results, experiment.about, settings, experiment.problems))
         finally:
             experiment.tear_down()

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run leaves: report.md, summary.json, plots. Its figures are the records', and the dissertation's own."""
+"""What a run leaves: report.md and summary.json. Its figures are the records', and the dissertation's own."""
 
 from __future__ import annotations
 
@@ -25,9 +25,6 @@ def write(results: Results, about: Mapping[str, Any], settings: Mapping[str, Any
     summary = save(results, about, settings, problems)
     text = as_text(results, summary)
     path = results.write(TEXT, text)
-    from .plots import draw  # noqa: PLC0415 - matplotlib takes a second, and only this needs it
-
-    draw(results, about)
     print(f"\n{text}\nresults: {path.parent}", flush=True)
 
 

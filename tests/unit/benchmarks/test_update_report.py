@@ -120,6 +120,5 @@ def test_the_files_of_a_run(
     text = (tmp_path / "report.md").read_text()
     assert "a machine" in text
     assert text in capsys.readouterr().out
-    assert {path.name for path in run.directory.glob("*.png")} == {"lost.png", "gap.png", "step.png", "cpu.png"}
     assert results.load(run.directory)[0] == run.records
     assert report.kept(run.directory)["about"] == about
