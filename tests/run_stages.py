@@ -42,6 +42,7 @@ LOGS = CHECKOUT / "reports" / "stages"
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # pytest's, also where another tool prints it within its own lines
 REASON = re.compile(r"\b(FAILED|ERROR) \S+::|\bE   ")
+WHY = 20  # lines of each stage: those of four stages still fit into the end that is at hand
 
 
 class Result(NamedTuple):
@@ -136,7 +137,7 @@ def nothing_left(watched: Watched, patience: float) -> Result:
 def reasons(output: str) -> tuple[str, ...]:
     """The lines that say why: pytest's, or the last ones."""
     lines = COLOUR.sub("", output).splitlines()
-    return tuple([line for line in lines if REASON.search(line)][-60:] or lines[-20:])
+    return tuple([line for line in lines if REASON.search(line)][-WHY:] or lines[-WHY:])
 
 
 def summary(results: list[Result], seconds: float) -> str:
