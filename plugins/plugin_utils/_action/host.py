@@ -43,7 +43,15 @@ class ActionHost:
         if rate_limit:
             if self.plugin._play_context.become and self.plugin._play_context.become_pass:
                 return {"failed": True, "msg": SUDO_ASKS}
-            options = {"archive": False, "partial": True, "rsync_opts": [f"--bwlimit={rate_limit}"]}
+            ssh, checked = self.plugin._connection, "host_key_checking"
+            options = {
+                "archive": False,
+                "partial": True,
+                "rsync_opts": [f"--bwlimit={rate_limit}"],
+                # by itself it takes any host's key, and leaves out the arguments that SSH gets elsewhere
+                "use_ssh_args": True,
+                "verify_host": ssh.has_option(checked) and ssh.get_option(checked),
+            }
             return self.action("ansible.posix.synchronize", {"src": src, "dest": dest, **options})
         return self.action("ansible.builtin.copy", {"src": src, "dest": dest, "mode": "0600"})
 

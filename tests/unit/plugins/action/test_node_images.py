@@ -34,16 +34,17 @@ class Other:
         return {"changed": True}
 
 
-def action(check_mode: bool = False) -> Any:
+def action(check_mode: bool = False, missing: str = "ansible.posix.synchronize") -> Any:
     Other.made = []
     task = Task()
     task.args, task.diff, task.check_mode = {"names": ["redis:7"]}, True, check_mode
     loaders = SimpleNamespace(
-        action_loader=SimpleNamespace(
-            get=lambda name, **given: Other(name, given) if name != "ansible.posix.synchronize" else None
-        )
+        action_loader=SimpleNamespace(get=lambda name, **given: Other(name, given) if name != missing else None)
     )
-    connection = SimpleNamespace(_shell=SimpleNamespace(tmpdir="/unused"))
+    options = {"host_key_checking": True}
+    connection = SimpleNamespace(
+        _shell=SimpleNamespace(tmpdir="/unused"), has_option=options.__contains__, get_option=options.__getitem__
+    )
     context = SimpleNamespace(copy=str, become=True, become_pass="")
     made = node_images.ActionModule(task, connection, context, None, None)
     made._shared_loader_obj = loaders
@@ -114,6 +115,12 @@ def test_a_copy_gets_a_task_of_its_own_and_no_diff_of_megabytes() -> None:
         True,
         {"inventory_hostname": "robot1"},
     )
+
+
+def test_a_limited_copy_checks_the_host_s_key_as_every_other_task_does() -> None:
+    assert ActionHost(action(missing=""), {}).copy("/a.tar", "/room/a.tar", "2m") == {"changed": True}
+    ((_name, given),) = Other.made
+    assert (given["task"].args["verify_host"], given["task"].args["use_ssh_args"]) == (True, True)
 
 
 def test_a_rate_limit_needs_a_collection() -> None:
