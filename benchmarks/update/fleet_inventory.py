@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from .scenario import PROBE, PROGRAMS, REQUESTED, TEMPERATURE, App
+from .scenario import ENTRY, PROBE, PROGRAMS, REQUESTED, TEMPERATURE, App
 
 LEAST_RATE = 0.95  # of what it sends, as the demo asks for
 
@@ -27,7 +27,7 @@ def item(app: App) -> dict[str, Any]:
     found: dict[str, Any] = {
         "name": app.name,
         "image": app.image,
-        "command": [f"{PROGRAMS}/{app.program}"],
+        "command": [ENTRY, f"{PROGRAMS}/{app.program}"],
         "env": {"LOG_DIR": app.log_dir, **app.env},
         "placement": app.placement,
         "volumes": [{"name": app.volume, "shared": True}],  # a file of its own for each process

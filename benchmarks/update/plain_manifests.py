@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from .scenario import PROBE, PROGRAMS, REQUESTED, App
+from .scenario import ENTRY, PROBE, PROGRAMS, REQUESTED, App
 
 NAMESPACE = "plain"
 MASTER = "ros-master"
@@ -58,7 +58,7 @@ def app_deployment(app: App, robot: str, names: str) -> Object:
     container = {
         "name": "app",
         "image": app.image,
-        "command": [f"{PROGRAMS}/{app.program}"],
+        "command": [ENTRY, f"{PROGRAMS}/{app.program}"],
         "args": [*app.remaps, f"__name:={node_name(app, names)}"],
         "env": [
             {"name": "ROS_MASTER_URI", "value": MASTER_URI},

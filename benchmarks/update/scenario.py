@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 REPOSITORY = "lab/apps"
+ENTRY = "/ros_entrypoint.sh"  # of the image: ROS is found by what goes through it
 PROGRAMS = "/opt/rosops-apps/bin"
 PROBE = f"{PROGRAMS}/readiness_probe.sh"
 FIRST, MINOR, MAJOR = "1.0", "1.1", "2.0"

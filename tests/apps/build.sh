@@ -4,7 +4,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Usage: build.sh [DESTINATION]   (default /opt/rosops-apps; what was there is replaced)
-# Needs python3-genpy, ros-std-msgs and ros-actionlib-msgs. ROSOPS_APPS_VERSION (1.0) becomes the version the applications report,
+# Needs python3-genpy, ros-std-msgs and ros-actionlib-msgs, in the lab's ROS image by its entry point. ROSOPS_APPS_VERSION (1.0) becomes the version the applications report,
 # ROSOPS_APPS_BROKEN=true makes programs that cannot start. The C++ programs are taken from compiled/, where cpp/build.sh or
 # the lab has put them; without it they are left out.
 set -eu

@@ -31,7 +31,7 @@ VERSIONS: dict[str, tuple[dict[str, Any], str, str]] = {
     "slower": ({"env": {"RATE_HZ": 250}}, "rolled-back", "rate"),
     "of another definition": (
         {
-            "command": ["/usr/bin/python3", PROGRAM],
+            "command": ["/ros_entrypoint.sh", "python3", PROGRAM],
             "files": [{"path": PROGRAM, "content": OTHER_DEFINITION}],
         },
         "rolled-back",

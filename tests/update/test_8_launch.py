@@ -47,7 +47,7 @@ def with_launch(fleet: Fleet, **launch: Any) -> Variables:
         "launch": {"package": "nine", "file": "nine.launch", "replace": ["factors"], **launch},
         "placement": "local",
         "pattern": "pubsub",
-        "env": {"LOG_DIR": "/mnt/data/sensor-volume", "ROS_PACKAGE_PATH": "/srv:/usr/share"},
+        "env": {"LOG_DIR": "/mnt/data/sensor-volume", "ROS_PACKAGE_PATH": "/srv"},
         "volumes": [{"name": "sensor-volume", "shared": True}],
         "files": [
             {"path": f"/srv/nine/{name}", "content": text, "mode": "0644" if name.endswith(plain) else "0755"}

@@ -31,18 +31,18 @@ def robot_apps(version: str) -> list[dict[str, Any]]:
     both: dict[str, Any] = {"image": "lab/apps:robot", "env": {"VERSION": version}, "placement": "local"}
     entry = ["/ros_entrypoint.sh"]
     return [
-        {**both, "name": "lidar", "command": ["/srv/robot/scan"], "pattern": "pubsub", "devices": ["/dev/null"],
+        {**both, "name": "lidar", "command": [*entry, "/srv/robot/scan"], "pattern": "pubsub", "devices": ["/dev/null"],
          "files": [file("scan")], "params": {"port": "/dev/null"},
          "readiness": {"topics": [{"name": "scan", "type": "sensor_msgs/LaserScan", "publishers": 1, "min_rate": 9}]}},
-        {**both, "name": "map", "command": ["/srv/nine/map_server"], "pattern": "pubsub",
+        {**both, "name": "map", "command": [*entry, "/srv/nine/map_server"], "pattern": "pubsub",
          "files": [file("map_server", "nine")], "readiness": {"topics": [{"name": "map", "publishers": 1}]}},
         {**both, "name": "pipeline", "command": entry, "pattern": "pubsub", "depends_on": ["lidar"],
          "launch": {"file": "/srv/robot/bringup.launch", "args": {"frame": "laser"}},
-         "env": {**both["env"], "ROS_PACKAGE_PATH": "/srv:/usr/share"},
+         "env": {**both["env"], "ROS_PACKAGE_PATH": "/srv"},
          "files": [file(name) for name in ("image", "bringup.launch", "package.xml")],
          "readiness": {"topics": [{"name": "/rectify/image_raw", "publishers": 1}]}},
-        {**both, "name": "controller", "command": ["/srv/robot/image"], "handoff": "replace", "files": [file("image")],
-         "params": {"rate": 50, "pid": {"p": 1.5}}, "keep_params": ["rate"]},
+        {**both, "name": "controller", "command": [*entry, "/srv/robot/image"], "handoff": "replace",
+         "files": [file("image")], "params": {"rate": 50, "pid": {"p": 1.5}}, "keep_params": ["rate"]},
         {**both, "name": "recorder", "command": entry, "readiness": {"nodes": False},
          "args": ["sh", "-c", "exec rostopic echo -p /scan/header/seq > /mnt/data/sensor-volume/scan-$(hostname).csv"],
          "volumes": [{"name": "sensor-volume", "shared": True}]},

@@ -29,7 +29,7 @@ def clients(image: str) -> list[dict[str, Any]]:
     programs = {"own-stats": "temperature_subscriber", "own-asker": "add_two_ints_client",
                 "own-mission": "prime_factors_client"}  # fmt: skip
     return [
-        {**both, "name": name, "command": [f"{BIN}/{program}"],
+        {**both, "name": name, "command": ["/ros_entrypoint.sh", f"{BIN}/{program}"],
          "readiness": {"command": f"{BIN}/readiness_probe.sh"}}
         for name, program in programs.items()
     ]  # fmt: skip

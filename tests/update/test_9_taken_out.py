@@ -53,13 +53,14 @@ def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> 
     settings = {"LOG_DIR": "/tmp"}  # noqa: S108 - the pod's own
     both: dict[str, Any] = {"image": listener.image, "env": settings, "placement": "local"}
     spare: dict[str, Any] = {
-        **both, "name": "spare", "command": [program], "pattern": "pubsub", "params": {"limit": 1},
-        "files": [{"path": "/etc/spare.yaml", "content": "a: 1\n"}], "ports": [{"name": "web", "port": 9001}],
+        **both, "name": "spare", "command": ["/ros_entrypoint.sh", program], "pattern": "pubsub",
+        "params": {"limit": 1}, "ports": [{"name": "web", "port": 9001}],
+        "files": [{"path": "/etc/spare.yaml", "content": "a: 1\n"}],
     }  # fmt: skip
     pair: dict[str, Any] = {
         **both, "name": "pair", "command": ["/ros_entrypoint.sh"], "depends_on": ["spare"],
         "launch": {"package": "pair", "file": "two.launch", "args": {"second": "pair_two"}},
-        "env": {**settings, "ROS_PACKAGE_PATH": "/srv:/usr/share"},
+        "env": {**settings, "ROS_PACKAGE_PATH": "/srv"},
         "files": [
             {"path": "/srv/pair/package.xml", "content": PACKAGE},
             {"path": "/srv/pair/two.launch", "content": LAUNCH},

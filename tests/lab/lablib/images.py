@@ -18,11 +18,8 @@ from .run import Job, build
 ROS_ENVIRONMENT = [
     "PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
     "LANG=C.UTF-8",
+    "LC_ALL=C.UTF-8",
     "ROS_DISTRO=noetic",
-    "ROS_ETC_DIR=/etc/ros",
-    "ROS_PACKAGE_PATH=/usr/share",
-    "ROS_PYTHON_VERSION=3",
-    "ROS_MASTER_URI=http://localhost:11311",
 ]
 
 
@@ -43,7 +40,8 @@ def ros_tree(cache: Cache) -> Path:
 
 
 def ros_image(tree: Path) -> Image:
-    """What robots get: the tree and ROS's environment."""
+    """What robots get: the tree, and the environment of the official image. What ROS needs besides comes with the entry
+    point."""
     config = {"Env": ROS_ENVIRONMENT, "Entrypoint": ["/ros_entrypoint.sh"], "Cmd": ["bash"]}
     return Image(pins()["ros"]["tag"], [Layer.of(tree / "rootfs.tar")], config)
 
@@ -58,6 +56,7 @@ def runnable_ros(cache: Cache, tree: Path, log: Path) -> str:
 
 def inside(image: str, script: str, environment: Mapping[str, str]) -> list[str]:
     """A command in the ROS image without network; sources come by its standard input, so that no path is mounted."""
-    variables = [f"--env={name}={value}" for name, value in environment.items()]
+    given = [*ROS_ENVIRONMENT, *(f"{name}={value}" for name, value in environment.items())]
+    variables = [f"--env={line}" for line in given]
     flags = ["--rm", "--interactive", "--network=none", "--pids-limit=-1", *limits(), *variables]
     return [*PODMAN, "run", *flags, image, "/ros_entrypoint.sh", "bash", "-euc", script]
