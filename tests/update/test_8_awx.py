@@ -93,7 +93,7 @@ def test_a_cancelled_job_and_the_next_one(fleet: Fleet, awx: Controller) -> None
     watch.assert_nothing_lost("robot1")
     status = awx.run("status", fleet.variables, limit=ROBOT1)
     assert status.status == "successful"
-    assert "ROS NODES" in status.output
+    assert "ROS nodes" in status.output
 
 
 @pytest.mark.parametrize("phase", [phase for phase in PHASES if phase != "rollout"])
