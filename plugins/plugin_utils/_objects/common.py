@@ -47,7 +47,11 @@ def config_map(name: str, namespace: str, labels: Mapping[str, str], data: Mappi
 
 
 def cluster_service(name: str, namespace: str, robot: str | None, port: int, address: str | None = None) -> Object:
-    """The Service in front of a workload's XML-RPC port. One with an address that pods know has it for ever."""
+    """The Service in front of a workload's XML-RPC port. One with an address that pods know has it for ever.
+
+    A pod that is not ready stays in it: the kubelet takes for not ready whatever it probes while k3s starts again, and the
+    cluster takes for not ready what it lost sight of. The robot's nodes have no other way to either, and need none.
+    """
     return {
         "apiVersion": "v1",
         "kind": "Service",
@@ -55,6 +59,7 @@ def cluster_service(name: str, namespace: str, robot: str | None, port: int, add
         "spec": {
             "type": "ClusterIP",
             **({"clusterIP": address} if address else {}),
+            "publishNotReadyAddresses": True,
             "selector": pod_selector(name),
             "ports": [{"name": "xmlrpc", "port": port, "targetPort": port, "protocol": "TCP"}],
         },

@@ -40,11 +40,7 @@ def keeper_objects(robot: Robot) -> list[Object]:
     namespace, owner = context.master_namespace(robot), context.master_owner(robot)
     deployment = hardened(plain_keeper(robot), robot.master.keeper_overrides)
     address = robot.master.addresses.get(names.KEEPER_NAME)
-    service = cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT, address)
-    # Holds are asked for and ended while k3s starts again, and its kubelet then takes whatever it probes for not ready
-    # (see master.py). Readiness is what a change of the master waits for; the calls need none.
-    service["spec"]["publishNotReadyAddresses"] = True
-    return [deployment, service]
+    return [deployment, cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT, address)]
 
 
 def plain_keeper(robot: Robot) -> Object:
