@@ -26,8 +26,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security imp
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
 ROSCORE = ["roscore", "-p", str(names.MASTER_PORT), "-t", "2", "-w", "16"]
 
-ENDPOINT_SECONDS = 2  # kube-proxy gathers changes for a second
-
 # Started means that the master answers its own API, not that its port is open. Standard library only, so that any ROS
 # image will do. getSystemState takes the lock that registrations take: a master that is stuck does not pass.
 PROBE = (
@@ -72,16 +70,9 @@ def plain_master(robot: Robot) -> Object:
         # no ROS_MASTER_URI: roscore's own rosout would wait for a Service that waits for this pod to be ready
         "env": [field_variable("ROS_IP", "status.podIP")],
         "ports": [{"name": "xmlrpc", "containerPort": names.MASTER_PORT, "protocol": "TCP"}],
-        # A hook and no probes. A kubelet that starts again takes a container with probes for not ready until it has
-        # passed them anew, and its pod out of the Service for up to ten seconds (Kubernetes before 1.35, KEP-4781): a
-        # restart of k3s must not take the master from its robot. Nothing asks it later: the keeper does so all the
-        # time, and a restart would lose every registration, which is worse than a slow answer.
-        "lifecycle": {
-            "postStart": {"exec": {"command": ["sh", "-c", UNTIL, PROBE]}},
-            # Stay until kube-proxy on every host has taken the pod out of the Service. A connection opened to an
-            # address that has just gone hangs for two minutes: its retries go to the same dead pod.
-            "preStop": {"sleep": {"seconds": ENDPOINT_SECONDS}},
-        },
+        # A hook and no probes: nothing asks it later. The keeper does so all the time, and a restart would lose every
+        # registration, which is worse than a slow answer.
+        "lifecycle": {"postStart": {"exec": {"command": ["sh", "-c", UNTIL, PROBE]}}},
     }
     pod = pod_spec(
         [container],
