@@ -49,8 +49,9 @@ def config_map(name: str, namespace: str, labels: Mapping[str, str], data: Mappi
 def cluster_service(name: str, namespace: str, robot: str | None, port: int, address: str | None = None) -> Object:
     """The Service in front of a workload's XML-RPC port. One with an address that pods know has it for ever.
 
-    A pod that is not ready stays in it: the kubelet takes for not ready whatever it probes while k3s starts again, and the
-    cluster takes for not ready what it lost sight of. The robot's nodes have no other way to either, and need none.
+    A pod that is not ready stays in it: the kubelet takes for not ready whatever it probes while k3s starts again
+    (Kubernetes before 1.35, KEP-4781), and the cluster whatever it lost sight of for 40 s. The robot's nodes work with
+    it all the same, and have no other way to it.
     """
     return {
         "apiVersion": "v1",
