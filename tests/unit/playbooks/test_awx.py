@@ -151,7 +151,8 @@ def test_two_jobs_at_once_do_not_change_one_robot(server: Server, launch: Launch
 
 def test_a_time_out_is_a_kill_too(server: Server, launch: Launch) -> None:
     """Neither `rescue` nor a last word: what is known is what was kept in the cluster before."""
-    job = launch("site", {"ros_app_rollout_timeout": 300}, tags="namespace,master,apps", limit="robot1", timeout=15)
+    # long enough for a busy machine to get as far as the app, which waits until the time is over
+    job = launch("site", {"ros_app_rollout_timeout": 300}, tags="namespace,master,apps", limit="robot1", timeout=40)
     ended = job.finish()
     assert (ended.status, ended.artifacts) == ("timeout", {})
     assert server.find(path_of("Deployment", "robot-robot1", "talker"))
