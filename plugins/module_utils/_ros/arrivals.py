@@ -10,6 +10,8 @@ messages. What is sent when something happens (a goal, a detection, a joystick) 
 
 from __future__ import annotations
 
+from bisect import bisect_right
+
 LEAST_INTERVALS = 5  # of so many that are alike by chance, one in some hundred streams without a beat
 PATIENCE = 1.25  # seconds to wait for the next message while no rate is known yet: whoever is slower has none, ever
 # How much of a rate two looks may tell differently. Less than what an update lets a topic become slower by (0.1), so
@@ -20,6 +22,9 @@ LOOK_INTERVALS = 2  # takes it to see this many intervals (gate.rate_window)
 # A publisher that was held up sends at once what it owes. Where a tenth of a second holds this many messages, those
 # tenths that are not out of the ordinary still tell its rate.
 TENTH_MESSAGES, TENTHS = 20, 8
+# On a machine with too much to do no tenth is like another. So many messages still come at a rate that a longer look
+# tells: the next version can be held to the least of its seconds, unless that is too little to mean anything.
+LONG_LOOK, LEAST_SHARE = 4.0, 0.5
 
 
 class Arrivals:
@@ -73,9 +78,14 @@ class Arrivals:
         return min(most, intervals / (last - first))
 
     def undecided(self, start: float, now: float) -> bool:
-        """A little more time may show a rate: messages come, but have not been enough."""
+        """A little more time may show a rate: messages come, but have not been enough, or too unevenly."""
         last = self.times[-1] if self.times else start
-        return len(self.counted) <= LEAST_INTERVALS and now - last < PATIENCE
+        if now - last >= PATIENCE:
+            return False
+        if len(self.counted) <= LEAST_INTERVALS:
+            return True
+        dense = len(self.counted) >= 10 * TENTH_MESSAGES * (now - start)
+        return dense and now - start < LONG_LOOK and self.known(start, start + LOOK) is None
 
     def known(self, start: float, end: float) -> float | None:
         """Messages per second that every later look will see, too; None where nobody knows.
@@ -83,6 +93,7 @@ class Arrivals:
         What came before `start` had waited to be read: its time is not when it was sent.
         """
         beat = [at for at in self.times if at > start] if self.times and self.times[0] <= start else self.counted
+        beat = beat[: bisect_right(beat, end)]
         intervals = len(beat) - 1
         if intervals < LEAST_INTERVALS or beat[-1] <= beat[0]:
             return None
@@ -90,13 +101,13 @@ class Arrivals:
         if mean > PATIENCE:
             return None  # some seconds hold too few of them, however long the record was
         if max(beat[0] - start - mean, end - beat[-1]) > 1.5 * mean + 0.05:
-            return None  # it has only begun, or it is over
+            return _least_second(beat, start, end)  # else it has only begun, or it is over
         stray = max(abs(at - beat[0] - number * mean) for number, at in enumerate(beat)) / mean
         later = max(LOOK_INTERVALS, int(LOOK / mean) - 1)
         if stray * (1 / intervals + 1 / later) <= EVEN:
             return 1 / mean
         usual = _usual_tenths(beat, start, end)
-        return None if usual is None else min(usual, self.hz(start, end))
+        return _least_second(beat, start, end) if usual is None else min(usual, self.hz(start, end))
 
 
 def _usual_tenths(beat: list[float], start: float, end: float) -> float | None:
@@ -117,3 +128,13 @@ def _usual_tenths(beat: list[float], start: float, end: float) -> float | None:
     mean = sum(middle) / len(middle)
     alike = middle[-1] - middle[0] <= 0.1 * mean + 1
     return 10 * mean if alike and mean >= TENTH_MESSAGES else None
+
+
+def _least_second(beat: list[float], start: float, end: float) -> float | None:
+    """Messages in the second that had the fewest, of a long look at very many."""
+    if end - start < LONG_LOOK or len(beat) < 10 * TENTH_MESSAGES * (end - start):
+        return None
+    tenths = range(int((end - start - LOOK) * 10) + 1)
+    until = [bisect_right(beat, start + number / 10) for number in range(tenths.stop + int(LOOK * 10))]
+    least = min(until[number + int(LOOK * 10)] - until[number] for number in tenths) / LOOK
+    return least if least >= LEAST_SHARE * len(beat) / (end - start) else None
