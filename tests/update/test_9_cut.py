@@ -13,6 +13,7 @@ from typing import Any
 import evidence
 import pytest
 from fleet import Fleet
+from runs import wait_until
 
 LIMIT = ("--limit", "robot1,edge1")
 ROBOT, OWN = "robot1", "own"
@@ -43,8 +44,16 @@ def on_its_own(fleet: Fleet) -> Iterator[Fleet]:
     run = fleet.update({**before, "ros_apps_robot": wanted}, *LIMIT)
     assert run.status == 0, run
     yield fleet
+    back = time.time()
     run = fleet.update(before, *LIMIT, update_remove_apps=[app["name"] for app in wanted])
     assert run.status == 0, run
+
+    def sent() -> float:
+        goals = fleet.hosts.logs(ROBOT).get(evidence.GOALS, [])
+        return evidence.newest([goal for goal in goals if goal["outcome"] == evidence.SUCCEEDED], "sent")
+
+    # one that its client at the edge had sent into the cut is lost only when its time is over
+    wait_until(sent, lambda newest: newest > back, 240, "a goal from the edge that comes through again", pause=1)
 
 
 @pytest.mark.promise("a robot works through a cut")
