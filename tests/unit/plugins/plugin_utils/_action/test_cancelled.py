@@ -20,6 +20,7 @@ PATIENCE = 30.0
 
 def work(told: Connection) -> None:
     """A worker: it says its process id, and how it ended."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job is begun without
     with cancellable():
         try:
             told.send(os.getpid())
