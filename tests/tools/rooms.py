@@ -23,9 +23,10 @@ OLDEST = (3, 8)  # the Python of hosts and pods
 HOST_ROOMS: dict[str, tuple[str, ...]] = {
     "_common": (),
     "_ros": ("_common",),
-    "_pod": ("_common", "_ros"),
-    "_exporter": ("_common", "_ros", "_pod"),
-    "_host": ("_common", "_ros", "_pod"),
+    "_step": ("_common", "_ros"),
+    "_pod": ("_common", "_ros", "_step"),
+    "_exporter": ("_common", "_ros", "_step", "_pod"),
+    "_host": ("_common", "_ros", "_step", "_pod"),
 }
 # These may import every room for hosts, too: what is applied and judged there is written here.
 CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
@@ -45,7 +46,7 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_rehearsal": ("_model",),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
-POD_ROOMS = ("_common", "_ros", "_pod")  # all that goes into app pods, where nothing of Ansible's is
+POD_ROOMS = ("_common", "_ros", "_step", "_pod")  # all that goes into app pods, where nothing of Ansible's is
 # What runs on the Python of an image's own ROS has that at hand, too, beside the standard library.
 ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_pod/stand_in": ("rospy",)}
 # Part of a room -> the only file of it that the rest of the room may import.

@@ -42,7 +42,7 @@ WRONG = {
     "two that do not know each other": (
         {"module_utils/_host/k3s.py": "from .._exporter.server import serve\n"},
         "plugins/module_utils/_host/k3s.py: imports plugins.module_utils._exporter.server.serve; "
-        "_host stands on _common _ros _pod",
+        "_host stands on _common _ros _step _pod",
     ),
     "upward on the control node": (
         {"plugin_utils/_kube/watch.py": f"from {FULL}.plugin_utils._update.plan import Step\n"},

@@ -19,7 +19,8 @@ from typing import Any, Callable, Mapping
 from urllib.parse import urlencode
 
 from .._common.errors import KubeError
-from .way_back import HOLDER, LEASE, Object, name_of
+from .._step.objects import Object, name_of
+from .._step.words import KEEPER, LEASE
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 FLEET = "fleet"
@@ -149,7 +150,7 @@ class Cluster:
             "firstTimestamp": at,
             "lastTimestamp": at,
             "count": 1,
-            "source": {"component": HOLDER},
+            "source": {"component": KEEPER},
         }
         self._send("POST", _path(namespace, "Event"), {}, body, JSON)
 

@@ -14,15 +14,14 @@ from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
 from .._ros.graph import host_of
-from .way_back import APP, HOLDER, MASTER, has_node, notes_of
+from .._step.objects import Object, annotations_of, app_of, has_node
+from .._step.words import KEEPER, MASTER
 
 LIVENESS = "rosops.fleet/liveness-timeout"  # on a pod that has another one than the usual
 TIMEOUT, LEAST = 120, 30  # s, the usual, and the shortest that an inventory may say
 AT_MOST, WITHIN = 3, 3600.0  # restarts of an app, in so many seconds: more of them help nobody
 # Times the timeout: after that, goals of a node that cannot be read keep nobody waiting.
 UNREADABLE = 5
-
-Object = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -44,14 +43,14 @@ class Hung:
 
     @property
     def app(self) -> str:
-        return _app(self.pod)
+        return app_of(self.pod)
 
 
 def hung_pods(pods: Iterable[Object], silence: Silence) -> list[Hung]:
     """The longest silent one first."""
     there = list(pods)
     awake = {host_of(uri) for uri in silence.answering}
-    hosts = {_status(pod).get("hostIP") for pod in there if _status(pod).get("podIP") in awake or _app(pod) == HOLDER}
+    hosts = {_status(pod).get("hostIP") for pod in there if _status(pod).get("podIP") in awake or app_of(pod) == KEEPER}
     found = []
     for pod in there:
         timeout = liveness_timeout(pod)
@@ -73,7 +72,7 @@ def in_no_pod(pods: Iterable[Object], silence: Silence) -> set[str]:
 def liveness_timeout(pod: Object) -> float:
     """Seconds; 0: never."""
     try:
-        return float(notes_of(pod).get(LIVENESS, TIMEOUT))
+        return float(annotations_of(pod).get(LIVENESS, TIMEOUT))
     except ValueError:  # by hand
         return 0.0
 
@@ -83,11 +82,7 @@ def _is_up(pod: Object) -> bool:
     ready = any(
         one.get("type") == "Ready" and one.get("status") == "True" for one in _status(pod).get("conditions") or ()
     )
-    return ready and _app(pod) not in ("", MASTER, HOLDER) and not pod["metadata"].get("deletionTimestamp")
-
-
-def _app(pod: Object) -> str:
-    return str((pod["metadata"].get("labels") or {}).get(APP, ""))
+    return ready and app_of(pod) not in ("", MASTER, KEEPER) and not pod["metadata"].get("deletionTimestamp")
 
 
 def _status(pod: Object) -> Mapping[str, Any]:

@@ -20,7 +20,7 @@ from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
 from . import keeper_memory
 from .hung import Silence
-from .keeper_record import Record
+from .keeper_record import KeptFiles
 
 LOOK = 1.0  # seconds between looks at the master,
 AWAY = 0.2  # while it does not answer,
@@ -42,7 +42,7 @@ class Keeper:
     def __init__(
         self,
         ros: Registrar,
-        record: Record,
+        record: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         uri: str = "",

@@ -22,7 +22,7 @@ from .._ros.rpc import address_of
 from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
-from .keeper_record import Record
+from .keeper_record import KeptFiles
 from .lifeline import Lifeline
 from .step_watch import Robot, Staying, StepWatch
 
@@ -96,7 +96,7 @@ class Code:
 class Latched:
     """What keeps latched messages, loaded when there are any: at rest a keeper has no memory for it."""
 
-    def __init__(self, ros: Registrar, slave: Slave, record: Record) -> None:
+    def __init__(self, ros: Registrar, slave: Slave, record: KeptFiles) -> None:
         self.ros, self.slave, self.record = ros, slave, record
         self.topics: LatchedTopics | None = None
         self.lock = threading.Lock()
@@ -120,7 +120,7 @@ def main(words: list[str]) -> int:
     signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
     threading.stack_size(STACK)
     chosen, code = options(words), Code(sys.argv[0])
-    record = Record(chosen["--record"])
+    record = KeptFiles(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)

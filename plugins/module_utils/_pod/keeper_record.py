@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 
-class Record:
+class KeptFiles:
     """A directory with one JSON file per part; a part that is not there, or is damaged, is None."""
 
     def __init__(self, directory: str) -> None:

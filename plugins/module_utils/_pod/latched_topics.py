@@ -24,7 +24,7 @@ from .._ros.raw_node import SEND_SECONDS, Publication, Slave
 from .._ros.registrar import Registrar
 from .._ros.replies import connections, topic_types
 from .._ros.rpc import Api, Deadline, Request, in_parallel, reason
-from .keeper_record import Record
+from .keeper_record import KeptFiles
 from .latched import DROP, OFFER, Value, from_record, to_record, worth_keeping
 
 PART = "latched"  # of the record
@@ -43,7 +43,7 @@ class LatchedTopics:
         self,
         ros: Registrar,
         slave: Slave,
-        record: Record,
+        record: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
     ) -> None:

@@ -11,7 +11,9 @@ from typing import Callable, Mapping, Sequence
 from .._common.errors import RosError
 from .._ros.backend import Backend
 from .._ros.graph import BUSY_STATES, GOAL_STATES, MasterState, Questions, action_names, action_of
-from .way_back import MASTER, NODE, Object, Step, has_node, node_of, notes_of
+from .._step.objects import Object, annotations_of, has_node, node_of
+from .._step.words import MASTER, NODE
+from .way_back import Step
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ def open_goals_at(ros: Backend, pod: Object) -> Goals:
 
     def served(state: MasterState) -> dict[str, tuple[str, ...]]:
         servers = _servers(state)
-        here = _at(ros, state, servers, [pod]) | {notes_of(pod).get(NODE, "")}
+        here = _at(ros, state, servers, [pod]) | {annotations_of(pod).get(NODE, "")}
         return {name: tuple(one for one in all_of_it if one in here) for name, all_of_it in servers.items()}
 
     return _goals(ros, served)

@@ -46,8 +46,7 @@ def load_contract(environ: Mapping[str, str], directory: str = HERE) -> dict[str
     """What this revision owes the graph until it is proven; None where that is nothing, or nothing is said of it.
 
     No clock ends it: a version that nobody proved is no better for waiting. Beside what `contract.record` makes of the
-    graph it has `revision`, `tolerance`, `ready_timeout` (seconds), `apps` (all of its step) and, once it is over,
-    `proven`.
+    graph it has `tolerance`, `ready_timeout` (seconds), and what `_step/record.py` says of it.
     """
     contract = _load(f"{directory}/contract.json")
     meant = contract.get("revision") == environ.get("ROSOPS_REVISION", "") and not contract.get("proven")

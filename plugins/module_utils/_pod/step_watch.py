@@ -15,27 +15,16 @@ from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError, KubeError, RosError
 from .._ros.backend import Backend
+from .._step.objects import Object, name_of, node_of, rolled_out
+from .._step.record import PROVEN, Record, mark_of, record_of
+from .._step.words import KEEPER
 from . import update_record
 from .cluster_api import FLEET, ApiError, Cluster
 from .hung import Silence
-from .keeper_record import Record
+from .keeper_record import KeptFiles
 from .open_goals import Goals, open_goals
 from .watchdog import Watchdog, left
-from .way_back import (
-    HOLDER,
-    Object,
-    Observed,
-    Step,
-    is_marked,
-    lease_of,
-    name_of,
-    node_of,
-    restored,
-    rolled_out,
-    steps_of,
-    unproven,
-    version_of,
-)
+from .way_back import Observed, Step, lease_of, member_of, restored, steps_of, version_of
 
 LOOK = 10.0  # seconds between two looks at a namespace,
 LEAST = 1.0  # but no more looks than this: with a hundred robots each of them has to wait
@@ -70,7 +59,7 @@ class Claim:
 
     def renew(self) -> None:
         """Before whatever is done next; LostError where it is another one's now."""
-        self._write(HOLDER)
+        self._write(KEEPER)
         if self.lost:
             raise LostError("somebody else changes it now")
 
@@ -91,7 +80,7 @@ class StepWatch:
         cluster: Cluster,
         ros: Backend,
         robot: Robot,
-        record: Record,
+        record: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
@@ -165,10 +154,10 @@ class StepWatch:
         seen.nothing = None if steps or seen.recorded != seen.version else seen.version
 
     def _steps(self, namespace: str, there: list[Object]) -> list[Step]:
-        marked = [item for item in there if is_marked(item)]
+        marked = [item for item in there if mark_of(item) is not None]
         pods = [] if all(map(rolled_out, marked)) else self.cluster.pods(namespace)
-        left = {name_of(item): self.cluster.config_map(namespace, f"{name_of(item)}-update") for item in marked}
-        return steps_of([unproven(item, left[name_of(item)], pods) for item in marked], there)
+        records = read_records(self.cluster, namespace, map(name_of, marked))
+        return steps_of([member_of(item, records, pods) for item in marked], there)
 
     def _remember(self, namespace: str, seen: Observed) -> None:
         """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
@@ -286,6 +275,17 @@ class StepWatch:
         return f"{whole}.{int(seconds % 1 * 1e6):06d}Z"
 
 
+def read_records(cluster: Cluster, namespace: str, apps: Iterable[str]) -> dict[str, Record]:
+    """Those of the apps, and of all others of their steps."""
+    found: dict[str, Record] = {}
+    todo = list(apps)
+    while todo:
+        app = todo.pop()
+        found[app] = record_of(cluster.config_map(namespace, f"{app}-update"))
+        todo += [other for other in found[app].apps if other not in found and other not in todo]
+    return found
+
+
 def _texts(saved: Any) -> Mapping[str, list[str]]:
     """A part of the record that is namespace -> texts; what is something else is left out."""
     found = saved if isinstance(saved, dict) else {}
@@ -318,7 +318,10 @@ class Staying:
             return False
         self.of[action, node] = found
         deployment = self.cluster.deployment(*found)
-        return deployment is not None and is_marked(deployment) and not rolled_out(deployment)
+        if deployment is None or mark_of(deployment) is None or rolled_out(deployment):
+            return False
+        records = read_records(self.cluster, found[0], [found[1]])
+        return member_of(deployment, records).state != PROVEN
 
     def _find(self, action: str, node: str) -> tuple[str, str] | None:
         """The Deployment of that node; a launch file's is the one on trial that served the action before."""
@@ -328,8 +331,8 @@ class Staying:
                 if node_of(item) == node:
                     return namespace, name_of(item)
             for item in there:
-                if is_marked(item):
-                    left = self.cluster.config_map(namespace, f"{name_of(item)}-update")
-                    if action in unproven(item, left).actions:
+                if mark_of(item) is not None:
+                    records = read_records(self.cluster, namespace, [name_of(item)])
+                    if action in member_of(item, records).actions:
                         return namespace, name_of(item)
         return None

@@ -13,7 +13,8 @@ import contextlib
 import json
 from typing import Any, Dict, Iterable, Mapping
 
-from .way_back import APP, WENT_BACK, Object, notes_of
+from .._step.objects import Object, annotations_of, app_of
+from .._step.words import WENT_BACK
 
 NAME, KEY = "robot-updates", "updates.json"
 RUNNING, WAITING = "running", "waiting"  # no outcomes yet; a run that waits for a busy robot lets go of its Lease
@@ -45,9 +46,9 @@ def ways_back(deployments: Iterable[Object]) -> dict[str, Told]:
     found: dict[str, Told] = {}
     for item in deployments:
         with contextlib.suppress(ValueError, TypeError, AttributeError, KeyError):  # others may write there, too
-            told = json.loads(notes_of(item).get(WENT_BACK) or "{}")
+            told = json.loads(annotations_of(item).get(WENT_BACK) or "{}")
             if told:
-                app = item["metadata"]["labels"][APP]
+                app = app_of(item)
                 found[app] = {key: str(told.get(key, "")) for key in ("from", "to", "at", "reason")}
     return found
 

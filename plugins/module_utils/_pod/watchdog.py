@@ -12,10 +12,10 @@ import time
 from typing import Callable
 
 from .._ros.backend import Backend
+from .._step.objects import name_of
 from .cluster_api import ApiError, Cluster
 from .hung import AT_MOST, LEAST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, in_no_pod
 from .open_goals import Goals, open_goals_at
-from .way_back import name_of
 
 GRACE = 10  # s for a pod that works on nothing: its node will not end by itself
 REASON = "NodeHung"

@@ -19,96 +19,36 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Iterable, Mapping, Sequence
 
-from .._ros.graph import host_of
+from .._step.objects import (
+    Object,
+    annotations_of,
+    app_of,
+    crashes,
+    error_of,
+    hash_of,
+    name_of,
+    node_of,
+    revision_of,
+    revision_of_pod,
+    rolled_out,
+    suffix_of,
+)
+from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of
+from .._step.words import KEEPER, LEASE, LEASE_SECONDS, UPDATING, WENT_BACK
 from .subset import is_in
 
-LEASE = "robot-update"
-HOLDER = "ros-keeper"  # the keeper's own Deployment, too: it takes back everything but itself
-MASTER = "ros-master"
-LEASE_SECONDS = 15.0
-READY_TIMEOUT = 180.0  # where the contract does not say it
 FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
-STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
-LOST = "Unknown"  # the kubelet's reason for a container that is not there any more: its host was rebooted
-UPDATING = "rosops.fleet/updating"
-WENT_BACK = "rosops.fleet/went-back"
-NODE, HANDOFF = "rosops.fleet/ros-node", "rosops.fleet/handoff"
-APP, REVISION = "rosops.fleet/app", "rosops.fleet/revision"
-HASH = "rosops.fleet/spec-hash"
-
-Object = Mapping[str, Any]
-
-
-# ---- what the API shows
-
-
-def name_of(item: Object) -> str:
-    return str(item["metadata"]["name"])
-
-
-def notes_of(item: Object) -> Mapping[str, str]:
-    return item["metadata"].get("annotations") or {}
-
-
-def has_node(pod: Object, node: str, uri: str) -> bool:
-    """Whether a node is in a pod: by its address, or where that is its host's, and so everybody's there, by the name
-    that the pod is known by."""
-    if (pod.get("spec") or {}).get("hostNetwork"):
-        return notes_of(pod).get(NODE) == node
-    return bool(host_of(uri)) and (pod.get("status") or {}).get("podIP") == host_of(uri)
-
-
-def node_of(deployment: Object) -> str:
-    """The ROS node of a Deployment's pods; empty where it has none that is known, as the master has."""
-    return str((deployment["spec"]["template"]["metadata"].get("annotations") or {}).get(NODE, ""))
-
-
-def suffix_of(deployment: Object) -> str:
-    """What is behind the names of its nodes, where versions overlap."""
-    notes = deployment["spec"]["template"]["metadata"].get("annotations") or {}
-    return f"_{revision_of(deployment)}" if notes.get(HANDOFF) == "overlap" else ""
-
-
-def is_marked(deployment: Object) -> bool:
-    return UPDATING in notes_of(deployment)
-
-
-def rolled_out(deployment: Object) -> bool:
-    """Whether the controller has seen this very Deployment, and all pods are of its template, and Ready."""
-    status, wanted = deployment.get("status") or {}, deployment["spec"].get("replicas", 1)
-    seen = int(status.get("observedGeneration") or 0) >= int(deployment["metadata"].get("generation") or 0)
-    counts = {status.get(key) or 0 for key in ("replicas", "updatedReplicas", "readyReplicas")}
-    return seen and counts == {wanted}
-
-
-def crashes(pod: Object) -> bool:
-    """Whether the kubelet waits before it starts a container of the pod once more, because it ended again and again."""
-    return any((state.get("waiting") or {}).get("reason") == "CrashLoopBackOff" for state in _states(pod))
-
-
-def error_of(pod: Object) -> str:
-    """The exit code of a container of the pod that ended by an error of its own; empty: none did."""
-    ends = [state["terminated"] for state in _states(pod) if state.get("terminated")]
-    codes = [end.get("exitCode", 0) for end in ends if LOST not in str(end.get("reason"))]
-    return next((str(code) for code in codes if code not in STOPPED), "")
-
-
-def _states(pod: Object) -> Iterator[Object]:
-    """Of its containers now, and before they were started anew."""
-    for one in (pod.get("status") or {}).get("containerStatuses") or []:
-        for key in ("state", "lastState"):
-            yield one.get(key) or {}
 
 
 @dataclass(frozen=True)
-class Unproven:
-    """A Deployment with the mark, what its step left beside it, and its pods: of just this version, and of others."""
+class Member:
+    """A marked Deployment, its record, what its version is, and its pods: of just this version, and of others."""
 
     deployment: Object
-    contract: Mapping[str, Any]
-    before: Object | None  # the Deployment to go back to; None: the step made it
+    record: Record
+    state: str  # an answer of `_step/record.py`
     pods: Sequence[Object] = ()
     others: Sequence[Object] = ()
 
@@ -119,17 +59,23 @@ class Unproven:
     @property
     def apps(self) -> tuple[str, ...]:
         """The apps of its step, in the step's order."""
-        return tuple(self.contract.get("apps") or (self.name,))
+        return self.record.apps or (self.name,)
 
     @property
-    def ready_timeout(self) -> float:
-        return float(self.contract.get("ready_timeout") or READY_TIMEOUT)
+    def before(self) -> Object | None:
+        """The Deployment to go back to; None: the step made it."""
+        found = self.record.before
+        return found if found is not None and name_of(found) == self.name else None
+
+    @property
+    def proven(self) -> bool:
+        """Its step has proven it: only its mark has to come off."""
+        return self.state == PROVEN and self.record.revision == revision_of(self.deployment)
 
     @property
     def actions(self) -> frozenset[str]:
         """Those of its own node, and those of the others that a launch file starts."""
-        parts = self.contract, self.contract.get("others") or {}
-        return frozenset(name for part in parts for name in part.get("actions") or ())
+        return frozenset(name for part in self._contracts for name in part.get("actions") or ())
 
     @property
     def nodes_before(self) -> set[str]:
@@ -139,49 +85,36 @@ class Unproven:
         if node_of(self.before):
             return {node_of(self.before)}
         new, old = suffix_of(self.deployment), suffix_of(self.before)
-        parts = self.contract, self.contract.get("others") or {}
-        named = [str(node) for part in parts for node in part.get("nodes") or ()]
+        named = [str(node) for part in self._contracts for node in part.get("nodes") or ()]
         return {(node[: -len(new)] if new and node.endswith(new) else node) + old for node in named}
 
     @property
-    def proven(self) -> bool:
-        """Only its mark has to come off."""
-        return bool(self.contract.get("proven")) and self.contract.get("revision") == revision_of(self.deployment)
+    def _contracts(self) -> tuple[Mapping[str, Any], ...]:
+        return self.record.contract, self.record.contract.get("others") or {}
 
     @property
     def differs(self) -> bool:
         """Whether going back would change something. What somebody changed by hand still has our hash."""
         if self.before is None:
             return False
-        same = notes_of(self.before).get(HASH) == notes_of(self.deployment).get(HASH)
+        same = hash_of(self.before) == hash_of(self.deployment)
         return not (same and is_in(self.before["spec"], self.deployment["spec"]))
 
 
-def unproven(deployment: Object, left: Object | None, pods: Iterable[Object] = ()) -> Unproven:
-    """`left` is the ConfigMap of its step, `pods` are its namespace's. What cannot be read there is not there."""
-    data = (left or {}).get("data") or {}
-    contract, history = _json(data.get("contract.json")), _json(data.get("history.json"))
-    first = history[0] if isinstance(history, list) and history else {}
-    before = first.get("deployment") if isinstance(first, dict) else None
-    same = isinstance(before, dict) and (before.get("metadata") or {}).get("name") == name_of(deployment)
-    of_app = [pod for pod in pods if (pod["metadata"].get("labels") or {}).get(APP) == name_of(deployment)]
-    own = [pod for pod in of_app if _revision(pod["metadata"]) == revision_of(deployment)]
+def member_of(deployment: Object, records: Mapping[str, Record], pods: Iterable[Object] = ()) -> Member:
+    """`records`: app -> what its step left, those of all apps of the step among them; `pods` are its namespace's."""
+    of_app = [pod for pod in pods if app_of(pod) == name_of(deployment)]
+    own = [pod for pod in of_app if revision_of_pod(pod) == revision_of(deployment)]
     others = [pod for pod in of_app if pod not in own]
-    return Unproven(deployment, contract if isinstance(contract, dict) else {}, before if same else None, own, others)
-
-
-def _json(text: Any) -> Any:
-    try:
-        return json.loads(text or "null")
-    except (TypeError, ValueError):
-        return None
+    record = records.get(name_of(deployment), Record())
+    return Member(deployment, record, answer(deployment, records), own, others)
 
 
 @dataclass(frozen=True)
 class Step:
     """The marked Deployments that one step changed together. `begun`: others of them are back already."""
 
-    members: tuple[Unproven, ...]
+    members: tuple[Member, ...]
     begun: bool = False
 
     @property
@@ -196,14 +129,14 @@ class Step:
 
     @property
     def ready_timeout(self) -> float:
-        return max(member.ready_timeout for member in self.members)
+        return max(member.record.ready_timeout for member in self.members)
 
     @property
     def rolled_out(self) -> bool:
         return all(rolled_out(member.deployment) for member in self.members)
 
     def failing(self, came_up: bool) -> bool:
-        """Whether it is to go back. A step proves all its apps at once, and then says so of one after the other."""
+        """Whether it is to go back."""
         if not self.going_back or any(member.proven for member in self.members):
             return False
         return self.begun or any(member.differs and _is_bad(member, came_up) for member in self.members)
@@ -215,21 +148,21 @@ class Step:
         return next(filter(None, map(error_of, pods)), "")
 
     @property
-    def going_back(self) -> list[Unproven]:
-        """All of it together, but what the step made: there is nothing that it could go back to."""
-        return [member for member in self.members if member.before is not None]
+    def going_back(self) -> list[Member]:
+        """All of it together, but what the step made, and what nobody has written down: to which could that go back?"""
+        return [member for member in self.members if member.before is not None and member.state in UNPROVEN]
 
 
-def _is_bad(member: Unproven, came_up: bool) -> bool:
+def _is_bad(member: Member, came_up: bool) -> bool:
     return any(map(crashes, member.pods)) if came_up else not rolled_out(member.deployment)
 
 
-def steps_of(found: Iterable[Unproven], deployments: Iterable[Object]) -> list[Step]:
+def steps_of(found: Iterable[Member], deployments: Iterable[Object]) -> list[Step]:
     """The steps that the marked ones belong to; `deployments` are all there are."""
-    back = {name_of(item) for item in deployments if WENT_BACK in notes_of(item) and not is_marked(item)}
-    groups: dict[tuple[str, ...], list[Unproven]] = {}
+    back = {name_of(item) for item in deployments if WENT_BACK in annotations_of(item) and mark_of(item) is None}
+    groups: dict[tuple[str, ...], list[Member]] = {}
     for member in found:
-        if member.name != HOLDER:
+        if member.name != KEEPER:  # it takes back everything but itself
             groups.setdefault(member.apps, []).append(member)
     return [
         Step(tuple(sorted(members, key=lambda one: place(one, apps))), bool(back.intersection(apps)))
@@ -237,7 +170,7 @@ def steps_of(found: Iterable[Unproven], deployments: Iterable[Object]) -> list[S
     ]
 
 
-def place(member: Unproven, apps: Sequence[str]) -> int:
+def place(member: Member, apps: Sequence[str]) -> int:
     """Providers come before their users, as the step had them."""
     return apps.index(member.name) if member.name in apps else len(apps)
 
@@ -272,7 +205,7 @@ class Observed:
         version = version_of(lease)
         self._unchanged = self._unchanged + self._passed if version == self.version else 0.0
         self.version = version
-        mine = holder_of(lease) in ("", HOLDER)
+        mine = holder_of(lease) in ("", KEEPER)
         self.free = mine or self._unchanged >= float(spec.get("leaseDurationSeconds") or LEASE_SECONDS)
         if not self.free:
             self.waited, self.nothing = {}, None
@@ -326,7 +259,7 @@ def holder_of(lease: Object | None) -> str:
 def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> dict[str, Any]:
     """The Lease with this holder, or with none; the API refuses it if somebody else has written it since `found`."""
     spec = (found or {}).get("spec") or {}
-    ours = holder_of(found) == HOLDER
+    ours = holder_of(found) == KEEPER
     return {
         "apiVersion": "coordination.k8s.io/v1",
         "kind": "Lease",
@@ -342,20 +275,10 @@ def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> di
     }
 
 
-def restored(member: Unproven, reason: str, time: str) -> dict[str, Any]:
+def restored(member: Member, reason: str, time: str) -> dict[str, Any]:
     """What to apply: the version before as it was applied, without the mark, and how it came back."""
     before = member.before or {}
-    notes = {key: value for key, value in notes_of(before).items() if key != UPDATING}
+    notes = {key: value for key, value in annotations_of(before).items() if key != UPDATING}
     told = {"from": revision_of(member.deployment), "to": revision_of(before), "at": time, "reason": reason}
     notes[WENT_BACK] = json.dumps(told, sort_keys=True)
     return {**before, "metadata": {**before["metadata"], "annotations": notes}}
-
-
-def revision_of(deployment: Object) -> str:
-    """The first digits of the pod template's hash."""
-    return _revision(deployment["spec"]["template"]["metadata"])
-
-
-def _revision(pod: Object) -> str:
-    label = (pod.get("labels") or {}).get(REVISION)
-    return str(label or (pod.get("annotations") or {}).get(HASH, "")[:8])

@@ -379,19 +379,29 @@ class Kube:
             else:
                 return
 
-    def delete(self, refs: Iterable[Ref], dry_run: bool = False) -> list[Applied]:
-        """Delete these, what they own in the background; what is not there is fine."""
+    def delete(
+        self, refs: Iterable[Ref], dry_run: bool = False, uids: Mapping[Ref, str] | None = None
+    ) -> list[Applied]:
+        """Delete these, what they own in the background; what is not there is fine.
+
+        Where a uid is said only just that object is deleted: another one of its name stays as it is.
+        """
         done: list[Applied] = []
         query = {"propagationPolicy": "Background", **({"dryRun": "All"} if dry_run else {})}
         for ref in refs:
-            before = self.get(ref)
+            before, after, uid = self.get(ref), None, (uids or {}).get(ref)
             if before is not None:
+                body = (
+                    [{"kind": "DeleteOptions", "apiVersion": "v1", "preconditions": {"uid": uid}}, JSON] if uid else []
+                )
                 try:
-                    self._object("DELETE", self._path(ref), query)
+                    self._object("DELETE", self._path(ref), query, *body)
                 except ApiError as exc:
-                    if exc.status != 404:
+                    if exc.status == 409 and uid:
+                        after = before
+                    elif exc.status != 404:
                         raise
-            done.append(applied(ref, before, None))
+            done.append(applied(ref, before, after))
         return done
 
     def merge(self, ref: Ref, part: Mapping[str, Any], dry_run: bool = False) -> Applied:

@@ -5,31 +5,33 @@
 
 from __future__ import annotations
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
+
 MANAGER = "rosops.fleet"
 FLEET_NAMESPACE = "fleet"
-MASTER_NAME = "ros-master"
+MASTER_NAME = words.MASTER
 MASTER_PORT = 11311
 MASTER_CONTAINER = "ros-master-container"  # as in the dissertation's manifest, whose overrides keep working
 APP_CONTAINER = "ros-app"
-LABEL_ROBOT = "rosops.fleet/robot"
-LABEL_APP = "rosops.fleet/app"
-LABEL_REVISION = "rosops.fleet/revision"
+LABEL_ROBOT = words.ROBOT
+LABEL_APP = words.APP
+LABEL_REVISION = words.REVISION
 LABEL_PLACEMENT = "deploymentType"
 LABEL_FILES = "rosops.fleet/files"  # on a ConfigMap of an app's files: the app. No version changes it
 LABEL_KEPT = "rosops.fleet/kept"  # on a ConfigMap of the namespace `fleet`: the shared master's keeper watches over
 # the namespace of that name
-ANNOTATION_HASH = "rosops.fleet/spec-hash"
-ANNOTATION_HANDOFF = "rosops.fleet/handoff"
-ANNOTATION_NODE = "rosops.fleet/ros-node"
-ANNOTATION_UPDATING = "rosops.fleet/updating"  # on a Deployment while a step changes it: its version is not proven yet
-ANNOTATION_WENT_BACK = "rosops.fleet/went-back"  # on one that the keeper took back: JSON of from, to, at, reason
+ANNOTATION_HASH = words.HASH
+ANNOTATION_HANDOFF = words.HANDOFF
+ANNOTATION_NODE = words.NODE
+ANNOTATION_UPDATING = words.UPDATING
+ANNOTATION_WENT_BACK = words.WENT_BACK
 NODE_NAME_ENV = "ROSOPS_NODE_NAME"
 SETTINGS_ENV = "ROSOPS_SETTINGS"
 REVISION_ENV = "ROSOPS_REVISION"
 CODE_NAME = "rosops-code"  # the ConfigMap of what runs in pods, and the volume of it
 CODE_DIR = "/opt/rosops-fleet/hooks"
 SIDECAR = "hooks"  # the container beside the app's where its image has no Python
-KEEPER_NAME = "ros-keeper"
+KEEPER_NAME = words.KEEPER
 KEEPER_PORT = 11411
 
 

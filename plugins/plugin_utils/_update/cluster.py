@@ -100,7 +100,8 @@ class KubeCluster:
         return self._writer.apply(objects, dry_run)
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        return self._writer.delete([ref_of(item) for item in objects], dry_run)
+        uids = {ref_of(item): str(uid) for item in objects if (uid := item["metadata"].get("uid"))}
+        return self._writer.delete([ref_of(item) for item in objects], dry_run, uids)
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
         self._wait(objects, Settings(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say))

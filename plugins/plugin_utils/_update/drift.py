@@ -13,20 +13,23 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.subset import is_in
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import hash_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import UNPROVEN, answer
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields, left_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import key_of, read_records
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 
-def suspects(wanted: Iterable[Object], live: Iterable[Object]) -> list[Object]:
+def suspects(wanted: Iterable[Object], live: Live) -> list[Object]:
     """Of the Deployments that are wanted those that are there by their hash, but not by what they say."""
-    there = {_key(item): item for item in live}
+    there, records = {key_of(item): item for item in live.deployments}, read_records(live.maps)
     return [
         item
         for item in wanted
-        if (found := there.get(_key(item))) is not None
-        and _hash(found) == _hash(item)
-        and names.ANNOTATION_UPDATING not in found["metadata"]["annotations"]  # a step applies it again anyway
+        if (found := there.get(key_of(item))) is not None
+        and hash_of(found) == hash_of(item)
+        and answer(found, records) not in UNPROVEN  # a step applies it again anyway
         and _is_changed(item, found)
     ]
 
@@ -36,23 +39,15 @@ def lost_services(wanted: Iterable[Object], live: Live) -> list[Object]:
 
     No pod works by one that is gone: to apply it again disturbs nobody.
     """
-    running, there = {_key(item) for item in live.deployments}, {_key(item): item for item in live.services}
+    running, there = {key_of(item) for item in live.deployments}, {key_of(item): item for item in live.services}
     return [
         item
         for item in wanted
-        if item["kind"] == "Service" and _key(item) in running
-        if (found := there.get(_key(item))) is None or _is_changed(item, found)
+        if item["kind"] == "Service" and key_of(item) in running
+        if (found := there.get(key_of(item))) is None or _is_changed(item, found)
     ]
 
 
 def _is_changed(wanted: Object, there: Object) -> bool:
     beside = foreign_fields(there, wanted, names.MANAGER) or left_fields(there, wanted, names.MANAGER)
     return bool(beside) or not is_in(wanted["spec"], there["spec"])
-
-
-def _key(item: Object) -> tuple[str, str]:
-    return str(item["metadata"]["namespace"]), str(item["metadata"]["name"])
-
-
-def _hash(item: Object) -> str:
-    return str((item["metadata"].get("annotations") or {}).get(names.ANNOTATION_HASH, ""))

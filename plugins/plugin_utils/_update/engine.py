@@ -210,7 +210,7 @@ class Engine(Turn):
 
     def _drifted(self) -> set[tuple[str, str]]:
         """Deployments that are not what they say. The API server knows whether a difference is one."""
-        suspected = suspects(wanted_deployments(self.robot), self.live.deployments)
+        suspected = suspects(wanted_deployments(self.robot), self.live)
         found = [one.ref for one in self.cluster.apply(suspected, dry_run=True) if one.changed] if suspected else []
         for ref in found:
             self.say(f"{ref.name} was changed by hand")

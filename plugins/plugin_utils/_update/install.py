@@ -12,12 +12,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, deployments_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 INSTALL = "install"

@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING, members, promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import Bounds, installed, marked
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import Bounds, installed, installing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import UNFINISHED, Now, Turn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
@@ -40,6 +40,10 @@ class Installing:
         self.turn, self.now, self.step = turn, now, now.step
         self.settings = turn.settings
 
+    @property
+    def _bounds(self) -> Bounds:
+        return Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
+
     def take(self) -> StepResult:
         """All of it. Whatever goes wrong is its result, and no error."""
         turn, now, step = self.turn, self.now, self.step
@@ -48,7 +52,9 @@ class Installing:
         try:
             with turn.phase(now, "apply"):
                 now.applied = not turn.check
-                turn.apply_all(marked(step.objects, str(int(now.started))) if now.applied else step.objects)
+                turn.apply_all(
+                    step.objects if turn.check else installing(step.objects, step, self._bounds, now.started)
+                )
             if turn.check:
                 return turn.result(now, UPDATED)
             with turn.phase(now, "rollout"):
@@ -80,8 +86,7 @@ class Installing:
 
     def _prove(self, workloads: Sequence[Object], more: Sequence[Object] = ()) -> None:
         """Say that they are proven, then take their marks off: whatever brings a mark back is no word against them."""
-        bounds = Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
-        said = installed(workloads, self.step, bounds, self.now.started)
+        said = installed(workloads, self.step, self._bounds, self.now.started)
         self.turn.apply_all([*said, *workloads, *more])
 
 

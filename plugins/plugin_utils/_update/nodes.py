@@ -13,13 +13,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import suffix_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import is_tool
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import node_of, suffix_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import on_demand
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import node_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
 
 _HELD = "--replace="

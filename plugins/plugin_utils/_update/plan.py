@@ -15,6 +15,14 @@ from dataclasses import dataclass, field, replace
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, hash_of, node_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
+    UNKNOWN,
+    UNPROVEN,
+    Record,
+    answer,
+    mark_of,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
@@ -30,18 +38,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended impo
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import Launched, launched
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     Key,
-    app_of,
     deployments_of,
     described,
-    hash_of,
     identity,
-    is_updating,
     kept,
     key_of,
-    node_of,
-    read_contracts,
-    read_histories,
-    revision_of,
+    read_records,
     working,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
@@ -136,8 +138,7 @@ class _Robot:
     robot: Robot
     desired: Mapping[str, Sequence[Object]]
     live: Mapping[Key, Object]
-    histories: Histories = field(default_factory=dict)
-    contracts: Mapping[str, Object] = field(default_factory=dict)  # app -> that of its last step
+    records: Mapping[str, Record] = field(default_factory=dict)  # app -> that of its last step
     drifted: Collection[Key] = ()  # Deployments that somebody changed by hand
     working: Collection[Key] = ()  # those that were proven once, or work now
 
@@ -182,7 +183,7 @@ class _Robot:
             conditions={} if back else graph_conditions(replace(self.robot, apps=tuple(apps.values()))),
             before={app: described(previous[app]) for app in members if app in previous},
             after={app: described(first[app]) for app in members},
-            histories=self.histories,
+            histories={app: record.history for app, record in self.records.items()},
         )  # fmt: skip
 
     def differs(self, item: Object) -> bool:
@@ -191,43 +192,34 @@ class _Robot:
         return there is None or hash_of(there) != hash_of(item) or key_of(item) in self.drifted
 
     def open(self, item: Object) -> bool:
-        """Whether it has to be changed, or a step on it was cut off."""
-        return self.differs(item) or is_updating(self.live.get(key_of(item)))
+        """Whether it has to be changed, proven, or rid of its mark."""
+        there = self.live.get(key_of(item))
+        return self.differs(item) or self._unproven(there) or mark_of(there) is not None
 
     def _previous(self, objects: Sequence[Object]) -> dict[str, Object]:
-        """What to go back to, by app. Where a step was cut off it is the history's last: what runs is not proven.
-
-        Where there is none, it is what was there before another version came.
-        """
+        """What to go back to, by app: the last proven version. Where nobody knows one it is what runs, if it goes."""
         found: dict[str, Object] = {}
         for item in deployments_of(objects):
             app, there = app_of(item), self.live.get(key_of(item))
             if there is None:
                 continue
-            if self._unproven(there) and self.histories.get(app):
-                found[app] = self.histories[app][0]["deployment"]
-            elif self.differs(item) or not self._unproven(there):
+            record, unproven = self.records.get(app, Record()), self._unproven(there)
+            if unproven and record.before is not None:
+                found[app] = record.before
+            elif self.differs(item) or not unproven:
                 found.setdefault(app, kept(there, whole=key_of(there) in self.drifted))
         return found
 
     def _found_at_work(self, item: Object) -> bool:
-        """Whether it works, and nobody says what did before it: the mark alone is no word against it.
-
-        `kubectl rollout undo` brings back the mark that the version had while it was installed.
-        """
-        return key_of(item) in self.working and not self.histories.get(app_of(item))
+        """Whether it works, and no version before it is known: then its graph is what the next one owes."""
+        return key_of(item) in self.working and not self.records.get(app_of(item), Record()).history
 
     def _unproven(self, there: Object | None) -> bool:
-        """Whether it carries the mark of a step that has not proven it.
-
-        A step proves all its apps at once, and then says so of one after the other.
-        """
-        if there is None or not is_updating(there):
+        """Whether somebody has to prove it: a step that was cut off, or nobody who has written it down, marked it."""
+        if there is None:
             return False
-        own = self.contracts.get(app_of(there)) or {}
-        step = [self.contracts.get(app) or {} for app in [app_of(there), *own.get("apps", [])]]
-        proven = any(one.get("proven") and one.get("apps") == own.get("apps") for one in step)
-        return own.get("revision") != revision_of(there) or not proven
+        found = answer(there, self.records)
+        return found in UNPROVEN or (found == UNKNOWN and mark_of(there) is not None)
 
     def _actions(self, apps: Iterable[App], which: str) -> list[str]:
         """Full names of the actions that the apps serve (`own`), or that have to rest while they change (`idle`)."""
@@ -252,8 +244,8 @@ def update_plan(
     if unknown:
         raise SpecError(f"{robot.name} has no app {', '.join(unknown)}; it has {', '.join(desired) or 'none'}")
     running = {key_of(item): item for item in live.deployments}
-    histories, contracts = read_histories(live.maps), read_contracts(live.maps)
-    there = _Robot(robot, desired, running, histories, contracts, drifted, working(live, histories, contracts))
+    records = read_records(live.maps)
+    there = _Robot(robot, desired, running, records, drifted, working(live, records))
     brought = KEEPER if MASTER in request.only and not request.to else ""  # a master is not made without its keeper
     asked = [
         app for app, objects in desired.items()
@@ -299,7 +291,7 @@ def _earlier(there: _Robot, app: str, to: str) -> Object | None:
     """The Deployment of the history that is meant; the one that runs is no way back."""
     key = next(key_of(item) for item in deployments_of(there.desired[app]))
     running = hash_of(there.live[key]) if key in there.live else ""
-    for entry in there.histories.get(app, []):
+    for entry in there.records.get(app, Record()).history:
         if hash_of(entry["deployment"]) != running and to in (PREVIOUS, entry["revision"]):
             found: Object = entry["deployment"]
             return found
@@ -307,7 +299,9 @@ def _earlier(there: _Robot, app: str, to: str) -> Object | None:
 
 
 def _no_history(app: str, there: _Robot, to: str) -> str:
-    kept_ones = [f"{entry['revision']} ({entry.get('image', '?')})" for entry in there.histories.get(app, [])]
+    kept_ones = [
+        f"{entry['revision']} ({entry.get('image', '?')})" for entry in there.records.get(app, Record()).history
+    ]
     wanted = "previous revision" if to == PREVIOUS else f"revision {to}"
     return f"{there.robot.name}: app {app} has no {wanted} to go back to; kept: {', '.join(kept_ones) or 'none'}"
 

@@ -10,18 +10,16 @@ from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, handoff_of, node_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, Step, wanted_before
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    app_of,
     described,
     files_owner,
-    handoff_of,
     identity,
     kept,
-    node_of,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 

@@ -5,57 +5,49 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
+    annotations_of,
+    app_of,
+    is_ready,
+    name_of,
+    revision_of,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
+    GOING_BACK,
+    PROVEN,
+    UNKNOWN,
+    Record,
+    answer,
+    record_of,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part, foreign_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
-HISTORY_KEY = "history.json"
-CONTRACT_KEY = "contract.json"
-
 Key = tuple[str, str]  # namespace, name
 
 
-def read_histories(maps: Iterable[Object]) -> dict[str, list[dict[str, Any]]]:
-    """App -> what its ConfigMap `<app>-update` keeps, the last one first."""
-    return _read(maps, HISTORY_KEY, "[]")
+def read_records(maps: Iterable[Object]) -> dict[str, Record]:
+    """App -> what its ConfigMap `<app>-update` keeps."""
+    return {app: record_of(item) for item in maps if (app := app_of(item)) and name_of(item) == names.update_name(app)}
 
 
-def read_contracts(maps: Iterable[Object]) -> dict[str, Object]:
-    """App -> what its last step asked of it (`_ros/contract.py`), with `revision`, `apps` and `proven`."""
-    return _read(maps, CONTRACT_KEY, "{}")
+def answers(live: Live, records: Mapping[str, Record]) -> dict[Key, str]:
+    """What the versions of all Deployments are."""
+    return {key_of(item): answer(item, records) for item in live.deployments}
 
 
-def _read(maps: Iterable[Object], key: str, empty: str) -> dict[str, Any]:
+def working(live: Live, records: Mapping[str, Record]) -> set[Key]:
+    """The Deployments that may be at work: all but those that no step has ever proven and that have no Ready pod."""
+    ready = {(pod["metadata"]["namespace"], app_of(pod)) for pod in live.pods if is_ready(pod)}
     return {
-        str(item["metadata"]["labels"][names.LABEL_APP]): json.loads((item.get("data") or {}).get(key) or empty)
-        for item in maps
-        if names.LABEL_APP in (item["metadata"].get("labels") or {})
+        key
+        for key, found in answers(live, records).items()
+        if found in (PROVEN, GOING_BACK, UNKNOWN) or records[key[1]].history or key in ready
     }
-
-
-def working(live: Live, histories: Mapping[str, Any], contracts: Mapping[str, Object]) -> set[Key]:
-    """The Deployments that were proven once, have something to go back to, or have a pod that is Ready.
-
-    A mark alone says nothing against what works, nor does a ConfigMap that is not there.
-    """
-    ready = {(pod["metadata"]["namespace"], app_of(pod)) for pod in live.pods if _is_ready(pod)}
-    return {
-        key_of(item)
-        for item in live.deployments
-        if not is_updating(item)
-        or histories.get(app_of(item))
-        or contracts.get(app_of(item), {}).get("proven")
-        or (key_of(item)[0], app_of(item)) in ready
-    }
-
-
-def _is_ready(pod: Object) -> bool:
-    containers = (pod.get("status") or {}).get("containerStatuses") or []
-    return bool(containers) and all(container.get("ready") for container in containers)
 
 
 def files_owner(item: Object) -> Key:
@@ -68,7 +60,7 @@ def unused(live: Live, apps: Collection[Key], wanted: Iterable[Object]) -> list[
 
     A version is one that is there, one that is kept for the way back, or the one that is wanted.
     """
-    there = [entry["deployment"] for entries in read_histories(live.maps).values() for entry in entries]
+    there = [entry["deployment"] for record in read_records(live.maps).values() for entry in record.history]
     mounted = {
         (key_of(item)[0], volume["configMap"]["name"])
         for item in [*live.deployments, *there]
@@ -105,21 +97,9 @@ def described(deployment: Object) -> dict[str, str]:
     return {"image": images[0] if images else "", "revision": revision_of(deployment)}
 
 
-def revision_of(deployment: Object) -> str:
-    """The first digits of the pod template's hash."""
-    metadata = deployment["spec"]["template"]["metadata"]
-    label = (metadata.get("labels") or {}).get(names.LABEL_REVISION)
-    return str(label or (metadata.get("annotations") or {}).get(names.ANNOTATION_HASH, "")[:8])
-
-
 def deployments_of(objects: Iterable[Object]) -> list[Object]:
     """The Deployments among the objects."""
     return [item for item in objects if item["kind"] == "Deployment"]
-
-
-def app_of(deployment: Object) -> str:
-    """The app that a Deployment of ours belongs to."""
-    return str((deployment["metadata"].get("labels") or {}).get(names.LABEL_APP, ""))
 
 
 def identity(item: Object) -> dict[str, Any]:
@@ -130,25 +110,3 @@ def identity(item: Object) -> dict[str, Any]:
 
 def key_of(item: Object) -> Key:
     return str(item["metadata"]["namespace"]), str(item["metadata"]["name"])
-
-
-def annotations_of(item: Object | None) -> Mapping[str, str]:
-    return ((item or {}).get("metadata") or {}).get("annotations") or {}
-
-
-def hash_of(item: Object | None) -> str:
-    return annotations_of(item).get(names.ANNOTATION_HASH, "")
-
-
-def is_updating(item: Object | None) -> bool:
-    return names.ANNOTATION_UPDATING in annotations_of(item)
-
-
-def node_of(deployment: Object) -> str:
-    """The app's ROS node in the graph; empty where it has none that can be known."""
-    return annotations_of(deployment["spec"]["template"]).get(names.ANNOTATION_NODE, "")
-
-
-def handoff_of(deployment: Object) -> str:
-    """How its versions follow each other."""
-    return annotations_of(deployment["spec"]["template"]).get(names.ANNOTATION_HANDOFF, "replace")

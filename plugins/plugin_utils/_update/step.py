@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import annotations_of, app_of, revision_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
@@ -24,12 +25,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.obstacles import obstacle
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    CONTRACT_KEY,
-    HISTORY_KEY,
-    app_of,
     described,
-    read_contracts,
-    revision_of,
+    read_records,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Live, Object
 
@@ -38,6 +35,7 @@ LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
 NO_GRAPH: Graph = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
 NO_CONTRACT: Mapping[str, Any] = ros_contract.record(NO_GRAPH, ())  # of what is nothing to the graph
+INSTALL = {**NO_CONTRACT, "install": True}  # of what is only just to come
 
 Contract = Mapping[str, Any]  # what an app is to the graph, as _ros/contract.py records it
 
@@ -71,7 +69,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     own = own_nodes(step.old_nodes, graph, live.pods)
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
-    there = read_contracts(live.maps)
+    there = {app: record.contract for app, record in read_records(live.maps).items()}
     kept = {app: there.get(app) or NO_CONTRACT for app in step.unproven}
     # a pod that is only just starting shows nothing to hold the next version to; its last step does
     kept |= {app: there[app] for app in step.launched if not own.get(app) and there.get(app)}
@@ -374,7 +372,7 @@ def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, 
     maps = [_update_map(item, step, contracts.get(app_of(item), NO_CONTRACT), bounds, now) for item in step.workloads]
     # the node's name is taken by what runs: for the time of the step the old one goes first
     objects = with_strategy(step.objects, RECREATE_STRATEGY) if step.drifted else step.objects
-    return [*maps, *marked(objects, str(int(now)))]
+    return [*maps, *marked(objects, run_of(now))]
 
 
 def with_strategy(objects: Iterable[Object], strategy: Mapping[str, Any]) -> list[Object]:
@@ -385,36 +383,42 @@ def with_strategy(objects: Iterable[Object], strategy: Mapping[str, Any]) -> lis
     ]
 
 
+def installing(objects: Sequence[Object], step: Step, bounds: Bounds, now: float) -> list[dict[str, Any]]:
+    """The records of an installation first, each app's by itself, then what it brings, marked."""
+    each = [(item, replace(step, apps=[app_of(item)])) for item in step.workloads]
+    maps = [_update_map(item, one, INSTALL, bounds, now) for item, one in each]
+    return [*maps, *marked(objects, run_of(now))]
+
+
 def installed(workloads: Iterable[Object], step: Step, bounds: Bounds, now: float) -> list[dict[str, Any]]:
     """That these of its Deployments were proven, each by itself; their graph is recorded before their next step."""
     each = [(item, replace(step, apps=[app_of(item)])) for item in workloads]
-    return fulfilled([_update_map(item, one, NO_CONTRACT, bounds, now) for item, one in each])
+    return fulfilled([_update_map(item, one, INSTALL, bounds, now) for item, one in each])
 
 
 def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:
-    """The ConfigMaps of a step's contracts, once these are fulfilled. Only then may the mark come off."""
-    found = []
-    for item in maps:
-        contract = {**json.loads(item["data"][CONTRACT_KEY]), "proven": True}
-        found.append({**item, "data": {**item["data"], CONTRACT_KEY: json.dumps(contract, sort_keys=True)}})
-    return found
+    """The records of a step, once its contracts are fulfilled. Only then may the mark come off."""
+    return [{**item, "data": record_of(item).fulfilled().data()} for item in maps]
 
 
 def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
     """No clock ends a contract: it counts for its revision until it says `proven`."""
     app, metadata = app_of(deployment), deployment["metadata"]
     limits = {"tolerance": bounds.tolerance, "ready_timeout": bounds.ready_timeout}
-    content = {**contract, **limits, "revision": revision_of(deployment), "apps": list(step.apps)}
+    # one that is taken over from an earlier step says nothing of this one
+    said = {"revision": revision_of(deployment), "run": run_of(now), "apps": list(step.apps), "proven": False}
     labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
         "metadata": {"name": names.update_name(app), "namespace": metadata["namespace"], "labels": labels},
-        "data": {
-            CONTRACT_KEY: json.dumps(content, sort_keys=True),
-            HISTORY_KEY: json.dumps(_history(app, step, now), sort_keys=True),
-        },
+        "data": Record({**contract, **limits, **said}, _history(app, step, now)).data(),
     }
+
+
+def run_of(started: float) -> str:
+    """What a step is called in its records and marks: no two of one robot begin in the same second."""
+    return str(int(started))
 
 
 def _history(app: str, step: Step, now: float) -> list[Mapping[str, Any]]:
@@ -432,8 +436,8 @@ def marked(objects: Iterable[Object], run: str) -> list[dict[str, Any]]:
     found = []
     for item in objects:
         if item["kind"] == "Deployment":
-            annotations = {**(item["metadata"].get("annotations") or {}), names.ANNOTATION_UPDATING: run}
-            found.append({**item, "metadata": {**item["metadata"], "annotations": annotations}})
+            mark = {names.ANNOTATION_UPDATING: str(Mark(run, revision_of(item)))}
+            found.append({**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **mark}}})
         else:
             found.append(dict(item))
     return found

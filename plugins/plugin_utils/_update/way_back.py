@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import took_over
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import identity, key_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Object
 
 UNKNOWN = "nobody can tell whether its new version is at work"
 
@@ -46,6 +48,19 @@ def _graph(turn: Turn, now: Now) -> Graph:
         raise NotReadyError(f"{UNKNOWN}: {error}") from error
 
 
+def _made(turn: Turn, now: Now) -> list[Object]:
+    """The Deployments that this very step has made: they were not there before it, and are there with its mark."""
+    if not now.step.created:
+        return []
+    there, run = {key_of(item): item for item in turn.read().deployments}, decide.run_of(now.started)
+    made = [there[key_of(item)] for item in now.step.created if key_of(item) in there]
+    return [
+        {**identity(item), "metadata": {**identity(item)["metadata"], "uid": item["metadata"].get("uid")}}
+        for item in made
+        if (mark := mark_of(item)) is not None and mark.run == run
+    ]
+
+
 def go(turn: Turn, now: Now) -> None:
     """The old version again, and its part of the graph."""
     step, settings = now.step, turn.settings
@@ -61,8 +76,8 @@ def go(turn: Turn, now: Now) -> None:
             turn.say(f"{step.name}: its old nodes are not registered again yet: {error}")
     # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here; and
     # never without the contract, which a refused apply may have left unwritten
-    turn.apply_all([*now.maps, *decide.marked(step.previous.values(), str(int(now.started)))])
-    turn.cluster.delete(step.created)
+    turn.apply_all([*now.maps, *decide.marked(step.previous.values(), decide.run_of(now.started))])
+    turn.cluster.delete(_made(turn, now))
     turn.cluster.wait(list(step.previous.values()), settings.ready_timeout)
     dead = sorted({*step.new_nodes.values(), *follows.values()} - {"", *old})
     if dead:

@@ -69,7 +69,7 @@ class Cluster(Protocol):
         """In this order. After an error some of them may be applied; none after a LostError."""
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
-        """What is not there is no error."""
+        """What is not there is no error. An object with a uid is deleted if it is that very one."""
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
         """Until their new pods run beside the old ones, or have no place before these have gone; NotReadyError.

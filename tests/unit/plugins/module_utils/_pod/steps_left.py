@@ -7,6 +7,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Member, member_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
+
 NAMESPACE = "robot-r1"
 UPDATING, WENT_BACK = "rosops.fleet/updating", "rosops.fleet/went-back"
 
@@ -51,7 +54,14 @@ def left(*before: dict[str, Any], **contract: Any) -> dict[str, Any]:
         {"revision": one["spec"]["template"]["metadata"]["labels"]["rosops.fleet/revision"], "deployment": one}
         for one in before
     ]
-    return {"data": {"history.json": json.dumps(history), "contract.json": json.dumps(contract)}}
+    said = {"revision": "rev2", **contract}
+    return {"data": {"history.json": json.dumps(history), "contract.json": json.dumps(said)}}
+
+
+def member(deployment: dict[str, Any], beside: Any, pods: Any = (), **others: Any) -> Member:
+    """The keeper's view of a Deployment and the ConfigMap beside it; `others` are those of the step's other apps."""
+    maps = {deployment["metadata"]["name"]: beside, **others}
+    return member_of(deployment, {app: record_of(item) for app, item in maps.items()}, pods)
 
 
 def pod(

@@ -10,7 +10,7 @@ import xmlrpc.client
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_memory
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import Memory
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
     DEAD,
@@ -157,7 +157,7 @@ def test_the_very_same_process_comes_back() -> None:
 def test_the_record(tmp_path: object) -> None:
     it = memory(n=ENTRY, m=Entry(OTHER, None, {"/a": "x/A"}))
     it.bury("/m", 3.0)
-    record = Record(str(tmp_path))
+    record = KeptFiles(str(tmp_path))
     assert keeper_memory.from_dict(record.load("registrations"), 50.0) == Memory()
     record.save("registrations", it.as_dict())
     back = keeper_memory.from_dict(record.load("registrations"), 50.0)

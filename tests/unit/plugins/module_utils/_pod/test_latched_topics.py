@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import latched_topics
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched import EXPIRES, SETTLE
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched_topics import LatchedTopics
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import latched, raw_node
@@ -60,7 +60,7 @@ class Stage:
         made = LatchedTopics(
             Registrar(self.master.uri, 2.0, KEEPER),
             node,
-            Record(str(self.directory)),
+            KeptFiles(str(self.directory)),
             self.said.append,
             lambda: self.at,
         )

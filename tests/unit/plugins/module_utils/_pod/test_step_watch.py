@@ -466,7 +466,7 @@ def launch_contract() -> dict[str, Any]:
 @pytest.mark.parametrize("node", ["", "/nav"])
 def test_a_launch_files_goals_are_found_by_their_actions_name(node: str) -> None:
     world = World()
-    contract = {**launch_contract(), "ready_timeout": 60}
+    contract = {**launch_contract(), "ready_timeout": 60, "revision": "rev2"}
     world.put(live(version("nav", 2, node=node)), left(version("nav", 1, node=node), **contract))
     world.serve("/move_base", "/move_base")
     world.serve("/dock", "/nav")

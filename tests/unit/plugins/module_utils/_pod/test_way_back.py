@@ -9,15 +9,16 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import way_back
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Observed, Step, steps_of, unproven
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import CONTRACT_KEY, HISTORY_KEY
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Observed, Step, steps_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import rolled_out
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import HANDOFF
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
     UPDATING,
     WENT_BACK,
     lease,
     left,
     live,
+    member,
     pod,
     version,
 )
@@ -26,25 +27,16 @@ OLD, NEW = version("camera", 1), version("camera", 2)
 RUN = "host 77"
 
 
-def only(*members: way_back.Unproven) -> Step:
+def only(*members: way_back.Member) -> Step:
     return Step(members)
 
 
 def failing(**contract: Any) -> Step:
-    return only(unproven(live(NEW), left(OLD, **contract)))
+    return only(member(live(NEW), left(OLD, **contract)))
 
 
-def is_failing(member: way_back.Unproven, came_up: bool = False) -> bool:
-    return only(member).failing(came_up)
-
-
-def test_the_words_are_those_of_the_control_node() -> None:
-    assert names.ANNOTATION_UPDATING == way_back.UPDATING
-    assert names.ANNOTATION_WENT_BACK == way_back.WENT_BACK
-    assert names.ANNOTATION_NODE == way_back.NODE
-    assert names.ANNOTATION_HASH == way_back.HASH
-    assert names.KEEPER_NAME == way_back.HOLDER
-    assert {CONTRACT_KEY, HISTORY_KEY} == set(left()["data"])
+def is_failing(one: way_back.Member, came_up: bool = False) -> bool:
+    return only(one).failing(came_up)
 
 
 # ---- whether a version is ready
@@ -62,12 +54,12 @@ def test_the_words_are_those_of_the_control_node() -> None:
     ],
 )
 def test_ready_means_all_of_the_present_template(status: dict[str, Any], ready: bool) -> None:
-    assert way_back.rolled_out({**live(NEW), "status": status}) is ready
+    assert rolled_out({**live(NEW), "status": status}) is ready
 
 
 def test_nobody_asked_for_a_pod() -> None:
     asked = {**live(NEW), "spec": {**NEW["spec"], "replicas": 0}}
-    assert way_back.rolled_out({**asked, "status": {"observedGeneration": 2}})
+    assert rolled_out({**asked, "status": {"observedGeneration": 2}})
 
 
 # ---- what is taken back
@@ -75,32 +67,32 @@ def test_nobody_asked_for_a_pod() -> None:
 
 def test_only_what_would_be_better_afterwards() -> None:
     assert failing().failing(came_up=False)
-    assert not is_failing(unproven(live(NEW, ready=True), left(OLD)))  # it kept its contract
+    assert not is_failing(member(live(NEW, ready=True), left(OLD)))  # it kept its contract
     assert not failing(proven=True, revision="rev2").failing(came_up=False)  # only its mark has to come off
-    assert failing(proven=True, revision="rev1").failing(came_up=False)  # that was another version
-    assert not is_failing(unproven(live(NEW), left()))  # the step made it: no way back
-    assert not is_failing(unproven(live(NEW), None))
-    assert not is_failing(unproven(live(OLD), left(OLD)))  # it is the way back itself, cut off
-    assert not is_failing(unproven(live(NEW), left(version("lidar", 1))))  # somebody else's
+    assert not failing(revision="rev3").failing(came_up=False)  # nobody has written down who brought this one
+    assert not is_failing(member(live(NEW), left()))  # the step made it: no way back
+    assert not is_failing(member(live(NEW), None))
+    assert not is_failing(member(live(OLD), left(OLD)))  # it is the way back itself, cut off
+    assert not is_failing(member(live(NEW), left(version("lidar", 1))))  # somebody else's
 
 
 def test_what_somebody_changed_by_hand_has_our_hash_and_is_not_the_same() -> None:
     """The step that puts it right, and a way back that was changed once more."""
     by_hand = json.loads(json.dumps(OLD))
     by_hand["spec"]["template"]["spec"]["containers"][0]["image"] = "x/camera:mine"
-    assert is_failing(unproven(live(OLD), left(by_hand)))
-    assert is_failing(unproven(live(by_hand), left(OLD)))
+    assert is_failing(member(live(OLD), left(by_hand)))
+    assert is_failing(member(live(by_hand), left(OLD)))
     with_defaults = json.loads(json.dumps(live(OLD)))
     with_defaults["spec"]["template"]["spec"]["dnsPolicy"] = "ClusterFirst"
     with_defaults["spec"]["template"]["spec"]["containers"][0]["terminationMessagePath"] = "/dev/termination-log"
-    assert not is_failing(unproven(with_defaults, left(OLD)))
+    assert not is_failing(member(with_defaults, left(OLD)))
 
 
 def test_one_that_came_up_fails_only_by_crashing() -> None:
-    assert not is_failing(unproven(live(NEW), left(OLD), [pod("camera", 2)]), came_up=True)
-    assert is_failing(unproven(live(NEW), left(OLD), [pod("camera", 2, crashes=True)]), came_up=True)
+    assert not is_failing(member(live(NEW), left(OLD), [pod("camera", 2)]), came_up=True)
+    assert is_failing(member(live(NEW), left(OLD), [pod("camera", 2, crashes=True)]), came_up=True)
     others = [pod("camera", 1, crashes=True), pod("lidar", 2, crashes=True), {"metadata": {}}]
-    assert not is_failing(unproven(live(NEW), left(OLD), others), came_up=True)
+    assert not is_failing(member(live(NEW), left(OLD), others), came_up=True)
 
 
 def test_a_pod_of_ours_without_the_label_is_known_by_its_hash() -> None:
@@ -108,33 +100,36 @@ def test_a_pod_of_ours_without_the_label_is_known_by_its_hash() -> None:
     for metadata in (master["spec"]["template"]["metadata"], own["metadata"]):
         metadata["labels"].pop("rosops.fleet/revision")
         metadata["annotations"] = {"rosops.fleet/spec-hash": "0123456789abcdef"}
-    assert unproven(live(master), left(), [own]).pods == [own]
+    assert member(live(master), left(), [own]).pods == [own]
 
 
 def test_a_group_is_proven_together() -> None:
     """Its contracts say so one after the other, and a run may end in between: as the next run reads it."""
     apps = ["lidar", "camera"]
-    lidar = unproven(live(version("lidar", 2)), left(version("lidar", 1), apps=apps, proven=True, revision="rev2"))
-    camera = unproven(live(NEW), left(OLD, apps=apps, revision="rev2"))
-    (group,) = steps_of([lidar, camera], [])
-    assert not group.failing(came_up=False)
-    lidar = unproven(live(version("lidar", 2)), left(version("lidar", 1), apps=apps, revision="rev2"))
+    proven = left(version("lidar", 1), apps=apps, proven=True)
+    lidar = member(live(version("lidar", 2)), proven)
+    camera = member(live(NEW), left(OLD, apps=apps), lidar=proven)
+    for members in ([lidar, camera], [camera]):  # of lidar the mark is off already
+        (group,) = steps_of(members, [])
+        assert not group.failing(came_up=False)
+    open_ = left(version("lidar", 1), apps=apps)
+    lidar, camera = member(live(version("lidar", 2)), open_), member(live(NEW), left(OLD, apps=apps), lidar=open_)
     (group,) = steps_of([lidar, camera], [])
     assert group.failing(came_up=False)
 
 
 @pytest.mark.parametrize("text", ["", "no JSON", "[]", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])
 def test_a_record_that_somebody_spoilt_is_none(text: str) -> None:
-    found = unproven(live(NEW), {"data": {"history.json": text, "contract.json": text}})
-    assert (found.before, found.apps, found.ready_timeout) == (None, ("camera",), 180.0)
+    found = member(live(NEW), {"data": {"history.json": text, "contract.json": text}})
+    assert (found.before, found.apps, found.record.ready_timeout) == (None, ("camera",), 180.0)
 
 
 def test_a_group_goes_back_together_providers_first() -> None:
     apps = ["lidar", "camera", "fusion"]
-    camera = unproven(live(NEW, ready=True), left(OLD, apps=apps, ready_timeout=60))
-    lidar = unproven(live(version("lidar", 2)), left(version("lidar", 1), apps=apps, ready_timeout=90))
-    fusion = unproven(live(version("fusion", 2)), left(apps=apps))  # new in this step
-    other = unproven(live(version("other", 2), ready=True), left(version("other", 1)))
+    camera = member(live(NEW, ready=True), left(OLD, apps=apps, ready_timeout=60))
+    lidar = member(live(version("lidar", 2)), left(version("lidar", 1), apps=apps, ready_timeout=90))
+    fusion = member(live(version("fusion", 2)), left(apps=apps))  # new in this step
+    other = member(live(version("other", 2), ready=True), left(version("other", 1)))
     group, alone = steps_of([camera, lidar, fusion, other], [])
     assert (group.name, alone.name) == ("lidar, camera, fusion", "other")
     assert group.failing(came_up=False)
@@ -147,7 +142,7 @@ def test_a_group_of_which_one_is_back_already_goes_on_at_once() -> None:
     apps = ["camera", "lidar"]
     back = live(OLD, marked=False, ready=True)
     back["metadata"]["annotations"][WENT_BACK] = "{}"
-    lidar = unproven(live(version("lidar", 2), ready=True), left(version("lidar", 1), apps=apps))
+    lidar = member(live(version("lidar", 2), ready=True), left(version("lidar", 1), apps=apps))
     (step,) = steps_of([lidar], [back, lidar.deployment])
     seen = Observed()
     seen.lease(None, 0.0)
@@ -160,8 +155,8 @@ def test_a_group_of_which_one_is_back_already_goes_on_at_once() -> None:
 
 def test_the_keeper_does_not_take_back_itself() -> None:
     own = version("ros-keeper", 2, node="")
-    master = unproven(live(version("ros-master", 2, node="")), left(version("ros-master", 1, node="")))
-    found = steps_of([unproven(live(own), left(version("ros-keeper", 1, node=""))), master], [])
+    master = member(live(version("ros-master", 2, node="")), left(version("ros-master", 1, node="")))
+    found = steps_of([member(live(own), left(version("ros-keeper", 1, node=""))), master], [])
     assert [step.name for step in found] == ["ros-master"]
 
 
@@ -226,7 +221,7 @@ def test_another_version_has_another_time() -> None:
     look = Look()
     for _look in range(13):
         look(lease(""), failing())
-    newer = only(unproven(live(version("camera", 3), generation=3), left(OLD)))
+    newer = only(member(live(version("camera", 3), generation=3), left(OLD, revision="rev3")))
     assert look(lease(""), newer, after=100.0) == []
 
 
@@ -257,7 +252,7 @@ def test_a_keeper_that_is_started_anew_begins_anew() -> None:
 
 
 def at(step_pods: list[dict[str, Any]], ready: bool = False, **contract: Any) -> Step:
-    return only(unproven(live(NEW, ready=ready), left(OLD, **contract), step_pods))
+    return only(member(live(NEW, ready=ready), left(OLD, **contract), step_pods))
 
 
 UP, DOWN = at([], ready=True), at([pod("camera", 2)])
@@ -331,11 +326,11 @@ def test_an_error_after_it_came_up_is_no_crash_loop() -> None:
 def test_another_version_has_to_come_up_itself() -> None:
     look = Look()
     look(lease(""), UP)
-    newer = only(unproven(live(version("camera", 3), generation=3), left(OLD)))
+    newer = only(member(live(version("camera", 3), generation=3), left(OLD, revision="rev3")))
     assert [bool(look(lease(""), newer)) for _look in range(19)] == [False] * 18 + [True]
     remade = json.loads(json.dumps(live(NEW)))
     remade["metadata"]["uid"] = "another"
-    assert only(unproven(remade, left(OLD))).key != UP.key
+    assert only(member(remade, left(OLD))).key != UP.key
 
 
 # ---- what is written
@@ -344,7 +339,7 @@ def test_another_version_has_to_come_up_itself() -> None:
 def test_it_applies_the_version_before_as_it_was_and_says_so() -> None:
     stale = json.loads(json.dumps(OLD))
     stale["metadata"]["annotations"] |= {UPDATING: "900", WENT_BACK: "{}"}
-    body = way_back.restored(unproven(live(NEW), left(stale)), "not ready 200 s", "2026-01-02T03:04:05.000000Z")
+    body = way_back.restored(member(live(NEW), left(stale)), "not ready 200 s", "2026-01-02T03:04:05.000000Z")
     told = json.loads(body["metadata"]["annotations"].pop(WENT_BACK))
     assert body == OLD
     assert told == {"from": "rev2", "to": "rev1", "at": "2026-01-02T03:04:05.000000Z", "reason": "not ready 200 s"}
@@ -373,7 +368,7 @@ def test_the_lease_is_written_as_electors_do() -> None:
 
 def of_launch(number: int, handoff: str) -> dict[str, Any]:
     made = version("base", number, node="")
-    made["spec"]["template"]["metadata"]["annotations"][way_back.HANDOFF] = handoff
+    made["spec"]["template"]["metadata"]["annotations"][HANDOFF] = handoff
     return made
 
 
@@ -390,10 +385,10 @@ def test_the_contract_tells_what_the_version_before_called_its_nodes(
     before: str, after: str, nodes: list[str], old: set[str]
 ) -> None:
     contract = {"nodes": nodes[:1], "others": {"nodes": nodes[1:]}}
-    member = unproven(live(of_launch(2, after)), left(of_launch(1, before), **contract))
-    assert member.nodes_before == old
+    launched = member(live(of_launch(2, after)), left(of_launch(1, before), **contract))
+    assert launched.nodes_before == old
 
 
 def test_the_node_of_an_apps_own_name_is_known_by_its_annotation() -> None:
-    assert unproven(live(NEW), left(OLD)).nodes_before == {"/camera_1"}
-    assert unproven(live(NEW), left()).nodes_before == set()
+    assert member(live(NEW), left(OLD)).nodes_before == {"/camera_1"}
+    assert member(live(NEW), left()).nodes_before == set()

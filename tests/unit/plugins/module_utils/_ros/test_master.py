@@ -16,7 +16,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import Keeper
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import master as ros_master
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import rpc
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
@@ -87,7 +87,7 @@ def test_a_graph_of_a_hundred_robots_is_read_by_everybody(peers: Peers, tmp_path
     assert [str(check) for check in seen.checks if check.kind == "node" and check.verdict != "pass"] == []
     assert len(Observer(fleet.uri, LONG).graph().nodes()) == ROBOTS * APPS
     said: list[str] = []
-    keeper = Keeper(Registrar(fleet.uri, LONG, "/ros_keeper"), Record(str(tmp_path)), said.append)
+    keeper = Keeper(Registrar(fleet.uri, LONG, "/ros_keeper"), KeptFiles(str(tmp_path)), said.append)
     keeper.step()
     assert (said, len(keeper.memory.nodes)) == ([], ROBOTS * APPS)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -18,8 +17,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, poll
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import Seen as Look
 from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import CONSECUTIVE, hold_when_idle
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ended
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import WENT_BACK, notes_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
@@ -37,7 +34,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import app_of, revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
@@ -49,6 +45,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     Seen,
     World,
 )
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_keeper import SimulatedKeeper
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
     EPOCH,
     FOREVER,
@@ -72,7 +69,6 @@ CONNECT = 10.0  # a call gives an API up that was away for so long, and a wait s
 SILENCE = 11.0  # nobody looks at a silent run for longer than ten seconds, and what a call takes to notice
 KEY = tuple[str, str, str]  # kind, namespace, name
 BEAT = 0.1  # seconds between two messages of a topic
-LEASE, LOOK = 15.0, 2.0  # of the Lease of a run, and between two looks of the keeper at it
 RUN = "the run"
 CLUSTER_CALLS = ("read", "apply", "delete", "rollout")
 FAULTS = (
@@ -94,8 +90,8 @@ class Simulation(SimulatedRobot):
         self.skew = 0.0
         self.api_since = self.api_until = -1.0
         self.holder, self.renewed = "", FOREVER  # of the Lease; when it was renewed last, if nobody does any more
-        self.looking, self.alone = False, FOREVER  # the keeper; since when a step has nobody
-        self.closed: list[str | None] = []  # what it has seen when it closed the record last
+        self.claims = 0  # of the Lease, so far
+        self.keeper = SimulatedKeeper(self)
         self.fault, self.at = "", 0
         self.calls: list[str] = []
         self.said: list[str] = []
@@ -173,53 +169,6 @@ class Simulation(SimulatedRobot):
         item = copy.deepcopy(self.objects["Deployment", *key])
         item["metadata"]["annotations"] |= self.copied[key, template_of(item)]
         self.write(item, {**item, "applied": {}})
-
-    # --- the keeper goes back by itself -----------------------------------------------------------------------------
-
-    def leaderless(self) -> bool:
-        """Whether the Lease is over."""
-        since = self.api_since if self.api_until > self.time else self.time
-        return not self.holder or self.time - min(self.renewed, since) > LEASE
-
-    def look(self) -> None:
-        """What the keeper does again and again, as long as a step is not at its end."""
-        marked = [item for key, item in self.objects.items() if key[0] == "Deployment" and is_marked(item)]
-        self.looking = bool(marked)
-        if marked:
-            self.later(LOOK, self.look)
-        if not (marked and self.leaderless()):
-            self.alone = FOREVER
-        elif self.is_up(names.KEEPER_NAME) and self.robot_until <= self.time:
-            self.alone = min(self.alone, self.time)
-            for item in marked:
-                self.consider(item)
-            self.close_record()
-
-    def consider(self, item: Object) -> None:
-        key = deployment_key(item)
-        contract, pods = self.promised(key[0], app_of(item)), self.of(key)
-        if not contract:
-            return  # it is installed: there is nothing to go back to
-        done = [pod.template for pod in pods] == [template_of(item)] and pods[0].ready
-        busy = any(map(self.has_goal, pods))
-        if self.time - self.alone < contract["ready_timeout"] or done or busy or contract.get("proven"):
-            return
-        self.holder = "ros-keeper"
-        for app in contract["apps"]:
-            earlier = json.loads(self.update_map(key[0], app)["data"]["history.json"])
-            if earlier:
-                self.write(by_keeper(earlier[0]["deployment"], item))
-        self.holder, self.renewed = "", FOREVER
-
-    def close_record(self) -> None:
-        record = self.objects.get(("ConfigMap", "robot-robot1", EVENTS_NAME))
-        deployments = [item for key, item in self.objects.items() if key[0] == "Deployment"]
-        seen = [str(record.get("data")) if record else "", *(notes_of(item).get(WENT_BACK) for item in deployments)]
-        if seen != self.closed:  # the same twice says the same twice, and most looks are like the one before
-            body = ended(record, deployments) if record else None
-            if body:
-                self.write(body)
-            self.closed = seen
 
     def events(self) -> str:
         return str(self.objects["ConfigMap", "robot-robot1", EVENTS_NAME]["data"])
@@ -448,9 +397,8 @@ class Simulation(SimulatedRobot):
                 item["metadata"]["annotations"]
             )
             self.reconcile(deployment_key(item))
-            if is_marked(item) and not self.looking:
-                self.looking = True
-                self.later(LOOK, self.look)
+            if names.ANNOTATION_UPDATING in item["metadata"]["annotations"]:
+                self.keeper.begin()
 
 
 def pod_object(pod: Pod) -> Object:
@@ -461,16 +409,6 @@ def pod_object(pod: Pod) -> Object:
         "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels},
         "status": {"podIP": address, "containerStatuses": state},
     }
-
-
-def by_keeper(before: Object, bad: Object) -> Object:
-    told = {"from": revision_of(bad), "to": revision_of(before), "at": "noon", "reason": "it does not get ready"}
-    annotations = {**before["metadata"]["annotations"], names.ANNOTATION_WENT_BACK: json.dumps(told)}
-    return {**before, "metadata": {**before["metadata"], "annotations": annotations}}
-
-
-def is_marked(item: Object) -> bool:
-    return names.ANNOTATION_UPDATING in item["metadata"]["annotations"]
 
 
 def field_set(item: Object) -> dict[str, Any]:
@@ -503,12 +441,14 @@ class SimulatedCluster:
         with sim.call("claim", 0.1):
             assert not sim.checking
         sim.holder, sim.renewed, self.claimed = RUN, FOREVER, True
+        sim.claims += 1
         try:
             yield
         except Killed:
             sim.renewed = sim.time
             raise
         sim.holder, self.claimed = "", False
+        sim.claims += 1
 
     def confirm(self) -> None:
         if self.claimed and self.sim.holder != RUN:

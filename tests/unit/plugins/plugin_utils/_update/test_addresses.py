@@ -9,13 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     ADDRESSES,

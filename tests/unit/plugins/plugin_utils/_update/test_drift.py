@@ -6,25 +6,38 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app, applied
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app, applied, marked
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 ROBOT = robot(app("sensor", resources={"limits": {"cpu": "1000m"}}, env={"A": "1", "EMPTY": ""}))
 
 
 def found(change: Callable[[dict[str, Any]], Any]) -> list[str]:
-    live = copy.deepcopy(applied(ROBOT).deployments)
-    sensor = next(item for item in live if item["metadata"]["name"] == "sensor")
+    live = copy.deepcopy(applied(ROBOT))
+    sensor = next(item for item in live.deployments if item["metadata"]["name"] == "sensor")
     change(sensor)  # type: ignore[arg-type]
     return [item["metadata"]["name"] for item in suspects(wanted_deployments(ROBOT), live)]
+
+
+@pytest.mark.parametrize("proven", [False, True])
+def test_what_a_step_applies_again_anyway_is_not_suspected_and_a_mark_alone_is_no_step(proven: bool) -> None:
+    live = marked(copy.deepcopy(applied(ROBOT)), "sensor")
+    sensor = next(item for item in live.deployments if item["metadata"]["name"] == "sensor")
+    sensor["spec"]["replicas"] = 0  # type: ignore[index] # of a copy
+    (record,) = (record_of(item) for item in live.maps)
+    if proven:
+        live = replace(live, maps=[{**live.maps[0], "data": record.fulfilled().data()}])
+    assert [item["metadata"]["name"] for item in suspects(wanted_deployments(ROBOT), live)] == ["sensor"] * proven
 
 
 def by(item: dict[str, Any], manager: str, fields: dict[str, Any], subresource: str = "") -> None:
@@ -187,10 +200,6 @@ def test_what_was_changed_by_hand_is_suspected(change: Callable[[dict[str, Any]]
         lambda item: container(item)["env"].append({"name": "INJECTED", "value": "1"}),
         lambda item: [one.pop("value") for one in container(item)["env"] if one.get("value") == ""],
         lambda item: item["metadata"]["annotations"].update({names.ANNOTATION_HASH: "another version"}),
-        lambda item: (
-            item["spec"].update(replicas=0),
-            item["metadata"]["annotations"].update({names.ANNOTATION_UPDATING: "1"}),
-        ),
     ],
 )
 def test_defaults_and_what_others_add_are_not(change: Callable[[dict[str, Any]], Any]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_deployments
@@ -26,7 +27,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.si
     SimulatedCluster,
     SimulatedHost,
     Simulation,
-    is_marked,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import addressed, app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -178,7 +178,7 @@ class Refuse:
         apply = SimulatedCluster.apply
 
         def refusing(cluster: SimulatedCluster, objects: Any, dry_run: bool = False) -> Any:
-            new = any(item["kind"] == "Deployment" and is_marked(item) for item in objects)
+            new = any(mark_of(item) is not None for item in objects)
             if self.due and new:
                 self.due, self.at = False, len(cluster.sim.calls) + 1
                 raise KubeError("denied by a webhook")

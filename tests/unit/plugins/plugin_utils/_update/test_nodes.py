@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import (
     Launched,
@@ -14,7 +15,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import 
     launched,
     succession,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import revision_of
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 

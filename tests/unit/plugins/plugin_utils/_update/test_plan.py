@@ -8,16 +8,12 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, update_plan
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    app_of,
-    described,
-    kept,
-    read_histories,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described, kept, read_records
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     app,
     applied,
@@ -194,7 +190,7 @@ def test_back_to_the_previous_version() -> None:
     assert plan.steps[0].before["one"]["image"] == "x.org/a:2"
     assert plan.unchanged == ["ros-keeper", "ros-master", "two"]
     assert plan.steps[0].conditions == {}  # today's inventory says nothing about a version of then
-    assert plan.steps[0].histories == {"one": [entry(old, "one")]}
+    assert plan.steps[0].histories == {"one": (entry(old, "one"),)}
 
 
 def test_back_to_a_named_version() -> None:
@@ -272,7 +268,7 @@ def test_a_step_says_all_that_its_phases_need() -> None:
     assert (step.idle, step.on_busy) == (["/dock", "/map/lift", "/charge"], "defer")
     assert step.conditions["nodes"] == list(step.new_nodes.values())
     assert step.objects == [item for item in app_objects(wanted) if app_of(item) in step.apps]
-    assert (step.histories, step.unproven, step.resume) == ({"map": []}, [], False)
+    assert (step.histories, step.unproven, step.resume) == ({"map": ()}, [], False)
 
 
 def test_a_groups_new_app_does_not_hide_the_way_back_of_the_next() -> None:
@@ -312,7 +308,7 @@ def test_unknown_apps_of_a_robot_without_any() -> None:
 
 @pytest.mark.parametrize("data", [None, {}, {"history.json": ""}])
 def test_a_history_that_was_never_written_is_empty(data: dict[str, str] | None) -> None:
-    assert read_histories([{**update_map("one", []), "data": data}]) == {"one": []}
+    assert read_records([{**update_map("one", []), "data": data}])["one"].history == ()
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import json
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step, update_plan
@@ -242,7 +243,7 @@ def test_contract_and_way_back_are_applied_before_the_new_version() -> None:
     (kept,) = json.loads(objects[0]["data"]["history.json"])
     assert kept["deployment"] == step.previous["sensor"]
     assert kept["image"] == "example.org/app:1.0"
-    assert objects[-1]["metadata"]["annotations"][names.ANNOTATION_UPDATING] == "1000"
+    assert objects[-1]["metadata"]["annotations"][names.ANNOTATION_UPDATING] == f"1000 {revision_of(objects[-1])}"
 
 
 def test_the_mark_is_not_part_of_the_plan() -> None:

@@ -49,7 +49,7 @@ def test_what_the_keeper_did_is_told_once_and_recorded() -> None:
     assert found.reason.startswith("sensor: the keeper went back from ")
     assert found.reason in sim.said
     assert '"outcome": "rolled-back"' in sim.events()
-    assert "it does not get ready" in sim.events()
+    assert "after the run that began it had gone" in sim.events()
     assert outcome_of(sim, SCENARIOS["overlap"].robot(OLD)).reason == ""
 
 

@@ -9,6 +9,8 @@ import json
 from dataclasses import replace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
@@ -64,9 +66,9 @@ def owned(item: dict[str, Any]) -> dict[str, Any]:
     return fields
 
 
-def update_map(name: str, history: list[dict[str, Any]]) -> dict[str, Any]:
+def update_map(name: str, history: list[dict[str, Any]], **contract: Any) -> dict[str, Any]:
     labels = {names.LABEL_APP: name}
-    return {"metadata": {"name": f"{name}-update", "labels": labels}, "data": {"history.json": json.dumps(history)}}
+    return {"metadata": {"name": f"{name}-update", "labels": labels}, "data": Record(contract, history).data()}
 
 
 def entry(context: Robot, name: str) -> dict[str, Any]:
@@ -76,8 +78,13 @@ def entry(context: Robot, name: str) -> dict[str, Any]:
 
 
 def marked(live: Live, *apps: str) -> Live:
-    """With the mark of a version that is not proven yet on these apps."""
+    """With the mark of a version that is not proven yet on these apps, and the record of its step."""
+    maps = {item["metadata"]["name"]: item for item in live.maps}
     for item in live.deployments:
-        if item["metadata"]["name"] in apps:
-            item["metadata"]["annotations"][names.ANNOTATION_UPDATING] = "123"
-    return live
+        name = item["metadata"]["name"]
+        if name in apps:
+            item["metadata"]["annotations"][names.ANNOTATION_UPDATING] = str(Mark("123", revision_of(item)))
+            before = record_of(maps.get(f"{name}-update"))
+            said = {"revision": revision_of(item), "run": "123", **before.contract}
+            maps[f"{name}-update"] = update_map(name, [*before.history], **said)
+    return replace(live, maps=[*maps.values()])

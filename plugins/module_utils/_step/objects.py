@@ -1,0 +1,110 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Deployments and pods say of themselves, as the API shows them. Pure."""
+
+from __future__ import annotations
+
+from typing import Any, Iterator, Mapping
+
+from .._ros.graph import host_of
+from .words import APP, HANDOFF, HASH, NODE, REVISION
+
+STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
+LOST = "Unknown"  # the kubelet's reason for a container that is not there any more: its host was rebooted
+
+Object = Mapping[str, Any]
+
+
+def name_of(item: Object) -> str:
+    return str(item["metadata"]["name"])
+
+
+def annotations_of(item: Object | None) -> Mapping[str, str]:
+    return ((item or {}).get("metadata") or {}).get("annotations") or {}
+
+
+def labels_of(item: Object | None) -> Mapping[str, str]:
+    return ((item or {}).get("metadata") or {}).get("labels") or {}
+
+
+def app_of(item: Object) -> str:
+    """The app that a Deployment or a pod of ours belongs to."""
+    return str(labels_of(item).get(APP, ""))
+
+
+# ---- Deployments
+
+
+def hash_of(deployment: Object | None) -> str:
+    """Of what was applied: the same where the same was applied."""
+    return annotations_of(deployment).get(HASH, "")
+
+
+def revision_of(deployment: Object) -> str:
+    """The first digits of the pod template's hash."""
+    return revision_of_pod(deployment["spec"]["template"])
+
+
+def node_of(deployment: Object) -> str:
+    """The ROS node of a Deployment's pods; empty where it has none that is known, as the master has."""
+    return annotations_of(deployment["spec"]["template"]).get(NODE, "")
+
+
+def handoff_of(deployment: Object) -> str:
+    """How its versions follow each other."""
+    return annotations_of(deployment["spec"]["template"]).get(HANDOFF, "replace")
+
+
+def suffix_of(deployment: Object) -> str:
+    """What is behind the names of its nodes, where versions overlap."""
+    return f"_{revision_of(deployment)}" if handoff_of(deployment) == "overlap" else ""
+
+
+def rolled_out(deployment: Object) -> bool:
+    """Whether the controller has seen this very Deployment, and all pods are of its template, and Ready."""
+    status, wanted = deployment.get("status") or {}, deployment["spec"].get("replicas", 1)
+    seen = int(status.get("observedGeneration") or 0) >= int(deployment["metadata"].get("generation") or 0)
+    counts = {status.get(key) or 0 for key in ("replicas", "updatedReplicas", "readyReplicas")}
+    return seen and counts == {wanted}
+
+
+# ---- pods
+
+
+def revision_of_pod(pod: Object) -> str:
+    """That of its template."""
+    return str(labels_of(pod).get(REVISION) or annotations_of(pod).get(HASH, "")[:8])
+
+
+def has_node(pod: Object, node: str, uri: str) -> bool:
+    """Whether a node is in a pod: by its address, or where that is its host's, and so everybody's there, by the name
+    that the pod is known by."""
+    if (pod.get("spec") or {}).get("hostNetwork"):
+        return annotations_of(pod).get(NODE) == node
+    return bool(host_of(uri)) and (pod.get("status") or {}).get("podIP") == host_of(uri)
+
+
+def is_ready(pod: Object) -> bool:
+    """Whether all of its containers are."""
+    containers = (pod.get("status") or {}).get("containerStatuses") or []
+    return bool(containers) and all(container.get("ready") for container in containers)
+
+
+def crashes(pod: Object) -> bool:
+    """Whether the kubelet waits before it starts a container of the pod once more, because it ended again and again."""
+    return any((state.get("waiting") or {}).get("reason") == "CrashLoopBackOff" for state in _states(pod))
+
+
+def error_of(pod: Object) -> str:
+    """The exit code of a container of the pod that ended by an error of its own; empty: none did."""
+    ends = [state["terminated"] for state in _states(pod) if state.get("terminated")]
+    codes = [end.get("exitCode", 0) for end in ends if LOST not in str(end.get("reason"))]
+    return next((str(code) for code in codes if code not in STOPPED), "")
+
+
+def _states(pod: Object) -> Iterator[Object]:
+    """Of its containers now, and before they were started anew."""
+    for one in (pod.get("status") or {}).get("containerStatuses") or []:
+        for key in ("state", "lastState"):
+            yield one.get(key) or {}

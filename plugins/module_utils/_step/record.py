@@ -1,0 +1,151 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a step leaves beside each app that it changes, and the one answer to what the app's version is. Pure.
+
+The ConfigMap `<app>-update` is written before the Deployment, and says which run brought which revision, what that owes
+the graph (`_ros/contract.py`), whether it was proven, and the versions that were proven before it. A mark on the
+Deployment only shows where to look: `kubectl` copies it, takes it away and brings it back (`rollout undo`, `edit`, a
+snapshot). So it names its run and its revision, and counts for nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from typing import Any, Mapping, Sequence
+
+from .objects import Object, annotations_of, name_of, revision_of
+from .words import CONTRACT, HISTORY, UPDATING
+
+# The answers.
+INSTALLED = "installed"  # by an installation that has not proven it: no version before it was ever proven
+PROVEN = "proven"
+ON_TRIAL = "on trial"  # by a step that has not proven it, or has not taken it back yet
+GOING_BACK = "going back"  # the version before, brought back and not yet proven again
+UNKNOWN = "unknown"  # nobody has written down that it was brought: it may be at work
+UNPROVEN = (INSTALLED, ON_TRIAL, GOING_BACK)
+
+READY_TIMEOUT = 180.0  # seconds, where the contract does not say it
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What the annotation of a Deployment says. Collections before 1.0 wrote the run alone."""
+
+    run: str
+    revision: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.run} {self.revision}"
+
+
+def mark_of(deployment: Object | None) -> Mark | None:
+    """The mark that it carries, whatever that is worth."""
+    text = annotations_of(deployment).get(UPDATING)
+    if text is None:
+        return None
+    run, _space, revision = text.partition(" ")
+    return Mark(run, revision)
+
+
+@dataclass(frozen=True)
+class Record:
+    """`contract` is what the revision owes, with `revision`, `run`, `apps` of the step, `install` and `proven`;
+    `history` are earlier versions that were proven, the last one first."""
+
+    contract: Mapping[str, Any] = field(default_factory=dict)
+    history: Sequence[Mapping[str, Any]] = ()
+
+    @property
+    def revision(self) -> str:
+        return str(self.contract.get("revision") or "")
+
+    @property
+    def run(self) -> str:
+        """Which run wrote it; empty where a collection before 1.0 did."""
+        return str(self.contract.get("run") or "")
+
+    @property
+    def apps(self) -> tuple[str, ...]:
+        """The apps of its step, in the step's order."""
+        return tuple(map(str, self.contract.get("apps") or ()))
+
+    @property
+    def proven(self) -> bool:
+        return bool(self.contract.get("proven"))
+
+    @property
+    def ready_timeout(self) -> float:
+        return float(self.contract.get("ready_timeout") or READY_TIMEOUT)
+
+    @property
+    def before(self) -> Object | None:
+        """The Deployment to go back to; None: there is none."""
+        found: Object | None = self.history[0]["deployment"] if self.history else None
+        return found
+
+    @property
+    def never_proven(self) -> bool:
+        """Neither its version nor any before it."""
+        return bool(self.contract.get("install")) and not (self.proven or self.history)
+
+    def is_history(self, revision: str) -> bool:
+        """Whether that is one of the versions that were proven before."""
+        return any(entry.get("revision") == revision for entry in self.history)
+
+    def is_by(self, mark: Mark | None, revision: str) -> bool:
+        """Whether its step put the mark on just this revision."""
+        return mark is not None and (not self.run or mark.run == self.run) and mark.revision in ("", revision)
+
+    def fulfilled(self) -> Record:
+        """Once its revision is proven."""
+        return replace(self, contract={**self.contract, "proven": True})
+
+    def data(self) -> dict[str, str]:
+        """As the ConfigMap has it."""
+        return {CONTRACT: json.dumps(self.contract, sort_keys=True), HISTORY: json.dumps(self.history, sort_keys=True)}
+
+
+def record_of(item: Object | None) -> Record:
+    """That of a ConfigMap. What cannot be read there is not there."""
+    data = (item or {}).get("data") or {}
+    contract, history = _json(data.get(CONTRACT)), _json(data.get(HISTORY))
+    return Record(contract if isinstance(contract, dict) else {}, _entries(history))
+
+
+def _entries(history: Any) -> tuple[Mapping[str, Any], ...]:
+    there = history if isinstance(history, list) else []
+    return tuple(one for one in there if isinstance(one, dict) and isinstance(one.get("deployment"), dict))
+
+
+def _json(text: Any) -> Any:
+    try:
+        return json.loads(text or "null")
+    except (TypeError, ValueError):
+        return None
+
+
+def answer(deployment: Object, records: Mapping[str, Record]) -> str:
+    """What the version of a Deployment is. `records`: app -> its record, those of all apps of its step among them.
+
+    Whoever asks has no other rule: the plan, an installation, the keeper's way back, the hold of goals.
+    """
+    record, revision = records.get(name_of(deployment)), revision_of(deployment)
+    if record is None or not record.revision:
+        return UNKNOWN
+    if record.never_proven:  # whichever revision it is: two installations may have been cut off one after the other
+        return INSTALLED
+    this, earlier = record.revision == revision, record.is_history(revision)
+    proven = _is_proven(record, records)
+    if this and (proven or not earlier or record.is_by(mark_of(deployment), revision)):
+        return PROVEN if proven else ON_TRIAL
+    if earlier:
+        return PROVEN if proven or not record.is_by(mark_of(deployment), revision) else GOING_BACK
+    return UNKNOWN  # nobody of ours has written it down
+
+
+def _is_proven(record: Record, records: Mapping[str, Record]) -> bool:
+    """A step proves all its apps at once, and then says so of one after the other."""
+    step = [records[app] for app in record.apps if app in records]
+    return record.proven or any(one.proven and (one.run, one.apps) == (record.run, record.apps) for one in step)

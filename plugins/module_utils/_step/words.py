@@ -1,0 +1,27 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Words that the control node, the keeper and the pods agree on: labels, annotations, names, keys of what is kept."""
+
+from __future__ import annotations
+
+# labels
+ROBOT = "rosops.fleet/robot"
+APP = "rosops.fleet/app"
+REVISION = "rosops.fleet/revision"
+# annotations of a Deployment's pod template
+NODE = "rosops.fleet/ros-node"
+HANDOFF = "rosops.fleet/handoff"
+# annotations of a Deployment
+HASH = "rosops.fleet/spec-hash"  # of what was applied; of a pod template, too
+UPDATING = "rosops.fleet/updating"  # the mark of a step: see `record.Mark`
+WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, to, at, reason
+# Deployments and their Services
+MASTER = "ros-master"
+KEEPER = "ros-keeper"
+# a run's, or the keeper's, while it changes the robot
+LEASE = "robot-update"
+LEASE_SECONDS = 15.0
+# the ConfigMap `<app>-update`, see `record.Record`
+CONTRACT = "contract.json"
+HISTORY = "history.json"

@@ -1,0 +1,129 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The one answer to what a version is: every mark, record, revision and neighbour in the step, and who asks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
+    GOING_BACK,
+    INSTALLED,
+    ON_TRIAL,
+    PROVEN,
+    UNKNOWN,
+    Mark,
+    Record,
+    answer,
+    mark_of,
+    record_of,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import UPDATING
+
+APP = "camera"
+OLD, NEW, OTHER = "rev1", "rev2", "rev9"
+# Of the run that wrote the record, on this revision or copied from another one; of another run; as 0.x wrote it.
+MARKS = ("", f"7 {NEW}", f"7 {OLD}", f"7 {OTHER}", f"6 {NEW}", f"6 {OLD}", f"6 {OTHER}", "7", "6")
+
+
+def deployment(revision: str, mark: str = "", name: str = APP) -> dict[str, Any]:
+    return {
+        "metadata": {"name": name, "annotations": {UPDATING: mark} if mark else {}},
+        "spec": {"template": {"metadata": {"labels": {"rosops.fleet/revision": revision}}}},
+    }
+
+
+def entry(revision: str) -> dict[str, Any]:
+    return {"revision": revision, "deployment": deployment(revision)}
+
+
+def record(*before: str, **contract: Any) -> Record:
+    return Record({"revision": NEW, "run": "7", "apps": [APP], **contract}, tuple(map(entry, before)))
+
+
+ALL = dict.fromkeys
+RECORDS: dict[str, tuple[Record | None, dict[str, dict[str, str]]]] = {
+    # name: (record, revision of the Deployment -> mark -> answer)
+    "nobody has written it down": (None, {one: ALL(MARKS, UNKNOWN) for one in (NEW, OLD)}),
+    "somebody spoilt it": (
+        record_of({"data": {"contract.json": "[3]", "history.json": "no JSON"}}),
+        {one: ALL(MARKS, UNKNOWN) for one in (NEW, OLD)},
+    ),
+    "only just installed": (record(install=True), {one: ALL(MARKS, INSTALLED) for one in (NEW, OLD, OTHER)}),
+    "installed and proven": (
+        record(install=True, proven=True),
+        {NEW: ALL(MARKS, PROVEN), OLD: ALL(MARKS, UNKNOWN), OTHER: ALL(MARKS, UNKNOWN)},
+    ),
+    "a new app in a step": (record(), {NEW: ALL(MARKS, ON_TRIAL), OTHER: ALL(MARKS, UNKNOWN)}),
+    "in a step": (
+        record(OLD),
+        {
+            NEW: ALL(MARKS, ON_TRIAL),
+            OLD: {**ALL(MARKS, PROVEN), f"7 {OLD}": GOING_BACK, "7": GOING_BACK},
+            OTHER: ALL(MARKS, UNKNOWN),
+        },
+    ),
+    "proven": (
+        record(OLD, proven=True),
+        {NEW: ALL(MARKS, PROVEN), OLD: ALL(MARKS, PROVEN), OTHER: ALL(MARKS, UNKNOWN)},
+    ),
+    # a step that leaves the pod template as it is: the mark alone says which of the two it is
+    "in a step to the same revision": (
+        record(NEW),
+        {NEW: {**ALL(MARKS, PROVEN), f"7 {NEW}": ON_TRIAL, "7": ON_TRIAL}, OTHER: ALL(MARKS, UNKNOWN)},
+    ),
+    "in a step, as 0.x wrote it": (
+        record(OLD, run=""),
+        {
+            NEW: ALL(MARKS, ON_TRIAL),
+            OLD: {**ALL(MARKS, PROVEN), **ALL((f"7 {OLD}", f"6 {OLD}", "7", "6"), GOING_BACK)},
+            OTHER: ALL(MARKS, UNKNOWN),
+        },
+    ),
+}
+ROWS = [
+    pytest.param(found, deployment(revision, mark), expected, id=f"{name}: {revision}, mark {mark or 'none'}")
+    for name, (found, table) in RECORDS.items()
+    for revision, marks in table.items()
+    for mark, expected in marks.items()
+]
+
+
+@pytest.mark.parametrize(("found", "there", "expected"), ROWS)
+def test_what_a_version_is(found: Record | None, there: dict[str, Any], expected: str) -> None:
+    assert answer(there, {APP: found} if found else {}) == expected
+
+
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [
+        ({"proven": True}, PROVEN),  # the run ended between two apps of one step
+        ({}, ON_TRIAL),
+        ({"proven": True, "run": "6"}, ON_TRIAL),  # an earlier step of the same apps was: this one's is not written yet
+        ({"proven": True, "apps": ["lidar"]}, ON_TRIAL),  # a step of its own
+    ],
+)
+@pytest.mark.parametrize("mark", ["", f"7 {NEW}"])
+def test_a_step_proves_all_its_apps_at_once(mark: str, other: dict[str, Any], expected: str) -> None:
+    apps = [APP, "lidar"]
+    records = {APP: record(OLD, apps=apps), "lidar": record(OLD, **{"apps": apps, **other})}
+    assert answer(deployment(NEW, mark), records) == expected
+
+
+def test_a_mark_is_read_as_it_was_written() -> None:
+    assert mark_of(deployment(NEW, str(Mark("7", NEW)))) == Mark("7", NEW)
+    assert mark_of(deployment(NEW, "7")) == Mark("7")
+    assert mark_of(deployment(NEW)) is None
+
+
+def test_a_record_is_read_as_it_was_written() -> None:
+    written = record(OLD, ready_timeout=30, apps=[APP, "lidar"])
+    assert record_of({"data": written.data()}) == written
+    assert record_of({"data": written.fulfilled().data()}).proven
+    assert (record_of(None), record_of({"data": None})) == (Record(), Record())
+
+
+@pytest.mark.parametrize("text", ["", "no JSON", "[]", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])
+def test_what_somebody_spoilt_is_not_there(text: str) -> None:
+    assert record_of({"data": {"history.json": text, "contract.json": text}}) == Record()

@@ -1,0 +1,176 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shipped keeper's watch over steps (`_pod/step_watch.py`) in the simulated world: its API, its robot, its disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, cast
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod import step_watch
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    FOREVER,
+    Hold,
+    Pod,
+    template_of,
+)
+
+if TYPE_CHECKING:
+    from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+
+
+class SimulatedKeeper:
+    """Looks on as long as something is marked, or was. A keeper that was started anew knows what lies on its disk."""
+
+    def __init__(self, sim: Simulation) -> None:
+        self.sim = sim
+        self.disk: dict[str, Any] = {}
+        self.looking, self.process = False, -1
+        self.said: list[str] = []
+        self.generations: dict[tuple[str, str], tuple[str, int]] = {}
+        self.watch = self._begin()
+
+    def _begin(self) -> step_watch.StepWatch:
+        robot = step_watch.Robot(self.hold, self.release, self.take_back, Silence)
+        cluster, files = cast("Cluster", self), cast("KeptFiles", self)
+        sim = self.sim
+        return step_watch.StepWatch(
+            cluster, sim, robot, files, self.said.append, sim.now, sim.wall, sleep=lambda _seconds: None
+        )
+
+    def begin(self) -> None:
+        """Something was marked."""
+        if not self.looking:
+            self.looking = True
+            self.sim.later(step_watch.LOOK, self.look)
+
+    def look(self) -> None:
+        pause = step_watch.LOOK
+        pods = [pod for pod in self.sim.pods if pod.app == names.KEEPER_NAME and pod.ready and pod.up]
+        if pods:
+            if self.process != pods[-1].uid + pods[-1].restarts / 1000:
+                self.process, self.watch = pods[-1].uid + pods[-1].restarts / 1000, self._begin()
+            pause = self.watch.look()
+        self.looking = bool(self._marked() or not (pods and self.watch.rests()))
+        if self.looking:
+            self.sim.later(pause, self.look)
+
+    def _marked(self) -> list[Object]:
+        return [item for item in self._deployments() if names.ANNOTATION_UPDATING in item["metadata"]["annotations"]]
+
+    def _deployments(self) -> list[dict[str, Any]]:
+        return [item for key, item in self.sim.objects.items() if key[0] == "Deployment"]
+
+    # --- its disk ---------------------------------------------------------------------------------------------------
+
+    def load(self, part: str) -> Any:
+        return self.disk.get(part)
+
+    def save(self, part: str, content: Any) -> None:
+        self.disk[part] = json.loads(json.dumps(content))
+
+    # --- the API ----------------------------------------------------------------------------------------------------
+
+    @property
+    def home(self) -> str:
+        """The namespace of the master that it keeps."""
+        there = (item["metadata"] for item in self._deployments())
+        return next((str(one["namespace"]) for one in there if one["name"] == names.MASTER_NAME), "")
+
+    def _ask(self) -> None:
+        if max(self.sim.api_until, self.sim.robot_until) > self.sim.time:
+            raise KubeError("the API does not answer")
+
+    def namespaces(self) -> list[str]:
+        self._ask()
+        return sorted({item["metadata"]["namespace"] for item in self._deployments()})
+
+    def lease(self, _namespace: str) -> dict[str, Any]:
+        """The runs' one Lease, whichever namespace they claim."""
+        self._ask()
+        sim = self.sim
+        at_work = sim.holder not in ("", names.KEEPER_NAME)
+        version = f"{sim.claims} {min(sim.time, sim.renewed):.1f}" if at_work else str(sim.claims)
+        return {"metadata": {"resourceVersion": version}, "spec": {"holderIdentity": sim.holder}}
+
+    def write_lease(self, namespace: str, body: Mapping[str, Any]) -> dict[str, Any] | None:
+        if self.lease(namespace)["metadata"]["resourceVersion"] != body["metadata"].get("resourceVersion"):
+            return None
+        self.sim.holder, self.sim.renewed = body["spec"]["holderIdentity"], FOREVER
+        self.sim.claims += 1
+        return self.lease(namespace)
+
+    def deployments(self, namespace: str) -> list[dict[str, Any]]:
+        self._ask()
+        return [self._shown(item) for item in self._deployments() if item["metadata"]["namespace"] == namespace]
+
+    def deployment(self, namespace: str, name: str) -> dict[str, Any] | None:
+        return next((item for item in self.deployments(namespace) if item["metadata"]["name"] == name), None)
+
+    def _shown(self, item: dict[str, Any]) -> dict[str, Any]:
+        """With what the controller says of it."""
+        key = (item["metadata"]["namespace"], item["metadata"]["name"])
+        template, generation = self.generations.get(key, ("", 0))
+        if template != template_of(item):
+            generation += 1
+            self.generations[key] = template_of(item), generation
+        pods = self.sim.of(key)
+        new = [pod for pod in pods if pod.template == template_of(item)]
+        status = {
+            "observedGeneration": generation,
+            "replicas": len(pods),
+            "updatedReplicas": len(new),
+            "readyReplicas": sum(pod.ready for pod in pods),
+        }
+        return {**item, "metadata": {**item["metadata"], "generation": generation}, "status": status}
+
+    def pods(self, namespace: str) -> list[dict[str, Any]]:
+        self._ask()
+        return [self._pod(pod) for pod in self.sim.pods if not pod.gone and pod.key[0] == namespace]
+
+    def _pod(self, pod: Pod) -> dict[str, Any]:
+        waits = "CrashLoopBackOff" if pod.restarts >= 2 else "ContainerCreating"
+        state = {"running": {}} if pod.up or pod.waits else {"waiting": {"reason": waits}}
+        last = {"terminated": {"exitCode": 1, "reason": "Error"}} if pod.restarts else {}
+        return {
+            "metadata": {"labels": {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}},
+            "spec": {},
+            "status": {"podIP": f"10.42.0.{pod.uid}", "containerStatuses": [{"state": state, "lastState": last}]},
+        }
+
+    def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
+        self._ask()
+        return self.sim.objects.get(("ConfigMap", namespace, name))
+
+    def apply(self, _namespace: str, body: dict[str, Any]) -> None:
+        self._ask()
+        key = (body["kind"], body["metadata"]["namespace"], body["metadata"]["name"])
+        if body["kind"] == "Deployment":
+            assert self.sim.holder == names.KEEPER_NAME, f"the keeper takes {key} back without the Lease"
+            assert key in self.sim.objects, f"the keeper makes {key}"
+        self.sim.write(body)
+
+    # --- its robot --------------------------------------------------------------------------------------------------
+
+    def hold(self, action: str, server: str, seconds: float) -> list[Any]:
+        sim = self.sim
+        sim.holds[action] = Hold(sim.registered.get(server), sim.time + seconds)
+        sim.later(seconds, lambda: sim.expire(action))
+        return [1, "", 0]
+
+    def release(self, action: str) -> list[Any]:
+        self.sim.let_go(action)
+        return [1, "", 0]
+
+    def take_back(self, nodes: Iterable[str]) -> None:
+        self.sim.ask_master()
+        for process in self.sim.living():
+            if process.node in nodes and not self.sim.registered_whole(process):
+                self.sim.register(process)
