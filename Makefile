@@ -66,8 +66,8 @@ HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-g
 .PHONY: test
 test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
 	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
-	    --lane artifacts molecule-update \
-	    --lane $(HOSTLESS) molecule-default
+	    --lane artifacts molecule-update molecule-default \
+	    --lane $(HOSTLESS)
 
 .PHONY: test-all
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)

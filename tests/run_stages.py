@@ -11,6 +11,7 @@ Each stage's output is printed in one piece when it ends, and kept in reports/st
 at the end: of a long log often only that is at hand.
 
 The first lane is the one that works on hosts, and hosts have clocks: the others leave it half of the machine's cores.
+Once it is through, their next stages have all of them, and it takes stages from the end of the others' own.
 
 What a stage starts ends with it. What the run finds at its end that is still there (tests/tools/remains.py), it takes
 away, says, and counts as a failed stage. How long the stages took is written to reports/stages/times.json.
@@ -19,6 +20,7 @@ away, says, and counts as a failed stage. How long the stages took is written to
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import re
@@ -27,6 +29,8 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -64,16 +68,16 @@ class Stages:
         self._ended = False
         logs.mkdir(parents=True, exist_ok=True)
 
-    def lane(self, names: list[str], cores: set[int] | None = None) -> list[Result]:
-        """One after the other, on these cores only."""
-        if cores:
-            os.sched_setaffinity(0, cores)  # of this thread, and of what it starts
+    def lane(self, names: Iterable[str], cores: Callable[[], set[int]] | None = None) -> list[Result]:
+        """One after the other, each on the cores that are to be had as it begins."""
         results: list[Result] = []
         for name in names:
             if self._ended or any(one.verdict != "passed" and one.name in PREPARING for one in results):
                 results.append(Result(name, "not run"))
-            else:
-                results.append(self._stage(name))
+                continue
+            if cores:
+                os.sched_setaffinity(0, cores())  # of this thread, and of what it starts
+            results.append(self._stage(name))
         return results
 
     def _stage(self, name: str) -> Result:
@@ -119,12 +123,29 @@ def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result
     if any(one.verdict != "passed" for one in results if one.name in PREPARING):
         return results + [Result(name, "not run") for lane in lanes for name in lane]
     cores = sorted(os.sched_getaffinity(0))
-    rest = set(cores[len(cores) // 2 :])
+    first_lane, others = lanes[0], [deque(lane) for lane in lanes[1:]]
+    through = threading.Event()
+
+    def on_hosts() -> list[Result]:
+        found = stages.lane(first_lane)
+        through.set()
+        return found + [result for lane in others for result in stages.lane(_taken(lane.pop))]
+
+    def beside(lane: deque[str]) -> list[Result]:
+        return stages.lane(_taken(lane.popleft), lambda: set(cores if through.is_set() else cores[len(cores) // 2 :]))
+
     with ThreadPoolExecutor(len(lanes)) as pool:
-        running = [pool.submit(stages.lane, lane, rest if number else None) for number, lane in enumerate(lanes)]
+        running = [pool.submit(on_hosts), *(pool.submit(beside, lane) for lane in others)]
         while wait(running, timeout=1.0).not_done:
             pass  # Python acts on a signal that came just before a wait when that wait is over: it must not be endless
         return results + [result for lane in running for result in lane.result()]
+
+
+def _taken(take: Callable[[], str]) -> Iterator[str]:
+    """What is still there to take: another lane may take it, too."""
+    with contextlib.suppress(IndexError):
+        while True:
+            yield take()
 
 
 def nothing_left(watched: Watched, patience: float) -> Result:

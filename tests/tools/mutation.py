@@ -31,6 +31,7 @@ FILES = (
     "module_utils/_ros/conditions.py",
     "module_utils/_ros/heard.py",
     "module_utils/_ros/messages.py",
+    "module_utils/_step/record.py",
     "plugin_utils/_kube/verdicts.py",
     "plugin_utils/_update/*.py",
 )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
 import signal
 import subprocess
@@ -67,6 +68,23 @@ def test_lanes_run_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for name in "abcde":  # whole, whatever else was printed meanwhile
         assert f"\n{name} begins\n{name} ends\n" in printed
     assert (tmp_path / "logs" / "a.log").read_text() == "a begins\na ends\n"
+
+
+def test_the_first_lane_helps_when_it_is_through(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`b` ends only once `d` has begun, which comes after it in its own lane."""
+    assert staged(tmp_path, "--lane", "a", "--lane", "b+d", "c", "d") == 0
+    assert table(capsys.readouterr().out) == dict.fromkeys(["a", "b+d", "c", "d"], "passed")
+
+
+def test_a_stage_runs_on_the_cores_that_are_to_be_had_as_it_begins(tmp_path: Path) -> None:
+    own = os.sched_getaffinity(0)
+    told = iter([{min(own)}, own])
+    stages = run_stages.Stages([sys.executable, "-c", "import os; print(os.sched_getaffinity(0))"], tmp_path, {})
+    try:
+        assert [one.verdict for one in stages.lane(["a", "b"], lambda: next(told))] == ["passed", "passed"]
+    finally:
+        os.sched_setaffinity(0, own)
+    assert [(tmp_path / f"{name}.log").read_text() for name in "ab"] == [f"{{{min(own)}}}\n", f"{own}\n"]
 
 
 def test_a_failed_stage_stops_no_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
