@@ -110,6 +110,39 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
     }
 
 
+def owed(contract: Mapping[str, Any], intended: Intended) -> Contract:
+    """What an earlier contract still asks for, in its own names: all but what an update is meant to change.
+
+    Of a node that is down now the graph shows nothing. What was proven of it is what it owes.
+    """
+
+    def stays(name: str) -> bool:
+        return not (matches(name, intended.ignore) or matches(renamed(name, intended.renamed), intended.ignore))
+
+    def least(topic: str, entry: Mapping[str, Any]) -> Dict[str, Any]:
+        hz = intended.rate(renamed(topic, intended.renamed))
+        return {**entry, "least": hz} if hz is not None else dict(entry)
+
+    def topic_of(name: str, entry: Mapping[str, Any]) -> Dict[str, Any]:
+        publishers = {node: least(name, seen) for node, seen in (entry.get("publishers") or {}).items()}
+        return {**least(name, entry), **({"publishers": publishers} if publishers else {})}
+
+    nodes = contract.get("nodes") or ()
+    there = contract if not set(nodes) & set(intended.on_demand) else {"nodes": nodes}
+    others = contract.get("others")
+    return {
+        **contract,
+        "topics": {name: topic_of(name, one) for name, one in (there.get("topics") or {}).items() if stays(name)},
+        **{
+            key: {name: one for name, one in (there.get(key) or {}).items() if stays(name)}
+            for key in ("subscriptions", "services")
+        },
+        "actions": [name for name in there.get("actions") or () if stays(name)],
+        "edges": [edge for edge in there.get("edges") or () if stays(edge[1])],
+        **({"others": owed(others, intended)} if others else {}),
+    }
+
+
 def rated(graph: Mapping[str, Any], nodes: Sequence[str], intended: Intended) -> set[str]:
     """Those of the nodes that publish something at a rate that `record` would take down."""
     taken = _Recorder(graph, nodes, {}, intended)

@@ -186,6 +186,7 @@ class Engine(Turn):
             now = self.begun(step)
             kinds: dict[str, type[Gated | Installing]] = {INSTALL: Installing, REMOVE: Removing}
             self.results.append(kinds.get(step.kind, Gated)(self, now).take())
+            self.stale = not self.check
             if self.results[-1].outcome != UPDATED or self.over:
                 break
         else:

@@ -69,6 +69,8 @@ class Gated:
     def _gate(self) -> decide.Gate:
         """Refuse what cannot go well, before anything is touched."""
         turn = self.turn
+        if turn.recorded and turn.stale:
+            self._record_anew()
         known = turn.recorded or self.step.kind == "master" or turn.policy(self.step) == "force"
         if not (known or turn.check):  # in check mode the master is not mended yet
             self._record_late()
@@ -78,6 +80,22 @@ class Gated:
         if gate.problems:
             raise NotReadyError("; ".join(gate.problems))
         return gate
+
+    def _record_anew(self) -> None:
+        """What came, and what the steps before this one changed, is in it. A master that is silent is waited for."""
+        turn = self.turn
+        try:
+            turn.record()
+        except RosError as error:
+            self.say(f"{self.step.name}: {error}")
+            turn.master_answers("the master answers")
+            self._record()
+
+    def _record(self) -> None:
+        try:
+            self.turn.record()
+        except RosError as error:
+            raise NotReadyError(f"the graph is not known: {error}") from error
 
     def _record_late(self) -> None:
         """Only a master is changed while nobody knows the graph: it may be what is broken. It serves by now."""
@@ -90,15 +108,12 @@ class Gated:
             MASTER_SECONDS,
             f"{self.step.name} waits until {', '.join(nodes)} is registered again",
         )
-        try:
-            turn.record()
-        except RosError as error:
-            raise NotReadyError(f"the graph is not known: {error}") from error
+        self._record()
 
     def _known(self) -> decide.Gate:
         """What the graph, as it is known now, says of the step."""
         turn, now = self.turn, self.now
-        now.graph = decide.renamed_graph(turn.graph, turn.renames)
+        now.graph = turn.graph
         now.gate = decide.step_gate(self.step, now.graph, turn.live, self.settings.edge_images)
         return now.gate
 
@@ -181,16 +196,20 @@ class Gated:
         Steps that wait for nobody have theirs measured together. One that is forced may find the robot at work.
         """
         turn = self.turn
+        # what came while it waited is in the graph, too; but a version that starts beside the old one is none of it
+        waited = "wait" in self.now.phases and not (self.now.beside or turn.check)
         missing = {*gate.nodes} - turn.rated
         at_work = turn.policy(self.step) == "force" and decide.at_work(self.now.graph, gate.calm.actions)
-        if missing and turn.recorded and not at_work:
+        if (missing or waited) and turn.recorded and not at_work:
             if not gate.calm:
                 later = [decide.step_gate(step, turn.graph, turn.live) for step in turn.plan.steps[len(turn.results) :]]
                 missing |= {node for other in later if not other.calm for node in other.nodes} - turn.rated
-            measured = turn.host.graph(turn.master, self.settings.rate_seconds, sorted(missing))
+            measured = turn.host.graph(turn.master, self.settings.rate_seconds if missing else 0.0, sorted(missing))
             turn.rated |= missing
-            turn.graph = decide.with_rates(turn.graph, measured)
-            gate = self._known()
+            turn.graph = decide.with_rates(measured, turn.graph)
+            calm, gate = gate.calm, self._known()
+            if waited and gate.calm.actions != calm.actions:  # what was unknown is known by now
+                self._hold(gate)
         for line in gate.allowed if turn.check else ():
             self.say(f"{self.step.name}: {line}")
         return gate
@@ -234,7 +253,6 @@ class Gated:
         turn.trace(f"{step.name}: finish")
         try:
             result = turn.result(now, UPDATED)
-            turn.renames |= now.gate.succession.renames if now.gate else step.renames
             turn.apply_all([*decide.fulfilled(now.maps), *step.workloads, turn.events(None, [result])])
             # the new server may have been there before, and then the keeper waits for a next one
             if step.resume or step.drifted:

@@ -65,7 +65,6 @@ class Removing(Gated):
         if turn.recorded and nodes:
             turn.host.reap(turn.master, nodes)
             turn.ready({"absent": nodes}, VERIFY_EXTRA, f"{self.step.name} has left the graph")
-        turn.recorded, turn.rated = False, set()  # for the steps after it the graph is another one
 
     def _finish(self) -> StepResult:
         result = super()._finish()

@@ -10,7 +10,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import annotations_of, app_of, revision_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
+    annotations_of,
+    app_of,
+    crashes,
+    revision_of,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -69,20 +74,71 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     own = own_nodes(step.old_nodes, graph, live.pods)
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
-    there = {app: record.contract for app, record in read_records(live.maps).items()}
-    kept = {app: there.get(app) or NO_CONTRACT for app in step.unproven}
-    # a pod that is only just starting shows nothing to hold the next version to; its last step does
-    kept |= {app: there[app] for app in step.launched if not own.get(app) and there.get(app)}
+    records = read_records(live.maps)
+    kept = {app: records.get(app, Record()).contract or NO_CONTRACT for app in step.unproven}
+    # an app that is down at this moment shows nothing to hold the next version to; what was proven of it does
+    down = {
+        app: record.contract
+        for app in step.apps
+        if app not in kept and (record := _running(step, app, records)) and not _is_whole(record.contract, graph)
+    }
+    kept |= {app: ros_contract.owed(contract, step.intended) for app, contract in down.items()}
     follows = _succession(step, graph, own, kept)
+    resting = actions_to_rest(graph, nodes, [*step.actions, *step.idle])
     return Gate(
         _contracts(step, graph, own, kept, follows),
         [*_problems(step, graph, own), *_images_missing(step, images or {})],
-        _warnings(graph, nodes),
-        Calm(actions_to_rest(graph, nodes, [*step.actions, *step.idle]), step.when, step.windows),
+        [*_down(down, graph), *_warnings(graph, nodes)],
+        Calm([*resting, *_silent(step, records, live.pods, graph)], step.when, step.windows),
         [*allowed(graph, sorted(nodes), step.intended), *_outage(step, own)],
         ros_contract.rated(graph, recorded, step.intended),
         follows,
     )
+
+
+def _running(step: Step, app: str, records: Mapping[str, Record]) -> Record | None:
+    """What was proven of the version that is to be replaced."""
+    record, before = records.get(app), step.before.get(app, {})
+    return record if record and record.proven and record.revision == before.get("revision") else None
+
+
+def _is_whole(contract: Contract, graph: Graph) -> bool:
+    """Whether all of its nodes answer."""
+    return not _missing(contract, graph)
+
+
+def _missing(contract: Contract, graph: Graph) -> list[str]:
+    return [node for node in _nodes_in(contract) if not (graph["nodes"].get(node) or {}).get("reachable")]
+
+
+def _down(contracts: Mapping[str, Contract], graph: Graph) -> list[str]:
+    """Of apps that are held to what was proven of them before: why, in words."""
+    return [
+        f"{', '.join(_missing(contract, graph))} of {app} does not answer: the next version is held to what was proven "
+        "of this one"
+        for app, contract in contracts.items()
+    ]
+
+
+def _silent(step: Step, records: Mapping[str, Record], pods: Sequence[Object], graph: Graph) -> list[dict[str, str]]:
+    """Actions that its apps were proven to serve and nobody serves now: unknown, and unknown waits.
+
+    A pod that crashes again and again serves none, and nobody waits for one that is not there.
+    """
+    known = {
+        action
+        for app in step.apps
+        if app not in step.unproven and (record := _running(step, app, records)) and _may_come(app, pods)
+        for part in _parts(record.contract)
+        for action in part.get("actions") or ()
+    }
+    served = {name for name, action in graph["actions"].items() if any(_lives(graph, one) for one in action["servers"])}
+    return [{"name": name} for name in sorted(known - served)]
+
+
+def _may_come(app: str, pods: Iterable[Object]) -> bool:
+    own = [pod for pod in pods if app_of(pod) == app]
+    return bool(own) and not any(map(crashes, own))
 
 
 def _succession(step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept: Mapping[str, Contract]) -> Succession:
@@ -251,7 +307,8 @@ def unanswered(calm: Calm, graph: Graph) -> list[str]:
 
 def at_work(graph: Graph, rest: Iterable[Object]) -> bool:
     """Whether any of these actions was busy, or told nothing, when the graph was recorded."""
-    return any(action["busy"] or not action["up"] for action in (graph["actions"][one["name"]] for one in rest))
+    found = [graph["actions"].get(one["name"]) for one in rest]
+    return any(action is None or action["busy"] or not action["up"] for action in found)
 
 
 def _lives(graph: Graph, node: str) -> bool:
@@ -260,7 +317,7 @@ def _lives(graph: Graph, node: str) -> bool:
 
 
 def with_rates(graph: Graph, rated: Graph) -> Graph:
-    """The graph as it was recorded, with the rates that were measured of some nodes later."""
+    """The graph with the rates that were measured of some nodes at another time."""
     topics = {
         name: {
             **topic,
@@ -328,12 +385,6 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
 def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[dict[str, Any]]:
     each = [part for contract in contracts for part in (contract, contract.get("others")) if part]
     return [ros_contract.conditions(part, tolerance) for part in each]
-
-
-def renamed_graph(graph: Graph, renames: Mapping[str, str]) -> Graph:
-    """What was recorded before the first step, under the names that the finished steps have given."""
-    found: Graph = _renamed(dict(graph), renames) if renames else graph
-    return found
 
 
 def _renamed(value: Any, renames: Mapping[str, str]) -> Any:

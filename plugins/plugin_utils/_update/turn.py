@@ -32,7 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import P
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import NO_GRAPH, Gate
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import NO_GRAPH, Gate, with_rates
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     Calm,
@@ -58,7 +58,7 @@ class Now:
     started: float
     rest: Rest
     phases: dict[str, float] = field(default_factory=dict)
-    graph: Graph = field(default_factory=lambda: NO_GRAPH)  # in the names that the steps before it have given
+    graph: Graph = field(default_factory=lambda: NO_GRAPH)  # as it was before the step
     gate: Gate | None = None
     maps: Sequence[Object] = ()  # the contracts and the way back, as they were applied
     applied: bool = False
@@ -80,7 +80,7 @@ class Turn(Hands):
         super().__init__(robot, world, settings.check)
         self.settings = settings
         self.plan, self.graph, self.recorded = Plan(), NO_GRAPH, False
-        self.renames: dict[str, str] = {}  # in that graph, by the steps that are over
+        self.stale = False  # a step has changed it since
         self.rated: set[str] = set()  # nodes of which the rates at rest are known
         self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
         self.graph_told: dict[str, object] = {}  # of what the whole robot promises: verdict, and elapsed seconds
@@ -98,8 +98,9 @@ class Turn(Hands):
         return Now(step, self.clock.wall() - waited, rest, {"wait": round(waited, 3)} if waited else {})
 
     def record(self) -> None:
-        """The robot's graph as it is now; RosError."""
-        self.graph, self.recorded = self.host.graph(self.master), True
+        """The robot's graph as it is now, with the rates that are known; RosError."""
+        self.graph = with_rates(self.host.graph(self.master), self.graph)
+        self.recorded, self.stale = True, False
 
     def policy(self, step: Step) -> str:
         """What to do about a robot that works: wait, defer or force."""
