@@ -119,11 +119,11 @@ def owed(contract: Mapping[str, Any], intended: Intended) -> Contract:
     def stays(name: str) -> bool:
         return not (matches(name, intended.ignore) or matches(renamed(name, intended.renamed), intended.ignore))
 
-    def least(topic: str, entry: Mapping[str, Any]) -> Dict[str, Any]:
+    def least(topic: str, entry: Mapping[str, Any]) -> dict[str, Any]:
         hz = intended.rate(renamed(topic, intended.renamed))
         return {**entry, "least": hz} if hz is not None else dict(entry)
 
-    def topic_of(name: str, entry: Mapping[str, Any]) -> Dict[str, Any]:
+    def topic_of(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
         publishers = {node: least(name, seen) for node, seen in (entry.get("publishers") or {}).items()}
         return {**least(name, entry), **({"publishers": publishers} if publishers else {})}
 

@@ -8,8 +8,8 @@
 
 then, where no app is at work, all that is new at once: applied, awaited, and the graph is what the apps promised; else
 
-    record    the graph, once for all steps
     and for every step
+    record    the graph
     gate      what has to hold, and whether anything forbids the step
     start     a new version that cannot work beside the old one waits there for its end
     hold      idle, new goals held back, idle still; now the rates of what the step replaces are those of rest
@@ -21,8 +21,8 @@ then, where no app is at work, all that is new at once: applied, awaited, and th
 
 and in the end, where that is asked for, the graph of the whole robot is what its apps promise.
 
-What has to be remembered is in the cluster before it is needed: the mark on the Deployment, and the contract and the
-way back in a ConfigMap beside it. So a run may end at any line, and the next one goes on from there.
+What has to be remembered is in the cluster before it is needed: the record of the step in a ConfigMap beside each
+Deployment (`_step/record.py`). So a run may end at any line, and the next one goes on from there.
 """
 
 from __future__ import annotations
@@ -246,7 +246,7 @@ class Engine(Turn):
             self.live = replace(self.live, services=self.read().services)
 
     def _record(self) -> None:
-        """Once for all steps. The update of a master that does not answer is how to mend it."""
+        """Before the first step. The update of a master that does not answer is how to mend it."""
         self.trace("record")
         try:
             self.record()

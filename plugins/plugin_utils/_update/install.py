@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A robot on which no app is at work: all that is new comes at once, for nothing can be disturbed. Pure.
 
-Its Deployments carry the mark of what is not proven, and have no way back. So an installation that was cut off is known
-by its marks: what is marked, was never proven and does not work was never at work, and the next run installs it again.
+Its records say so before anything of it is there, and know no way back. So an installation that was cut off is known by
+them: what was installed, was never proven and does not work was never at work, and the next run installs it again.
 """
 
 from __future__ import annotations

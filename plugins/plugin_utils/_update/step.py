@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
@@ -36,6 +37,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Live, Object
 
 HISTORY_KEPT = 5
+AGAIN_AND_AGAIN, SHORT_LIFE = 3, 10.0  # restarts of a container, and seconds
+EVER = "1970-01-01T00:00:00+00:00"
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
 NO_GRAPH: Graph = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
@@ -138,7 +141,21 @@ def _silent(step: Step, records: Mapping[str, Record], pods: Sequence[Object], g
 
 def _may_come(app: str, pods: Iterable[Object]) -> bool:
     own = [pod for pod in pods if app_of(pod) == app]
-    return bool(own) and not any(map(crashes, own))
+    return bool(own) and not any(map(_ends_at_once, own))
+
+
+def _ends_at_once(pod: Object) -> bool:
+    """A container of it ended again and again, the last time within some seconds of its start: it took no goal."""
+    found = [one for one in (pod.get("status") or {}).get("containerStatuses") or [] if crashes(pod)]
+    lives = [one["lastState"]["terminated"] for one in found if (one.get("lastState") or {}).get("terminated")]
+    often = any(int(one.get("restartCount") or 0) >= AGAIN_AND_AGAIN for one in found)
+    return often and any(_seconds(life) < SHORT_LIFE for life in lives)
+
+
+def _seconds(life: Object) -> float:
+    """Of a container, as the kubelet tells it; no time at all where it never ran."""
+    start, end = (datetime.fromisoformat(life.get(key) or EVER) for key in ("startedAt", "finishedAt"))
+    return (end - start).total_seconds()
 
 
 def _succession(step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept: Mapping[str, Contract]) -> Succession:

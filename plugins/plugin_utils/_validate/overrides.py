@@ -53,12 +53,9 @@ def override_problems(
     merged = deep_merge(plain, overrides)
     problems += _pod_problems(plain, merged, container, path)
     replicas = _get(merged, ("spec", "replicas"))
-    if replicas not in (0, 1):
-        problems.append(
-            Problem(
-                join_path(path, "spec", "replicas"), f"is {shown(replicas)}", "0 or 1: a ROS node name cannot run twice"
-            )
-        )
+    if replicas != 1:
+        allowed = "1: a ROS node name cannot run twice, and an app that is not to run is taken out of ros_apps"
+        problems.append(Problem(join_path(path, "spec", "replicas"), f"is {shown(replicas)}", allowed))
     return problems
 
 

@@ -403,7 +403,11 @@ class Simulation(SimulatedRobot):
 
 def pod_object(pod: Pod) -> Object:
     labels = {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}
-    state = [{"state": {"running" if pod.up or pod.waits else "waiting": {}}, "ready": pod.ready}]
+    state: list[dict[str, Any]] = [{"state": {"running" if pod.up or pod.waits else "waiting": {}}, "ready": pod.ready}]
+    if looping(pod):
+        life = {"startedAt": "2026-11-25T14:00:00Z", "finishedAt": "2026-11-25T14:00:01Z"}
+        state[0] |= {"restartCount": pod.restarts, "lastState": {"terminated": life}}
+        state[0]["state"] = {"waiting": {"reason": "CrashLoopBackOff"}}
     address = f"10.42.0.{pod.uid}" if pod.process else None
     return {
         "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels},

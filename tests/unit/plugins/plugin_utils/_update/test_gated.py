@@ -22,7 +22,11 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     outcome_of,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
+    VERSIONS,
+    Process,
+    image,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
     SimulatedCluster,
     SimulatedHost,
@@ -247,3 +251,80 @@ def test_check_mode_foresees_a_master_that_is_mended() -> None:
     found = sim.run(wanted, settings(check=True), "master-silent", at)
     assert found is not None
     assert [step.outcome for step in found.steps] == ["updated", "updated"]
+
+
+# --- what the graph does not show at this moment ---------------------------------------------------------------------
+
+
+def ends_for_a_moment(sim: Simulation, name: str) -> None:
+    """Its container is started again just now, as after a boot, and needs some seconds to be there."""
+    (pod,) = sim.of(("robot-robot1", name))
+    pod.restarts = 1  # the kubelet waits longer before a second time
+    sim.crash(pod, pod.restarts)
+
+
+@pytest.mark.parametrize("version", ["half-the-rate", "offers-less", "good"])
+@pytest.mark.parametrize("name", ["overlap", "launch"])
+def test_an_app_that_is_down_is_held_to_what_was_proven_of_it(name: str, version: str) -> None:
+    sim, first = begin(name, "good")
+    assert outcome_of(sim, first).outcome == "updated"
+    (app_name,) = [one.name for one in first.apps]
+    ends_for_a_moment(sim, app_name)
+    found = outcome_of(sim, SCENARIOS[name].robot(image(version, 2)))
+    assert found.outcome == ("updated" if version == "good" else "rolled-back"), found
+    assert any("is held to what was proven of this one" in text for text in sim.said), sim.said
+
+
+def with_a_planner(sensor: str, planner: str) -> Robot:
+    return robot(
+        app("sensor", sensor, placement="local"),
+        app("planner", planner, placement="local", pattern="action", readiness={"actions": ["plan"]}),
+    )
+
+
+@pytest.mark.parametrize("sensor", [OLD, image("good", 2)], ids=["alone", "after another step"])
+def test_an_action_server_that_is_down_may_be_at_work_by_now(sensor: str) -> None:
+    sim = Simulation()
+    sim.install(with_a_planner(OLD, OLD))
+    assert outcome_of(sim, with_a_planner(OLD, image("good", 1))).outcome == "updated"
+    ends_for_a_moment(sim, "planner")
+    goal = sim.goal("/plan", 300.0)
+    wanted = with_a_planner(sensor, image("good", 2))
+    found = outcome_of(sim, wanted, on_busy="wait")
+    assert (found.outcome, "/plan" in found.reason) == ("deferred-busy", True), found
+    sim.advance(300.0)
+    assert goal.ended
+    assert outcome_of(sim, wanted).outcome == "updated"
+
+
+def test_an_action_server_that_comes_back_at_rest_is_held_and_updated() -> None:
+    sim = Simulation()
+    sim.install(with_a_planner(OLD, OLD))
+    assert outcome_of(sim, with_a_planner(OLD, image("good", 1))).outcome == "updated"
+    ends_for_a_moment(sim, "planner")
+    goal = sim.goal("/plan", 2.0, after=20.0)
+    assert outcome_of(sim, with_a_planner(OLD, image("good", 2))).outcome == "updated"
+    sim.advance(60.0)
+    assert goal.ended
+
+
+def test_an_action_server_that_crashes_for_good_keeps_nobody_waiting() -> None:
+    sim = Simulation()
+    sim.install(with_a_planner(OLD, OLD))
+    assert outcome_of(sim, with_a_planner(OLD, image("good", 1))).outcome == "updated"
+    (pod,) = sim.of(("robot-robot1", "planner"))
+    pod.version = VERSIONS["never-starts"]  # its image was spoilt
+    pod.restarts = 5
+    sim.crash(pod, pod.restarts)
+    assert outcome_of(sim, with_a_planner(OLD, image("good", 2)), on_busy="defer").outcome == "updated"
+
+
+def test_a_subscriber_that_comes_during_a_step_is_owed_its_messages_by_the_next() -> None:
+    sim, wanted = begin("two-steps", "good")
+    late = Process("/late", "http://10.42.1.2:4000/", subscriptions=["/mean"])
+    sim.others.append(late)
+    sim.later(8.0, lambda: sim.register(late))
+    found = outcome_of(sim, wanted)
+    assert [step.name for step in found.steps] == ["sensor", "stats"]
+    assert found.steps[1].started - found.steps[0].started > 8.0
+    assert ["/mean", "/late"] in [edge[1:] for edge in sim.promised("robot-robot1", "stats")["edges"]]

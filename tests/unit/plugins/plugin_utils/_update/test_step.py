@@ -20,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
     proof,
     proof_of_old,
     proves_nothing,
-    renamed_graph,
     step_gate,
     step_objects,
     with_rates,
@@ -284,21 +283,6 @@ def test_a_third_version_holds_to_what_the_first_one_did() -> None:
     gate = step_gate(step, there, Live(maps=[update]))
     assert (step.resume, step.unproven, gate.problems) == (False, ["sensor"], [])
     assert gate.contracts["sensor"]["topics"]["/temperature"]["publishers"] == {new: {"rate": 500.0}}
-
-
-def test_the_second_step_finds_the_first_ones_nodes_under_their_new_names() -> None:
-    def fleet(image: str) -> Robot:
-        return robot(app("sensor", image), app("stats", image))
-
-    first, second = update_plan(fleet("x.org/a:2"), applied(fleet("x.org/a:1"))).steps
-    (publisher,), (subscriber,) = first.old_nodes.values(), second.old_nodes.values()
-    graph = graph_of(first)
-    graph["nodes"][subscriber] = node()
-    graph["topics"]["/temperature"]["subscribers"] = [subscriber]
-    graph["topics"]["/temperature"]["connections"] = [{"publisher": publisher, "subscriber": subscriber}]
-    contract = step_gate(second, renamed_graph(graph, first.renames), Live()).contracts["stats"]
-    assert contract["edges"] == [[*first.new_nodes.values(), "/temperature", *second.new_nodes.values()]]
-    assert renamed_graph(graph, []) == graph
 
 
 def test_the_masters_contract_is_everything_that_is_registered() -> None:

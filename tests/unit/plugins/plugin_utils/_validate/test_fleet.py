@@ -112,7 +112,6 @@ def test_all_errors_at_once() -> None:
             {"volumes": [{"name": "v"}], "pattern": "pubsub", "placement": "remote"},
             {"persistent_storage": {"volumes": [{"name": "v", "storage_class": "longhorn", "size": 1}]}},
         ),
-        ({"overrides": {"spec": {"replicas": 0}}}, {}),
         ({"overrides": {"metadata": {"name": "talker"}}}, {}),
         (
             {
