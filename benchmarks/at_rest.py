@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper, keeper_memory
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -186,7 +186,7 @@ def asked_of_the_master(scene: ExporterScene, pid: int) -> float:
         if keeping.probing is not None:
             keeping.probing.join()
 
-    record = Record(str(scene.directory / "another"))
+    record = KeptFiles(str(scene.directory / "another"))
     keeping = keeper.Keeper(Registrar(scene.uri, 2.0, "/bench_keeper"), record, print, lambda: now[0])
     look()  # the first learns everything
     return cost_of(look, pid, looks) * 1000 / keeper.REST

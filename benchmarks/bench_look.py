@@ -34,7 +34,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot im
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.judge import first_questions  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import PROBE, Keeper  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import PERIOD  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import Record  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look  # noqa: E402
@@ -151,7 +151,7 @@ def started(uri: str) -> Look:
 def keeper(uri: str) -> Look:
     """A whole look of the keeper. It asks all nodes at the first one; with time standing still, at no other."""
     told: list[str] = []
-    found = Keeper(Registrar(uri, 5.0, "/ros_keeper"), Record(tempfile.mkdtemp()), told.append, lambda: 0.0)
+    found = Keeper(Registrar(uri, 5.0, "/ros_keeper"), KeptFiles(tempfile.mkdtemp()), told.append, lambda: 0.0)
 
     def step() -> None:
         found.due, found.addresses_due = 0.0, float("inf")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.open_goals import open_goals
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Step, unproven
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Step
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.cluster_around import (
     environment,
@@ -25,6 +25,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps
     WENT_BACK,
     left,
     live,
+    member,
     version,
 )
 from scene import SUCCEEDED, Scene, until
@@ -124,7 +125,7 @@ def test_goals_on_a_new_node_are_seen_before_it_is_taken_back(scene: Scene) -> N
     server = scene.start("server", "/worker")
     until("the server", lambda: "/worker" in scene.registered())
     new = version("worker", 2, node="/worker")
-    step = Step((unproven(live(new), left(version("worker", 1, node="/worker"))),))
+    step = Step((member(live(new), left(version("worker", 1, node="/worker"))),))
     ros = Ros1Client(scene.uri, 2.0, "/ros_keeper")
     until("an idle server", lambda: open_goals(ros, step).servers == {"/work": "/worker"})
     assert (open_goals(ros, step).busy, open_goals(ros, step).unknown) == ((), ())

@@ -260,6 +260,7 @@ def ends_for_a_moment(sim: Simulation, name: str) -> None:
     """Its container is started again just now, as after a boot, and needs some seconds to be there."""
     (pod,) = sim.of(("robot-robot1", name))
     pod.restarts = 1  # the kubelet waits longer before a second time
+    sim.interrupted.add(name)
     sim.crash(pod, pod.restarts)
 
 

@@ -448,9 +448,11 @@ def test_a_pod_that_has_only_just_started_is_no_reason_to_ask_nothing_of_the_nex
     step = overlapping(LAUNCH)
     launch = step.launched["nav"]
     gate = step_gate(step, overlapping_graph(step), Live(pods=[pod("nav", "10.42.0.8")]))
-    earlier = renamed_contract(gate.contracts["nav"], launch.new, "_0badcafe")
+    earlier = renamed_contract(gate.contracts["nav"], launch.new, launch.old)
     kept = update_map("nav", [])
-    kept["data"]["contract.json"] = json.dumps({**earlier, "revision": "0badcafe", "apps": ["nav"], "proven": True})
+    kept["data"]["contract.json"] = json.dumps(
+        {**earlier, "revision": step.before["nav"]["revision"], "apps": ["nav"], "proven": True}
+    )
     again = step_gate(step, NO_GRAPH, Live(maps=[kept], pods=[pod("nav", "10.42.0.8")]))
     assert {key: again.contracts["nav"][key] for key in ("nodes", "topics", "edges")} == {
         key: gate.contracts["nav"][key] for key in ("nodes", "topics", "edges")
