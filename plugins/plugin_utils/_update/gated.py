@@ -28,6 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
 NO_WAY_BACK = "no version of it was ever proven, so it stays as it is; another version takes its place"
 VERIFY_EXTRA = 20.0
 AT_REST_SECONDS = 2.0  # in which a robot shows that it is at rest now and then
+LONG_WAIT = 5.0  # seconds in which the graph may have become another one
 BESIDE_SECONDS = 10.0  # that a new version waits beside the old one for a robot that went to work again
 
 
@@ -195,12 +196,12 @@ class Gated:
 
         Steps that wait for nobody have theirs measured together. One that is forced may find the robot at work.
         """
-        turn = self.turn
+        turn, now = self.turn, self.now
+        missing, busy = {*gate.nodes} - turn.rated, decide.at_work(now.graph, gate.calm.actions)
+        forced = busy and turn.policy(self.step) == "force"
         # what came while it waited is in the graph, too; but a version that starts beside the old one is none of it
-        waited = "wait" in self.now.phases and not (self.now.beside or turn.check)
-        missing = {*gate.nodes} - turn.rated
-        at_work = turn.policy(self.step) == "force" and decide.at_work(self.now.graph, gate.calm.actions)
-        if (missing or waited) and turn.recorded and not at_work:
+        waited = (busy or now.phases.get("wait", 0.0) > LONG_WAIT) and not (now.beside or turn.check)
+        if (missing or waited) and turn.recorded and not forced:
             if not gate.calm:
                 later = [decide.step_gate(step, turn.graph, turn.live) for step in turn.plan.steps[len(turn.results) :]]
                 missing |= {node for other in later if not other.calm for node in other.nodes} - turn.rated
