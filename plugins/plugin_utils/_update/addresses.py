@@ -10,16 +10,20 @@ again that pods know: then none of them has to learn another one.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 NAMES = (names.MASTER_NAME, names.KEEPER_NAME)
+SERVING = (*NAMES, EXPORTER_NAME)  # what only serves the apps
+# as collections before 1.0 told it to pods
+BY_NAME = {names.MASTER_NAME: "robot", f"{names.MASTER_NAME}.{names.FLEET_NAMESPACE}": "shared"}
 
 
 def located(robot: Robot, live: Live) -> Robot:
@@ -33,10 +37,48 @@ def located(robot: Robot, live: Live) -> Robot:
     return replace(robot, master=replace(robot.master, addresses={**_told(place, live), **there}))
 
 
+def other_master(robot: Robot, live: Live, fleet: Callable[[], Live]) -> str:
+    """Whose ROS master the robot's apps run with, where the inventory has them run with another one; else nothing.
+
+    `fleet` reads the namespace of the shared master, which most robots need not look at.
+    """
+    wanted, place = robot.master.mode, robot.namespace
+    apps = {key: env for key, env in _environments(live) if key[0] == place and key[1] not in SERVING}
+    uris = {env["ROS_MASTER_URI"] for env in apps.values() if env.get("ROS_MASTER_URI")}
+    for uri in sorted(uris - {context.master_uri(robot)}):
+        found = _whose(uri, place, live) or _whose(uri, place, fleet())
+        if not found:  # a Service that was made anew has another address than the pods know
+            there = {key for key, _env in _environments(live)}
+            found = "" if (context.master_namespace(robot), names.MASTER_NAME) in there else "external"
+        if found and (found != wanted or wanted == "external"):
+            return f"ros_master_mode {found} ({uri})"
+    return ""
+
+
+def _whose(uri: str, place: str, live: Live) -> str:
+    """The mode of the master at this address; nothing where that cannot be told."""
+    host = urlsplit(uri).hostname or ""
+    if host in BY_NAME:
+        return BY_NAME[host]
+    if not _is_address(host):
+        return "external"
+    of_master = [one for one in live.services if one["metadata"]["name"] == names.MASTER_NAME]
+    places = [one["metadata"]["namespace"] for one in of_master if one["spec"]["clusterIP"] == host]
+    keepers = [key[0] for key, env in _environments(live) if key[1] == names.KEEPER_NAME]
+    places += [key for key in keepers if _keeps(key, live) == uri]
+    return next(("robot" if one == place else "shared" for one in places), "")
+
+
+def _keeps(place: str, live: Live) -> str:
+    """The master that the keeper of a namespace knows."""
+    found = (env.get("ROS_MASTER_URI", "") for key, env in _environments(live) if key == (place, names.KEEPER_NAME))
+    return next(found, "")
+
+
 def _told(place: str, live: Live) -> dict[str, str]:
     """What the keeper knows of its master, and what pods of the same master know of the keeper."""
     pods = list(_environments(live))
-    master = next((env.get("ROS_MASTER_URI", "") for key, env in pods if key == (place, names.KEEPER_NAME)), "")
+    master = _keeps(place, live)
     settings = [env.get(names.SETTINGS_ENV) or "{}" for _key, env in pods if env.get("ROS_MASTER_URI") == master]
     keepers = [json.loads(text.replace("$$", "$")).get("keeper") for text in settings]
     said = {names.MASTER_NAME: master, names.KEEPER_NAME: next(filter(None, keepers), "")}

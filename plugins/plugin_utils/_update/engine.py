@@ -31,7 +31,7 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, namespace_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
@@ -45,7 +45,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import removed_claims
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import READY, ground_objects, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located, other_master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.gated import Gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL, claim_users, with_install
@@ -65,6 +65,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     LostError,
     Object,
     World,
+)
+
+MOVED = (
+    "the inventory has another one for them. A node cannot change its master while it works: take the apps out first "
+    "(ros_apps without them, update_remove_apps with their names), then change the mode, then put them back"
 )
 
 
@@ -203,6 +208,9 @@ class Engine(Turn):
 
     def _plan(self) -> None:
         self.live = self.read()
+        other = other_master(self.robot, self.live, lambda: self.cluster.read([names.FLEET_NAMESPACE]))
+        if other:
+            raise SpecError(f"{self.robot.name}'s apps run with {other}, and {MOVED}")
         self.robot = located(self.robot, self.live)
         request = replace(self.settings.request, parts=self.settings.parts)
         plan = update_plan(self.robot, self.live, request, self._drifted())

@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_uri
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace, master_uri
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Clock, Live, Object, Seen, World
@@ -36,11 +36,11 @@ class Hands:
         """The address of the robot's ROS master, as its hosts reach it."""
         if self.robot.master.mode == "external":
             return master_uri(self.robot)
-        return self.live.service_uri(names.MASTER_NAME)
+        return self.live.service_uri(names.MASTER_NAME, master_namespace(self.robot))
 
     @property
     def keeper(self) -> str:
-        return self.live.service_uri(names.KEEPER_NAME)
+        return self.live.service_uri(names.KEEPER_NAME, master_namespace(self.robot))
 
     def read(self) -> Live:
         """What the API shows of the robot now, with what of the fleet is its own, too."""

@@ -16,14 +16,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import SERVING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
 
 INSTALL = "install"
-# What only serves the apps: as long as there are none it is at nobody's work.
-SERVING = (names.MASTER_NAME, names.KEEPER_NAME, EXPORTER_NAME)
 
 
 def with_install(plan: Plan, robot: Robot) -> Plan:
@@ -35,6 +33,7 @@ def with_install(plan: Plan, robot: Robot) -> Plan:
     """
     again = [step for step in plan.steps if step.resume and not step.previous]
     installed = {app for step in again for app in step.apps}
+    # as long as there are no apps, what serves them is at nobody's work
     at_work = {app for namespace, app in plan.working if namespace == robot.namespace} - {*SERVING}
     if at_work - installed:
         return plan

@@ -17,7 +17,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING, members, promised
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import SERVING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import members, promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import Bounds, installed, installing

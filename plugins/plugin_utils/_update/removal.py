@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, handoff_of, node_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import SERVING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import NAMES, SERVING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, Step, wanted_before
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     described,
@@ -42,9 +42,12 @@ def with_removals(plan: Plan, robot: Robot, live: Live, request: Request) -> Pla
             f"update_remove_apps names {', '.join(still)}, which {robot.name} is to have: take it out of ros_apps first"
         )
 
+    # a master of its own, of a robot that has another one by now
+    left = NAMES if robot.master.mode != "robot" else ()
+
     def goes(item: Object) -> bool:
         app = app_of(item) or files_owner(item)[1]
-        ours = item["metadata"]["namespace"] == robot.namespace and app not in {"", *wanted, *SERVING}
+        ours = item["metadata"]["namespace"] == robot.namespace and app not in {"", *wanted, *(set(SERVING) - {*left})}
         return ours and (ALL in request.remove or app in request.remove)
 
     going = [item for item in live.deployments if goes(item)]

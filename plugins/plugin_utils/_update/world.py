@@ -46,10 +46,10 @@ class Live:
     services: Sequence[Object] = ()
     pods: Sequence[Object] = ()
 
-    def service_uri(self, name: str) -> str:
+    def service_uri(self, name: str, namespace: str) -> str:
         """`http://address:port` of a Service, or nothing where it is not there."""
         for service in self.services:
-            if service["metadata"]["name"] == name:
+            if (service["metadata"]["name"], service["metadata"]["namespace"]) == (name, namespace):
                 return f"http://{service['spec']['clusterIP']}:{service['spec']['ports'][0]['port']}"
         return ""
 

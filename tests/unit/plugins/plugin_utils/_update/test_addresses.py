@@ -15,7 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located, other_master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import (
     ADDRESSES,
@@ -85,3 +85,56 @@ def test_pods_that_know_names_and_those_of_another_master_tell_no_address() -> N
     assert located(ROBOT, applied(ROBOT)).master.addresses == {}
     shared = robot(*APPS, master={"mode": "shared"})
     assert located(ROBOT, applied(addressed(shared))).master.addresses == {}
+
+
+# --- another master than the one that the apps run with ---------------------------------------------------------------
+
+URI = "http://192.0.2.5:11311"
+MASTERS: dict[str, dict[str, Any]] = {
+    "robot": {"mode": "robot"},
+    "shared": {"mode": "shared"},
+    "external": {"mode": "external", "uri": URI},
+}
+
+
+def at_work(mode: str, *, by_name: bool = False, **addresses: str) -> tuple[Live, Live]:
+    """A robot's apps with such a master: what the API shows in its own namespace, and in that of the fleet."""
+    there = robot(*APPS, master=MASTERS[mode])
+    live = applied(there if by_name else addressed(there))
+    found = [] if mode == "external" else services(there, **addresses)
+
+    def of(namespace: str) -> Live:
+        inside = [
+            [one for one in part if one["metadata"]["namespace"] == namespace] for part in (live.deployments, found)
+        ]
+        return Live(inside[0], (), inside[1])
+
+    return of("robot-robot1"), of(names.FLEET_NAMESPACE)
+
+
+@pytest.mark.parametrize("by_name", [False, True], ids=["by address", "by name"])
+@pytest.mark.parametrize("now", MASTERS)
+@pytest.mark.parametrize("wanted", MASTERS)
+def test_a_mode_that_was_changed_while_the_apps_work_is_seen(now: str, wanted: str, by_name: bool) -> None:
+    own, fleet = at_work(now, by_name=by_name)
+    told = other_master(robot(*APPS, master=MASTERS[wanted]), own, lambda: fleet)
+    assert told.partition(" (")[0] == ("" if now == wanted else f"ros_master_mode {now}")
+
+
+def test_another_external_master_is_another_one() -> None:
+    own, fleet = at_work("external")
+    wanted = robot(*APPS, master={"mode": "external", "uri": "http://192.0.2.6:11311"})
+    assert other_master(wanted, own, lambda: fleet) == f"ros_master_mode external ({URI})"
+
+
+@pytest.mark.parametrize("mode", ["robot", "shared"])
+def test_a_service_that_was_made_anew_is_no_other_master(mode: str) -> None:
+    own, fleet = at_work(mode, ros_master="10.43.0.99")
+    both = Live([*own.deployments, *fleet.deployments], (), [*own.services, *fleet.services])
+    assert other_master(robot(*APPS, master=MASTERS[mode]), both, lambda: fleet) == ""
+
+
+def test_a_robot_without_apps_may_have_any_master() -> None:
+    there = robot(master=MASTERS["robot"])
+    live = replace(applied(addressed(there)), services=services(there))
+    assert other_master(robot(*APPS, master=MASTERS["shared"]), live, Live) == ""

@@ -141,7 +141,7 @@ def test_a_service_that_is_gone_comes_back_before_the_graph_is_read(wanted_image
     assert found.outcome == "updated"
     assert sim.objects[key]["spec"] == there["spec"]
     assert f"Service {name} is gone or was changed by hand" in sim.said
-    assert sim.engine.live.service_uri(name)  # what is held back, is held there
+    assert sim.engine.live.service_uri(name, "robot-robot1")  # what is held back, is held there
     assert outcome_of(sim, wanted).outcome == "unchanged"
 
 

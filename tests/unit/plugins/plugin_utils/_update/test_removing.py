@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import OLD, outcome_of, settings
@@ -181,3 +182,24 @@ def test_a_pod_that_does_not_end_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
     assert found.outcome == "failed"
     assert found.reason.startswith("driver: still there: driver-")
     assert any("waits until driver has ended, for " in text for text in sim.said)
+
+
+def test_another_master_is_refused_while_apps_work_and_the_way_there_works() -> None:
+    """Out with the apps, then the other master, the old one away, and the apps again."""
+    shared = {"mode": "shared", "image": OLD}
+    apps = [app("sensor", OLD, placement="local")]
+    sim = Simulation()
+    sim.install(robot(*apps))
+    found = outcome_of(sim, robot(*apps, master=shared))
+    assert (found.outcome, sim.touched) == ("failed", set())
+    assert found.reason.startswith("nothing was touched: robot1's apps run with ros_master_mode robot (")
+    assert "take the apps out first" in found.reason
+
+    assert told(sim, robot(), "sensor").outcome == "updated"
+    sim.watched = set()
+    assert outcome_of(sim, robot(master=shared), parts=PARTS).outcome == "updated"
+    assert sim.said[0].startswith("not in the inventory, left as they are (update_remove_apps takes them away): ros-")
+    assert told(sim, robot(master=shared), "ros-keeper", "ros-master").outcome == "updated"
+    assert {name for kind, space, name in sim.objects if (kind, space) == ("Deployment", "robot-robot1")} == set()
+    assert outcome_of(sim, robot(*apps, master=shared), parts=PARTS).outcome == "updated"
+    assert outcome_of(sim, robot(*apps, master=shared)).outcome == "unchanged"
