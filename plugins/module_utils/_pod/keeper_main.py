@@ -23,14 +23,13 @@ from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
 from .keeper_record import KeptFiles
+from .latched_topics import LatchedTopics
 from .lifeline import Lifeline
 from .step_watch import Robot, Staying, StepWatch
 
 TYPE_CHECKING = False  # typing's own costs its import
 if TYPE_CHECKING:
     from typing import Any
-
-    from .latched_topics import LatchedTopics
 
 NAME = "/ros_keeper"
 PORT = 11411
@@ -94,7 +93,10 @@ class Code:
 
 
 class Latched:
-    """What keeps latched messages, loaded when there are any: at rest a keeper has no memory for it."""
+    """What keeps latched messages, made when there are any: at rest a keeper asks nobody for them.
+
+    Its code is loaded with all else: a newer collection may have brought other files by the time it is needed.
+    """
 
     def __init__(self, ros: Registrar, slave: Slave, record: KeptFiles) -> None:
         self.ros, self.slave, self.record = ros, slave, record
@@ -104,8 +106,6 @@ class Latched:
     def load(self) -> LatchedTopics:
         with self.lock:
             if self.topics is None:
-                from .latched_topics import LatchedTopics  # noqa: PLC0415 - as the class says
-
                 self.topics = LatchedTopics(self.ros, self.slave, self.record, tell)
                 self.topics.resume()
             return self.topics
