@@ -24,21 +24,23 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import n
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object
 
 
-def early(step: Step, calm: Calm) -> list[Object]:
+def early(step: Step, calm: Calm, kept: bool = True) -> list[Object]:
     """The step's Deployments that can start so; none of a step that was cut off, or of which somebody changed one.
 
-    What is `calm` are the actions whose goals the step holds: without any a launch file has nothing to wait for.
+    What is `calm` are the actions whose goals the step holds: without any a launch file has nothing to wait for. Nor
+    has it where the robot's master is not `kept`: should the run die, Kubernetes would hand over in its own time, and
+    nobody would hold the goals.
     """
     if step.kind != "app" or step.unproven or step.drifted:
         return []
-    return [item for item in step.workloads if _waits_beside(step, item, calm)]
+    return [item for item in step.workloads if _waits_beside(step, item, kept and bool(calm.actions))]
 
 
-def _waits_beside(step: Step, item: Object, calm: Calm) -> bool:
+def _waits_beside(step: Step, item: Object, held: bool) -> bool:
     app = app_of(item)
     if waits_for_the_old(item):
         return _keeps_its_name(step, app)
-    return bool(calm.actions) and _holds_nodes(step, app)
+    return held and _holds_nodes(step, app)
 
 
 def _holds_nodes(step: Step, app: str) -> bool:

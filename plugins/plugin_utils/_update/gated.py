@@ -124,7 +124,7 @@ class Gated:
         It takes a second moment of rest. A robot that hardly has one is not asked for two.
         """
         turn, now = self.turn, self.now
-        chosen = early(self.step, gate.calm) if turn.recorded and not turn.check else []
+        chosen = early(self.step, gate.calm, bool(turn.keeper)) if turn.recorded and not turn.check else []
         unrated = bool({*gate.nodes} - turn.rated)
         if not (chosen and self._rests_now(gate, hold=unrated)):  # rates are those of rest only while no goal can come
             return gate

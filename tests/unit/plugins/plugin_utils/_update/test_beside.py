@@ -68,7 +68,7 @@ def test_the_app_is_away_for_less_long_than_a_container_takes_to_start(name: str
 
 @pytest.mark.parametrize("name", ["drain", "replace"])
 def test_without_it_the_app_is_away_for_that_long(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gated, "early", lambda _step, _calm: [])
+    monkeypatch.setattr(gated, "early", lambda *_given: [])
     sim, wanted = installed(name, "good")
     found = outcome_of(sim, wanted)
     assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)
@@ -215,3 +215,16 @@ def test_who_starts_beside_the_old_version(old: dict[str, object], new: dict[str
     assert [item["metadata"]["name"] for item in early(step, Calm())] == ["driver"] * starts
     (resumed,) = update_plan(of("x:2", new), marked(live, "driver")).steps
     assert not early(resumed, Calm())
+
+
+@pytest.mark.parametrize(("kept", "starts"), [(True, ["arm"]), (False, [])])
+def test_a_launch_file_waits_beside_only_where_a_keeper_holds_its_goals(kept: bool, starts: list[str]) -> None:
+    """Without one Kubernetes would hand over after ten minutes, should the run have died."""
+
+    def of(image: str) -> Robot:
+        return robot(app("arm", image, launch={"package": "arm", "file": "arm.launch", "replace": ["arm_held"]}))
+
+    (step,) = update_plan(of("x:2"), applied(of("x:1"))).steps
+    calm = Calm([{"name": "/lift", "server": "/arm_held"}])
+    assert [item["metadata"]["name"] for item in early(step, calm, kept)] == starts
+    assert early(step, Calm()) == []
