@@ -40,6 +40,7 @@ BESIDE = {  # files whose tests stand elsewhere, too
     "module_utils/_ros/checks.py": ["module_utils/_ros/test_gate.py"],
     "plugin_utils/_update/hands.py": ["plugin_utils/_update/test_rest.py", "plugin_utils/_update/test_installing.py"],
     "plugin_utils/_update/install.py": ["plugin_utils/_update/test_installing.py"],
+    "plugin_utils/_update/manifests.py": ["plugin_utils/_update/test_step.py"],
     "plugin_utils/_update/nodes.py": ["plugin_utils/_update/test_step.py"],
     "plugin_utils/_update/proof.py": ["plugin_utils/_update/test_guarded.py"],
     "plugin_utils/_update/ward.py": ["plugin_utils/_update/test_guarded.py"],

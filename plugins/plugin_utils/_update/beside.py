@@ -19,8 +19,9 @@ from collections.abc import Iterable
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import OVERLAP_STRATEGY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import waits_for_the_old
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import with_strategy
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import new_containers, with_strategy
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import new_containers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object
 
 

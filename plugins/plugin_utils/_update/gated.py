@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import beside, early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import MASTER_SECONDS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import Bounds, fulfilled, step_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
@@ -228,8 +229,8 @@ class Gated:
 
     def _marked(self, gate: decide.Gate) -> Sequence[Object]:
         """The step's objects with the contracts, the way back, and the mark of what is not proven."""
-        bounds = decide.Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
-        objects = decide.step_objects(self.step, gate.contracts, bounds, self.now.started)
+        bounds = Bounds(self.settings.rate_tolerance, self.settings.ready_timeout)
+        objects = step_objects(self.step, gate.contracts, bounds, self.now.started)
         self.now.maps = [item for item in objects if item["kind"] == "ConfigMap"]
         return objects
 
@@ -254,7 +255,7 @@ class Gated:
         turn.trace(f"{step.name}: finish")
         try:
             result = turn.result(now, UPDATED)
-            turn.apply_all([*decide.fulfilled(now.maps), *step.workloads, turn.events(None, [result])])
+            turn.apply_all([*fulfilled(now.maps), *step.workloads, turn.events(None, [result])])
             # the new server may have been there before, and then the keeper waits for a next one
             if step.resume or step.drifted:
                 now.rest.release()

@@ -19,9 +19,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace im
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import SERVING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import members, promised
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import Bounds, installed, installing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import Bounds, installed, installing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import UNFINISHED, Now, Turn
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,

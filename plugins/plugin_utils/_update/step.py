@@ -12,15 +12,12 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
-    annotations_of,
     app_of,
     crashes,
-    revision_of,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Record
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import (
     Launched,
@@ -36,14 +33,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions imp
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Live, Object
 
-HISTORY_KEPT = 5
 AGAIN_AND_AGAIN, SHORT_LIFE = 3, 10.0  # restarts of a container, and seconds
 EVER = "1970-01-01T00:00:00+00:00"
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
 NO_GRAPH: Graph = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
 NO_CONTRACT: Mapping[str, Any] = ros_contract.record(NO_GRAPH, ())  # of what is nothing to the graph
-INSTALL = {**NO_CONTRACT, "install": True}  # of what is only just to come
 
 Contract = Mapping[str, Any]  # what an app is to the graph, as _ros/contract.py records it
 
@@ -421,91 +416,4 @@ def _united(parts: Sequence[Mapping[str, Any]], absent: Sequence[str] = ()) -> d
         for key in LISTS:
             found[key] += [item for item in part.get(key) or [] if item not in found[key]]
     found["absent"] += [node for node in absent if node not in found["absent"]]
-    return found
-
-
-# --- what to apply --------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """How far rates may fall below the recorded ones, as a share, and the seconds that a version has to get ready."""
-
-    tolerance: float
-    ready_timeout: float
-
-
-def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
-    """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
-    maps = [_update_map(item, step, contracts.get(app_of(item), NO_CONTRACT), bounds, now) for item in step.workloads]
-    # the node's name is taken by what runs: for the time of the step the old one goes first
-    objects = with_strategy(step.objects, RECREATE_STRATEGY) if step.drifted else step.objects
-    return [*maps, *marked(objects, run_of(now))]
-
-
-def with_strategy(objects: Iterable[Object], strategy: Mapping[str, Any]) -> list[Object]:
-    """These objects, with their Deployments' pods replaced in this way."""
-    return [
-        {**item, "spec": {**item["spec"], "strategy": dict(strategy)}} if item["kind"] == "Deployment" else item
-        for item in objects
-    ]
-
-
-def installing(objects: Sequence[Object], step: Step, bounds: Bounds, now: float) -> list[dict[str, Any]]:
-    """The records of an installation first, each app's by itself, then what it brings, marked."""
-    each = [(item, replace(step, apps=[app_of(item)])) for item in step.workloads]
-    maps = [_update_map(item, one, INSTALL, bounds, now) for item, one in each]
-    return [*maps, *marked(objects, run_of(now))]
-
-
-def installed(workloads: Iterable[Object], step: Step, bounds: Bounds, now: float) -> list[dict[str, Any]]:
-    """That these of its Deployments were proven, each by itself; their graph is recorded before their next step."""
-    each = [(item, replace(step, apps=[app_of(item)])) for item in workloads]
-    return fulfilled([_update_map(item, one, INSTALL, bounds, now) for item, one in each])
-
-
-def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:
-    """The records of a step, once its contracts are fulfilled. Only then may the mark come off."""
-    return [{**item, "data": record_of(item).fulfilled().data()} for item in maps]
-
-
-def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
-    """No clock ends a contract: it counts for its revision until it says `proven`."""
-    app, metadata = app_of(deployment), deployment["metadata"]
-    limits = {"tolerance": bounds.tolerance, "ready_timeout": bounds.ready_timeout}
-    # one that is taken over from an earlier step says nothing of this one
-    said = {"revision": revision_of(deployment), "run": run_of(now), "apps": list(step.apps), "proven": False}
-    labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
-    return {
-        "apiVersion": "v1",
-        "kind": "ConfigMap",
-        "metadata": {"name": names.update_name(app), "namespace": metadata["namespace"], "labels": labels},
-        "data": Record({**contract, **limits, **said}, _history(app, step, now)).data(),
-    }
-
-
-def run_of(started: float) -> str:
-    """What a step is called in its records and marks: no two of one robot begin in the same second."""
-    return str(int(started))
-
-
-def _history(app: str, step: Step, now: float) -> list[Mapping[str, Any]]:
-    """Earlier versions, the last proven one first, each once."""
-    before = step.previous.get(app)
-    if before is None:
-        return list(step.histories.get(app, []))
-    first = {"revision": revision_of(before), **described(before), "replaced": int(now), "deployment": before}
-    rest = [entry for entry in step.histories.get(app, []) if entry["revision"] != first["revision"]]
-    return [first, *rest][:HISTORY_KEPT]
-
-
-def marked(objects: Iterable[Object], run: str) -> list[dict[str, Any]]:
-    """The objects with the mark of an unproven version on the Deployments."""
-    found = []
-    for item in objects:
-        if item["kind"] == "Deployment":
-            mark = {names.ANNOTATION_UPDATING: str(Mark(run, revision_of(item)))}
-            found.append({**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **mark}}})
-        else:
-            found.append(dict(item))
     return found

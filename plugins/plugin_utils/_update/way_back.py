@@ -10,6 +10,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import F
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import took_over
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import marked, run_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import identity, key_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
@@ -52,7 +53,7 @@ def _made(turn: Turn, now: Now) -> list[Object]:
     """The Deployments that this very step has made: they were not there before it, and are there with its mark."""
     if not now.step.created:
         return []
-    there, run = {key_of(item): item for item in turn.read().deployments}, decide.run_of(now.started)
+    there, run = {key_of(item): item for item in turn.read().deployments}, run_of(now.started)
     made = [there[key_of(item)] for item in now.step.created if key_of(item) in there]
     return [
         {**identity(item), "metadata": {**identity(item)["metadata"], "uid": item["metadata"].get("uid")}}
@@ -76,7 +77,7 @@ def go(turn: Turn, now: Now) -> None:
             turn.say(f"{step.name}: its old nodes are not registered again yet: {error}")
     # marked, too: until it is proven again the contract of this step's beginning counts, whoever goes on from here; and
     # never without the contract, which a refused apply may have left unwritten
-    turn.apply_all([*now.maps, *decide.marked(step.previous.values(), decide.run_of(now.started))])
+    turn.apply_all([*now.maps, *marked(step.previous.values(), run_of(now.started))])
     turn.cluster.delete(_made(turn, now))
     turn.cluster.wait(list(step.previous.values()), settings.ready_timeout)
     dead = sorted({*step.new_nodes.values(), *follows.values()} - {"", *old})

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import HISTORY_KEPT
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     MATRIX,
     OLD,

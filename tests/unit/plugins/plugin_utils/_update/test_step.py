@@ -11,17 +11,15 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import HISTORY_KEPT, Bounds, step_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step, update_plan
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import (
-    HISTORY_KEPT,
     NO_GRAPH,
-    Bounds,
     is_dead,
     proof,
     proof_of_old,
     proves_nothing,
     step_gate,
-    step_objects,
     with_rates,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Live
