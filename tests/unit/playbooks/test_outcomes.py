@@ -146,9 +146,10 @@ def test_what_is_known_is_kept_before_the_end_and_a_cancelled_run_lets_its_robot
 
 
 def worker_of(run: int) -> int:
-    """The one that is with the robot."""
-    (worker,) = Path(f"/proc/{run}/task/{run}/children").read_text().split()
-    return int(worker)
+    """The one that is with the robot, once that of the robot that is off has ended."""
+    children = Path(f"/proc/{run}/task/{run}/children")
+    until(lambda: len(children.read_text().split()) == 1)
+    return int(children.read_text())
 
 
 def until(condition: Callable[[], bool]) -> None:
