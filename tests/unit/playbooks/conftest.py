@@ -22,8 +22,9 @@ def server() -> Iterator[Server]:
 
 
 @pytest.fixture
-def control(tmp_path: Path, server: Server) -> Control:
+def control(tmp_path: Path, server: Server) -> Iterator[Control]:
     made = Control(tmp_path, server)
     robot3_is_off = SSH.format(folder=tmp_path).replace("= 192.0.2.1 ]", "= 192.0.2.1 -o $host = 192.0.2.13 ]")
     made.write("ssh", robot3_is_off, 0o755)
-    return made
+    yield made
+    made.end()

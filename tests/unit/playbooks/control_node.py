@@ -44,6 +44,7 @@ class Control:
 
     def __init__(self, folder: Path, server: Server) -> None:
         self.folder = folder
+        self.started: list[subprocess.Popen[str]] = []
         port = server.server_address[1]
         self.write("ssh", SSH.format(folder=folder), 0o755)
         self.write("sudo", SUDO, 0o755)
@@ -103,9 +104,18 @@ class Control:
         }
         program = str(Path(sys.executable).parent / "ansible-playbook")
         command = [program, "-i", str(self.folder / "hosts.yml"), str(self.folder / "play.yml"), *arguments]
-        return subprocess.Popen(  # noqa: S603 - our own
+        process = subprocess.Popen(  # noqa: S603 - our own
             command, cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
+        self.started.append(process)
+        return process
+
+    def end(self) -> None:
+        """What a test that failed has left running."""
+        for process in self.started:
+            if process.poll() is None:
+                process.terminate()
+                process.communicate()
 
     @property
     def asked(self) -> list[str]:
