@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Word
 
-LONGEST = 15.0  # seconds; AWX's idle time-out may be as short as 20
+LONGEST = 13.0  # seconds, so that with the time between two looks no line is later than 15; AWX may end a job after 20
 LOOK = 2.0
 HOSTS = 5  # in one line
 

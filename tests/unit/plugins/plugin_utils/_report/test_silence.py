@@ -30,25 +30,25 @@ class Run:
         return self.said[before:]
 
 
-def test_a_long_task_speaks_before_twenty_seconds_and_again() -> None:
+def test_a_long_task_speaks_before_fifteen_seconds_and_again() -> None:
     run = Run()
     run.silence.begins("k3s : Download")
-    assert run.passes(14) == []
-    assert run.passes(6) == ["k3s : Download: goes on for 16 s now"]
-    assert run.passes(20) == ["k3s : Download: goes on for 32 s now"]
+    assert run.passes(12) == []
+    assert run.passes(8) == ["k3s : Download: goes on for 14 s now"]
+    assert run.passes(20) == ["k3s : Download: goes on for 28 s now"]
 
 
 def test_a_result_and_a_line_of_the_task_are_words_too() -> None:
     run = Run()
     run.silence.begins("Look")
-    run.passes(14)
+    run.passes(12)
     run.silence.heard("robot1")
-    assert run.passes(14) == []
+    assert run.passes(12) == []
     run.word("robot2")
-    assert run.passes(14) == []
+    assert run.passes(12) == []
     run.silence.begins("Next")
-    assert run.passes(14) == []
-    assert run.passes(2) == ["Next: goes on for 16 s now"]
+    assert run.passes(12) == []
+    assert run.passes(2) == ["Next: goes on for 14 s now"]
 
 
 def test_an_update_says_where_it_stands_though_it_says_nothing_else() -> None:
@@ -63,8 +63,8 @@ def test_an_update_says_where_it_stands_though_it_says_nothing_else() -> None:
     run.silence.heard("robot3")
     run.passes(10)
     run.word("robot1", "camera: rollout")
-    assert run.passes(6) == [
-        "Update: goes on for 16 s now: robot1: camera: rollout, for 6 s; robot2: lidar: verify, for 16 s"
+    assert run.passes(4) == [
+        "Update: goes on for 14 s now: robot1: camera: rollout, for 4 s; robot2: lidar: verify, for 14 s"
     ]
 
 
@@ -73,7 +73,7 @@ def test_the_line_has_an_end() -> None:
     run.silence.begins("Update")
     for number in range(HOSTS + 45):
         run.word(f"robot{number}", "record")
-    (line,) = run.passes(16)
+    (line,) = run.passes(14)
     assert line.endswith("; and 45 others")
 
 
