@@ -146,10 +146,14 @@ def test_what_is_known_is_kept_before_the_end_and_a_cancelled_run_lets_its_robot
 
 
 def worker_of(run: int) -> int:
-    """The one that is with the robot, once that of the robot that is off has ended."""
-    children = Path(f"/proc/{run}/task/{run}/children")
-    until(lambda: len(children.read_text().split()) == 1)
-    return int(children.read_text())
+    """The one that is with the robot. That of the robot that is off has ended, and may not have been waited for."""
+
+    def living() -> list[int]:
+        children = Path(f"/proc/{run}/task/{run}/children").read_text().split()
+        return [int(child) for child in children if "(zombie)" not in Path(f"/proc/{child}/status").read_text()]
+
+    until(lambda: len(living()) == 1)
+    return living()[0]
 
 
 def until(condition: Callable[[], bool]) -> None:

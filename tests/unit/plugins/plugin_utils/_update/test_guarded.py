@@ -352,9 +352,11 @@ def deployment(name: str, ready: bool, version: str) -> dict[str, Any]:
 
 
 def service(name: str, namespaces: Iterable[str]) -> dict[str, Any]:
-    address = f"10.43.0.{2 if 'robot-robot2' in namespaces else 1}"
+    (namespace,) = namespaces
+    address = f"10.43.0.{2 if namespace == 'robot-robot2' else 1}"
     port = {"ros-master": 11311, "ros-keeper": 11411}[name]
-    return {"metadata": {"name": name}, "spec": {"clusterIP": address, "ports": [{"port": port}]}}
+    metadata = {"name": name, "namespace": namespace}
+    return {"metadata": metadata, "spec": {"clusterIP": address, "ports": [{"port": port}]}}
 
 
 def outcome(site: Site, **limits: Any) -> tuple[str, str]:
