@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,6 +34,13 @@ def standing_fleet(figures: list[str]) -> Iterator[Fleet]:
     made = Fleet(os.environ.get("ROSOPS_LAB", "mol-update"), INVENTORY, CHECKOUT / "reports" / "update")
     made.figures = figures
     yield made
+
+
+@pytest.fixture
+def tmp_path() -> Iterator[Path]:
+    """Shorter than pytest's: homes lie in it, and SSH's sockets in these, whose path has 107 characters at most."""
+    with tempfile.TemporaryDirectory(prefix="", ignore_cleanup_errors=True) as made:
+        yield Path(made)
 
 
 @pytest.fixture
