@@ -21,7 +21,7 @@ MASTER = "ros-master"
 KEEPER = "ros-keeper"
 # a run's, or the keeper's, while it changes the robot
 LEASE = "robot-update"
-LEASE_SECONDS = 15.0
+LEASE_SECONDS = 15  # so long a robot waits after a run that was killed
 # the ConfigMap `<app>-update`, see `record.Record`
 CONTRACT = "contract.json"
 HISTORY = "history.json"

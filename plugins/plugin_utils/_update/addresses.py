@@ -43,9 +43,9 @@ def other_master(robot: Robot, live: Live, fleet: Callable[[], Live]) -> str:
     `fleet` reads the namespace of the shared master, which most robots need not look at.
     """
     wanted, place = robot.master.mode, robot.namespace
-    apps = {key: env for key, env in _environments(live) if key[0] == place and key[1] not in SERVING}
-    uris = {env["ROS_MASTER_URI"] for env in apps.values() if env.get("ROS_MASTER_URI")}
-    for uri in sorted(uris - {context.master_uri(robot)}):
+    apps = [env for key, env in _environments(live) if key[0] == place and key[1] not in SERVING]
+    uris = {env.get("ROS_MASTER_URI", "") for env in apps}
+    for uri in sorted(uris - {"", context.master_uri(robot)}):
         found = _whose(uri, place, live) or _whose(uri, place, fleet())
         if not found:  # a Service that was made anew has another address than the pods know
             there = {key for key, _env in _environments(live)}
@@ -64,21 +64,15 @@ def _whose(uri: str, place: str, live: Live) -> str:
         return "external"
     of_master = [one for one in live.services if one["metadata"]["name"] == names.MASTER_NAME]
     places = [one["metadata"]["namespace"] for one in of_master if one["spec"]["clusterIP"] == host]
-    keepers = [key[0] for key, env in _environments(live) if key[1] == names.KEEPER_NAME]
-    places += [key for key in keepers if _keeps(key, live) == uri]
+    keepers = [(key[0], env) for key, env in _environments(live) if key[1] == names.KEEPER_NAME]
+    places += [namespace for namespace, env in keepers if env.get("ROS_MASTER_URI") == uri]
     return next(("robot" if one == place else "shared" for one in places), "")
-
-
-def _keeps(place: str, live: Live) -> str:
-    """The master that the keeper of a namespace knows."""
-    found = (env.get("ROS_MASTER_URI", "") for key, env in _environments(live) if key == (place, names.KEEPER_NAME))
-    return next(found, "")
 
 
 def _told(place: str, live: Live) -> dict[str, str]:
     """What the keeper knows of its master, and what pods of the same master know of the keeper."""
     pods = list(_environments(live))
-    master = _keeps(place, live)
+    master = next((env.get("ROS_MASTER_URI", "") for key, env in pods if key == (place, names.KEEPER_NAME)), "")
     settings = [env.get(names.SETTINGS_ENV) or "{}" for _key, env in pods if env.get("ROS_MASTER_URI") == master]
     keepers = [json.loads(text.replace("$$", "$")).get("keeper") for text in settings]
     said = {names.MASTER_NAME: master, names.KEEPER_NAME: next(filter(None, keepers), "")}

@@ -78,7 +78,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     down = {
         app: record.contract
         for app in step.apps
-        if app not in kept and (record := _running(step, app, records)) and not _is_whole(record.contract, graph)
+        if app not in kept and (record := _running(step, app, records)) and _missing(record.contract, graph)
     }
     kept |= {app: ros_contract.owed(contract, step.intended) for app, contract in down.items()}
     follows = _succession(step, graph, own, kept)
@@ -100,12 +100,8 @@ def _running(step: Step, app: str, records: Mapping[str, Record]) -> Record | No
     return record if record and record.proven and record.revision == before.get("revision") else None
 
 
-def _is_whole(contract: Contract, graph: Graph) -> bool:
-    """Whether all of its nodes answer."""
-    return not _missing(contract, graph)
-
-
 def _missing(contract: Contract, graph: Graph) -> list[str]:
+    """Its nodes that do not answer."""
     return [node for node in _nodes_in(contract) if not (graph["nodes"].get(node) or {}).get("reachable")]
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import CONTRACT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, owner_labels
@@ -22,8 +23,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import w
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import Rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Object
-
-CONTRACT_KEY = "contract.json"
 
 
 class Ward(Hands):
@@ -44,7 +43,7 @@ class Ward(Hands):
         """
         kept = [item for item in self.live.maps if item["metadata"]["name"] == contract_name(node)]
         for item in kept:
-            found = Contract(**json.loads(item["data"][CONTRACT_KEY]))
+            found = Contract(**json.loads(item["data"][CONTRACT]))
             if found.versions == _versions(self.live.deployments):
                 self.contract = found
 
@@ -61,7 +60,7 @@ class Ward(Hands):
     def keep(self, node: str) -> None:
         """Lay the contract down for the next run; KubeError."""
         if self.contract is not None:
-            data = {CONTRACT_KEY: json.dumps(dataclasses.asdict(self.contract), sort_keys=True)}
+            data = {CONTRACT: json.dumps(dataclasses.asdict(self.contract), sort_keys=True)}
             labels = owner_labels(self.robot.name)
             self.apply_all([config_map(contract_name(node), self.robot.namespace, labels, data)])
 

@@ -32,7 +32,7 @@ class SimulatedKeeper:
     def __init__(self, sim: Simulation) -> None:
         self.sim = sim
         self.disk: dict[str, Any] = {}
-        self.looking, self.process = False, -1
+        self.looking, self.process = False, (-1, 0)
         self.said: list[str] = []
         self.generations: dict[tuple[str, str], tuple[str, int]] = {}
         self.watch = self._begin()
@@ -55,8 +55,9 @@ class SimulatedKeeper:
         pause = step_watch.LOOK
         pods = [pod for pod in self.sim.pods if pod.app == names.KEEPER_NAME and pod.ready and pod.up]
         if pods:
-            if self.process != pods[-1].uid + pods[-1].restarts / 1000:
-                self.process, self.watch = pods[-1].uid + pods[-1].restarts / 1000, self._begin()
+            process = (pods[-1].uid, pods[-1].restarts)
+            if self.process != process:
+                self.process, self.watch = process, self._begin()
             pause = self.watch.look()
         self.looking = bool(self._marked() or not (pods and self.watch.rests()))
         if self.looking:
