@@ -244,7 +244,8 @@ class Engine(Turn):
         """What all of it stands on, and what the steps need, while the robot works."""
         self.trace("prepare")
         images = {image for step in gated for image in local_images(step)}
-        if images:  # what is installed has its images pulled by the node, all at the same time
+        # of what is installed the archives alone: the node pulls the rest, all at the same time
+        if images or any(step.kind == INSTALL for step in self.plan.steps):
             self.host.bring(sorted(images))
         services = self._lost()
         for item in services:

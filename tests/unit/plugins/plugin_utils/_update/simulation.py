@@ -95,7 +95,7 @@ class Simulation(SimulatedRobot):
         self.fault, self.at = "", 0
         self.calls: list[str] = []
         self.said: list[str] = []
-        self.brought: list[str] = []
+        self.brought: list[str] | None = None  # by the last run that brought any
         self.engine_changes: list[Applied] = []
         self.left = False  # the last run left the robot for its wave
         self.silent = 0.0

@@ -92,11 +92,12 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     found = outcome(sim, of)
     assert (found.outcome, len(found.steps)) == ("updated", 1)
     assert sorted(found.steps[0].apps) == sorted(["ros-keeper", "ros-master", *(one.name for one in of.apps)])
+    assert sim.brought == []  # archives alone, and names that are always wanted
     # the master's Services, whose addresses its pods and the apps' are told; then one apply, one wait, one look at the
     # graph; the second wait only sees that nothing was started again
     assert sim.calls == [
-        "there", "read", "apply", "apply", "claim", "read", "apply", "read", "apply", "apply", "rollout", "ready",
-        "rollout", "ready", "apply",
+        "there", "read", "apply", "apply", "claim", "read", "apply", "read", "bring", "apply", "apply", "rollout",
+        "ready", "rollout", "ready", "apply",
     ]  # fmt: skip
     assert not marked(sim)
     assert word(sim, of) == "unchanged"
