@@ -11,7 +11,9 @@ from __future__ import annotations
 import time
 from typing import Callable
 
+from .._common.errors import RosError
 from .._ros.backend import Backend
+from .._ros.graph import Questions
 from .._step.objects import name_of
 from .cluster_api import ApiError, Cluster
 from .hung import AT_MOST, LEAST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, in_no_pod
@@ -53,9 +55,10 @@ class Watchdog:
         """Evict it; what was done, or why it could not be. An Event of the pod says so, too.
 
         A goal that has come since `waits` keeps the pod, as one that was there before does.
+        So does an answer of the node.
         """
         goals = open_goals_at(self.ros, one.pod)
-        waiting = _works(one, goals)
+        waiting = _works(one, goals) or self._answers(one)
         if waiting:
             return waiting
         at_work = goals.servers and not goals.unknown  # a goal may begin now: its stop hook lets it end
@@ -71,6 +74,14 @@ class Watchdog:
         self._done(f"{namespace}/{one.app}").append(self.now())
         self.cluster.tell(namespace, one.pod, REASON, words, at)
         return f"{words}: its pod {name_of(one.pod)} is begun anew"
+
+    def _answers(self, one: Hung) -> str:
+        """A node that was silent in the last look of the keeper may be back."""
+        try:
+            node = self.ros.ask(self.ros.state(), Questions({one.node: frozenset()})).nodes[one.node]
+        except RosError:
+            return ""
+        return f"node {one.node} answers again" if node.reachable else ""
 
     def _done(self, about: str) -> list[float]:
         """When the app was begun anew lately."""

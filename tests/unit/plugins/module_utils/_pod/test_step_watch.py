@@ -74,6 +74,7 @@ class World:
         self.refuses_holds = False
         self.pods_now: list[dict[str, Any]] = []
         self.uris: dict[str, str] = {}
+        self.answering: set[str] = set()
         self.silence = Silence()
         self.unevictable: list[ApiError] = []  # what an eviction is answered with
         self.record: dict[str, Any] = {}
@@ -182,7 +183,10 @@ class World:
 
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
         nodes = {
-            name: Node(name, self.uris.get(name, ""), pid=None, refused=name in self.refused) for name in wanted.nodes
+            name: Node(
+                name, self.uris.get(name, ""), pid=77 if name in self.answering else None, refused=name in self.refused
+            )
+            for name in wanted.nodes
         }
         servers = {name: state.publishers[f"{name}/status"] for name in wanted.actions}
         found = {
