@@ -68,7 +68,8 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "busy_timeout": {"type": "float", "default": 600},
     "come_back": {"type": "bool", "default": False},
     "ready_timeout": {"type": "float", "default": 120},
-    "verify_seconds": {"type": "float", "default": 10},
+    "verify_seconds": {"type": "float", "default": 1},
+    "soak": {"type": "float", "default": 120},
     "rate_tolerance": {"type": "float", "default": 0.1},
     "rate_seconds": {"type": "float", "default": 1},
     "failure_budget": {"type": "str", "default": "0"},
@@ -169,7 +170,7 @@ class ActionModule(ClusterAction):
             edge_images={name: list(there) for name, there in edge.items()},
             known=self._known(params["image_archives"], edge),
             **{name: params[name] for name in (
-                "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "rate_tolerance", "rate_seconds",
+                "on_busy", "busy_timeout", "ready_timeout", "verify_seconds", "soak", "rate_tolerance", "rate_seconds",
                 "at_work", "rollout_timeout", "remove_claims", "remove_confirm",
             )},
         )  # fmt: skip

@@ -36,7 +36,7 @@ GROUPS = {
     "Lease": "apis/coordination.k8s.io/v1",
     "Pod": "api/v1",
 }
-JSON, APPLY = "application/json", "application/apply-patch+yaml"
+JSON, APPLY, MERGE = "application/json", "application/apply-patch+yaml", "application/merge-patch+json"
 
 
 class ApiError(KubeError):
@@ -123,6 +123,12 @@ class Cluster:
         """Server-side apply of a Deployment or ConfigMap that is there, as a run would do it."""
         path = _path(namespace, item["kind"], name_of(item))
         self._send("PATCH", path, {"fieldManager": MANAGER, "force": "true"}, item, APPLY)
+
+    def unmark(self, namespace: str, item: Object, key: str) -> None:
+        """Take an annotation off a Deployment; refused if somebody has written it since."""
+        metadata = {"annotations": {key: None}, "resourceVersion": item["metadata"].get("resourceVersion")}
+        path = _path(namespace, "Deployment", name_of(item))
+        self._send("PATCH", path, {"fieldManager": MANAGER}, {"metadata": metadata}, MERGE)
 
     def evict(self, namespace: str, pod: Object, seconds: int | None) -> None:
         """This very pod, with so many seconds to end; None: as many as it says itself."""

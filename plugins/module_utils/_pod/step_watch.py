@@ -1,7 +1,8 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The keeper beside steps of updates: it takes back what `way_back` says, as the run would have that is gone.
+"""The keeper beside steps of updates: it takes back what `way_back` says, as the run would have that is gone, and what
+does not stay good (`soak`).
 
 A look costs one small request, the robot's Lease. Only where that has changed, and nobody has it, the Deployments are
 looked at, and what the run left open in the record of updates is closed.
@@ -10,21 +11,22 @@ looked at, and what the run left open in the record of updates is closed.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError, KubeError, RosError
 from .._ros.backend import Backend
 from .._step.objects import Object, name_of, node_of, rolled_out
-from .._step.record import PROVEN, Record, mark_of, record_of
-from .._step.words import KEEPER
+from .._step.record import PROVEN, Record, mark_of, record_of, soaks
+from .._step.words import KEEPER, SOAKING, UPDATING
 from . import update_record
 from .cluster_api import FLEET, ApiError, Cluster
 from .hung import Silence
 from .keeper_record import KeptFiles
 from .open_goals import Goals, open_goals
+from .soak import Soak
 from .watchdog import Watchdog, left
-from .way_back import Observed, Step, lease_of, member_of, restored, steps_of, version_of
+from .way_back import Observed, Step, lease_of, member_of, proven, restored, steps_of, version_of
 
 LOOK = 10.0  # seconds between two looks at a namespace,
 LEAST = 1.0  # but no more looks than this: with a hundred robots each of them has to wait
@@ -72,6 +74,24 @@ class Claim:
         self.found, self.lost = written or self.found, written is None
 
 
+@dataclass(frozen=True)
+class Due:
+    """A step that is to go back, by which mark it is known, and why.
+
+    `patient`: one that came up once is not bad for goals that cannot be read. `still` is asked again under the Lease.
+    """
+
+    step: Step
+    key: str
+    reason: str
+    patient: bool = True
+    still: Callable[[Step], bool] = lambda _step: True
+
+    def waits(self, goals: Goals) -> str:
+        """What keeps it from going back."""
+        return ", ".join([*goals.busy, *(goals.unknown if self.patient else ())])
+
+
 class StepWatch:
     """Looks at one namespace after the other."""
 
@@ -91,6 +111,7 @@ class StepWatch:
         self.now, self.wall, self.sleep = now, wall, sleep
         self.came_up = _texts(record.load(STEPS))
         self.observed: dict[str, Observed] = {}
+        self.soaks: dict[str, Soak] = {}
         self.turn: list[str] = []
         self.said: dict[str, str] = {}
 
@@ -137,6 +158,7 @@ class StepWatch:
         """What is the whole fleet's has a Lease of its own, too."""
         seen.lease(self.cluster.lease(namespace), self.now())
         if not seen.free:
+            self.soaks.pop(namespace, None)  # what is to come may be another version
             return
         if seen.version != seen.nothing:
             self._steps_left(namespace, seen)
@@ -148,16 +170,55 @@ class StepWatch:
         due = seen.due(steps)
         self._remember(namespace, seen)
         for step in due:
-            self._due(namespace, seen, step)
+            patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
+            reason = f"{seen.why(step)} after the run that began it had gone"
+            self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
+        watched = self._soak(namespace, seen, there)
         if seen.recorded != seen.version and self._record(namespace, there):
             seen.recorded = seen.version
-        seen.nothing = None if steps or seen.recorded != seen.version else seen.version
+        seen.nothing = None if steps or watched or seen.recorded != seen.version else seen.version
 
-    def _steps(self, namespace: str, there: list[Object]) -> list[Step]:
-        marked = [item for item in there if mark_of(item) is not None]
-        pods = [] if all(map(rolled_out, marked)) else self.cluster.pods(namespace)
+    def _steps(self, namespace: str, there: list[Object], key: str = UPDATING) -> list[Step]:
+        """Those whose Deployments are marked; with SOAKING those that are watched."""
+        marked = [item for item in there if mark_of(item, key) is not None]
+        pods = [] if key == UPDATING and all(map(rolled_out, marked)) else self.cluster.pods(namespace)
         records = read_records(self.cluster, namespace, map(name_of, marked))
-        return steps_of([member_of(item, records, pods) for item in marked], there)
+        chosen = marked if key == UPDATING else [item for item in marked if soaks(item, records)]
+        return steps_of([member_of(item, records, pods) for item in chosen], there)
+
+    def _soak(self, namespace: str, seen: Observed, there: list[Object]) -> bool:
+        """Look at what runs have found good; whether any of it is watched still."""
+        steps = self._steps(namespace, there, SOAKING) if any(mark_of(one, SOAKING) for one in there) else []
+        soak = self.soaks.setdefault(namespace, Soak())
+        soak.look(steps, seen.passed, self.ros)
+        for step in steps:
+            why = soak.bad(step)
+            if why:
+                self._due(namespace, seen, Due(step, SOAKING, f"{why}, within {step.soak:.0f} s of the update"))
+            elif soak.good(step):
+                self._prove(namespace, seen, step)
+        return bool(steps)
+
+    def _prove(self, namespace: str, seen: Observed, step: Step) -> None:
+        """It was good for long enough. The record says so first; only then the mark comes off."""
+        claim = self._claim(namespace, seen)
+        if claim is None:
+            return
+        try:
+            claim.renew()
+            for again in self._steps(namespace, self.cluster.deployments(namespace), SOAKING):
+                for member in again.members if again.key == step.key else ():
+                    record = self.cluster.config_map(namespace, f"{member.name}-update")
+                    if record_of(record) == member.record:
+                        self.cluster.apply(namespace, proven(record or {}))
+                for member in again.members if again.key == step.key else ():
+                    claim.renew()
+                    self.cluster.unmark(namespace, member.deployment, SOAKING)
+            self.log(f"{namespace}: {step.name} was good for {step.soak:.0f} s: proven")
+        except LostError as error:
+            self._tell(f"{namespace}/{step.name}", f"is not proven yet: {error}")
+        finally:
+            claim.release()
 
     def _remember(self, namespace: str, seen: Observed) -> None:
         """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
@@ -201,9 +262,10 @@ class StepWatch:
 
     # ---- the way back
 
-    def _due(self, namespace: str, seen: Observed, step: Step) -> None:
+    def _due(self, namespace: str, seen: Observed, due: Due) -> None:
+        step = due.step
         about = f"{namespace}/{step.name}"
-        waiting = self._waits(open_goals(self.ros, step), seen, step)
+        waiting = due.waits(open_goals(self.ros, step))
         if waiting:
             self._tell(about, f"is taken back when it rests: {waiting}")
             return
@@ -213,9 +275,9 @@ class StepWatch:
         try:
             claim.renew()
             # from here on nobody else changes the robot; what was due may be over by now
-            for again in self._steps(namespace, self.cluster.deployments(namespace)):
-                if again.key == step.key and seen.failing(again):
-                    self._go_back(claim, seen, again)
+            for again in self._steps(namespace, self.cluster.deployments(namespace), due.key):
+                if again.key == step.key and due.still(again):
+                    self._go_back(claim, replace(due, step=again))
         except LostError as error:  # goals that are held may be held for that one
             self._tell(about, f"is not taken back any further: {error}")
         finally:
@@ -226,27 +288,22 @@ class StepWatch:
         found = self.cluster.lease(namespace)
         return Claim(self.cluster, namespace, found, self._time) if version_of(found) == seen.version else None
 
-    def _waits(self, goals: Goals, seen: Observed, step: Step) -> str:
-        """What keeps a step from going back. One that came up once is not bad for what cannot be read."""
-        patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
-        return ", ".join([*goals.busy, *(goals.unknown if patient else ())])
-
-    def _go_back(self, claim: Claim, seen: Observed, step: Step) -> None:
+    def _go_back(self, claim: Claim, due: Due) -> None:
         """The Lease is renewed before all that may take its time, and before all that is written."""
+        step = due.step
         held = self._hold(claim, open_goals(self.ros, step))
         self.sleep(AGAIN)
         claim.renew()
-        if self._waits(open_goals(self.ros, step), seen, step):
+        if due.waits(open_goals(self.ros, step)):
             for action in held:
                 self.robot.release(action)
             return
         claim.renew()
         self._give_services_back(step)
-        reason = f"{seen.why(step)} after the run that began it had gone"
         for member in step.going_back:
             claim.renew()
-            self.cluster.apply(claim.namespace, restored(member, reason, self._time()))
-            self.log(f"{claim.namespace}: {member.name} was taken back: {reason}")
+            self.cluster.apply(claim.namespace, restored(member, due.reason, self._time()))
+            self.log(f"{claim.namespace}: {member.name} was taken back: {due.reason}")
         if claim.namespace == FLEET:  # the records are those of the robots that took the step
             for other in self.observed.values():
                 other.recorded = other.nothing = None

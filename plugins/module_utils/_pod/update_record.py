@@ -9,11 +9,11 @@ the keeper, or the next run.
 
 from __future__ import annotations
 
-import contextlib
 import json
 from typing import Any, Dict, Iterable, Mapping
 
 from .._step.objects import Object, annotations_of, app_of
+from .._step.record import Record
 from .._step.words import WENT_BACK
 
 NAME, KEY = "robot-updates", "updates.json"
@@ -24,7 +24,7 @@ REASON_KEPT = 1000  # a ConfigMap holds 1 MiB, and a metric's label and a log li
 CUT_OFF = "the run that began this step ended without a word"
 
 Event = Dict[str, Any]
-Told = Mapping[str, str]  # from, to: revisions; at: RFC 3339; reason
+Told = Mapping[str, str]  # from, to: revisions; at: RFC 3339; reason; run
 
 
 def events_of(record: Object) -> list[Event]:
@@ -41,16 +41,34 @@ def data_of(events: Iterable[Event]) -> dict[str, str]:
     return {KEY: json.dumps({"updates": list(events)}, indent=1, sort_keys=True) + "\n"}
 
 
-def ways_back(deployments: Iterable[Object]) -> dict[str, Told]:
-    """App -> what the keeper said of it when it took it back."""
-    found: dict[str, Told] = {}
-    for item in deployments:
-        with contextlib.suppress(ValueError, TypeError, AttributeError, KeyError):  # others may write there, too
-            told = json.loads(annotations_of(item).get(WENT_BACK) or "{}")
-            if told:
-                app = app_of(item)
-                found[app] = {key: str(told.get(key, "")) for key in ("from", "to", "at", "reason")}
-    return found
+def ways_back(deployments: Iterable[Object], records: Mapping[str, Record] | None = None) -> dict[str, Told]:
+    """App -> what the keeper said of it when it took it back.
+
+    With `records` only of the step that they are of: `kubectl rollout undo` brings an old note back.
+    """
+    found = {app_of(item): told for item in deployments if (told := went_back(item))}
+    if records is None:
+        return found
+    return {app: told for app, told in found.items() if app in records and by_run(told, records[app].run)}
+
+
+def went_back(item: Object) -> Told:
+    """What the keeper wrote on a Deployment; empty where it did not, or others wrote there, too."""
+    try:
+        told = json.loads(annotations_of(item).get(WENT_BACK) or "{}")
+        return {key: str(told.get(key, "")) for key in ("from", "to", "at", "reason", "run")} if told else {}
+    except (ValueError, AttributeError):
+        return {}
+
+
+def by_run(told: Told, run: str) -> bool:
+    """Whether it is of this run's step. Keepers before 1.0 did not say of which."""
+    return bool(told) and told["run"] in ("", run)
+
+
+def run_of(started: float) -> str:
+    """What a step is called in its records and marks: no two of one robot begin in the same second."""
+    return str(int(round(float(started), 3)))
 
 
 def back_in_words(told: Told) -> str:
@@ -60,7 +78,9 @@ def back_in_words(told: Told) -> str:
 
 def closed(event: Mapping[str, Any], told: Told | None) -> Event:
     """What became of a step whose run is gone. `told`: how the keeper took the app back, when nobody else did."""
-    if told and told["from"] == event.get("to") and event.get("outcome") != UPDATED:
+    # one that was found good has failed in the time for which it is watched
+    good = event.get("outcome") == UPDATED
+    if told and told["from"] == event.get("to") and (told["run"] == run_of(event["started"]) if good else True):
         return {**closed(event, None), "outcome": ROLLED_BACK, "reason": back_in_words(told)[:REASON_KEPT]}
     if event.get("outcome") not in (RUNNING, WAITING):
         return dict(event)

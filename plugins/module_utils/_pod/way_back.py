@@ -35,9 +35,10 @@ from .._step.objects import (
     rolled_out,
     suffix_of,
 )
-from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of
-from .._step.words import KEEPER, LEASE, LEASE_SECONDS, UPDATING, WENT_BACK
+from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of, record_of
+from .._step.words import KEEPER, LEASE, LEASE_SECONDS, SOAKING, UPDATING, WENT_BACK
 from .subset import is_in
+from .update_record import by_run, went_back
 
 FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
 
@@ -132,6 +133,11 @@ class Step:
         return max(member.record.ready_timeout for member in self.members)
 
     @property
+    def soak(self) -> float:
+        """Seconds for which it is watched before it is proven."""
+        return max(member.record.soak for member in self.members)
+
+    @property
     def rolled_out(self) -> bool:
         return all(rolled_out(member.deployment) for member in self.members)
 
@@ -159,13 +165,16 @@ def _is_bad(member: Member, came_up: bool) -> bool:
 
 def steps_of(found: Iterable[Member], deployments: Iterable[Object]) -> list[Step]:
     """The steps that the marked ones belong to; `deployments` are all there are."""
-    back = {name_of(item) for item in deployments if WENT_BACK in annotations_of(item) and mark_of(item) is None}
+    back = {name_of(item): went_back(item) for item in deployments if mark_of(item) is None}
     groups: dict[tuple[str, ...], list[Member]] = {}
     for member in found:
         if member.name != KEEPER:  # it takes back everything but itself
             groups.setdefault(member.apps, []).append(member)
     return [
-        Step(tuple(sorted(members, key=lambda one: place(one, apps))), bool(back.intersection(apps)))
+        Step(
+            tuple(sorted(members, key=lambda one: place(one, apps))),
+            any(by_run(back.get(app, {}), members[0].record.run) for app in apps),
+        )
         for apps, members in groups.items()
     ]
 
@@ -190,7 +199,8 @@ class Observed:
         self.came_up = frozenset(came_up)
         self.waited: dict[str, float] = {}  # step -> how long it was failing,
         self.rested: dict[str, float] = {}  # and since then was not
-        self._unchanged = self._passed = 0.0
+        self.passed = 0.0  # since the look before
+        self._unchanged = 0.0
         self._last: float | None = None
 
     def away(self) -> None:
@@ -199,11 +209,11 @@ class Observed:
 
     def lease(self, lease: Object | None, now: float) -> None:
         """A look begins: whether somebody takes steps here. It is free where it has no holder, or stood still."""
-        self._passed = 0.0 if self._last is None else now - self._last
+        self.passed = 0.0 if self._last is None else now - self._last
         self._last = now
         spec = (lease or {}).get("spec") or {}
         version = version_of(lease)
-        self._unchanged = self._unchanged + self._passed if version == self.version else 0.0
+        self._unchanged = self._unchanged + self.passed if version == self.version else 0.0
         self.version = version
         mine = holder_of(lease) in ("", KEEPER)
         self.free = mine or self._unchanged >= float(spec.get("leaseDurationSeconds") or LEASE_SECONDS)
@@ -216,12 +226,12 @@ class Observed:
         failing = [step for step in steps if self.failing(step)]
         known = {key: seconds for key, seconds in self.waited.items() if key in before or key not in self.came_up}
         self.rested = {
-            one.key: self.rested.get(one.key, 0.0) + self._passed
+            one.key: self.rested.get(one.key, 0.0) + self.passed
             for one in steps
             if one.key in known and one not in failing
         }
         resting = {key: known[key] for key, seconds in self.rested.items() if seconds < FORGIVEN}
-        waiting = {one.key: known[one.key] + self._passed if one.key in known else 0.0 for one in failing}
+        waiting = {one.key: known[one.key] + self.passed if one.key in known else 0.0 for one in failing}
         self.waited = {**resting, **waiting}
         return [step for step in failing if step.begun or self._died(step) or self._late(step)]
 
@@ -275,10 +285,16 @@ def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> di
     }
 
 
+def proven(record: Object) -> dict[str, Any]:
+    """The ConfigMap to apply once its version is proven; it is refused if somebody has written it since."""
+    metadata = {key: record["metadata"].get(key) for key in ("name", "namespace", "labels", "resourceVersion")}
+    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": record_of(record).fulfilled().data()}
+
+
 def restored(member: Member, reason: str, time: str) -> dict[str, Any]:
     """What to apply: the version before as it was applied, without the mark, and how it came back."""
     before = member.before or {}
-    notes = {key: value for key, value in annotations_of(before).items() if key != UPDATING}
+    notes = {key: value for key, value in annotations_of(before).items() if key not in (UPDATING, SOAKING)}
     told = {"from": revision_of(member.deployment), "to": revision_of(before), "at": time, "reason": reason}
-    notes[WENT_BACK] = json.dumps(told, sort_keys=True)
+    notes[WENT_BACK] = json.dumps({**told, "run": member.record.run}, sort_keys=True)
     return {**before, "metadata": {**before["metadata"], "annotations": notes}}

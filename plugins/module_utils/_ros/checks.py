@@ -65,7 +65,7 @@ def check_node(graph: Graph, name: str) -> Check:
     node = graph.nodes.get(name)
     if node is None:
         return Check("node", name, WAIT, "not registered with the master")
-    observed = {"uri": node.uri, "pid": node.pid}
+    observed = {"uri": node.uri, "pid": node.pid, "refused": node.refused}
     if not node.reachable:
         return Check("node", name, WAIT, f"registered, but down: {node.error}", observed)
     return Check("node", name, PASS, f"up, process {node.pid} at {node.uri}", observed)

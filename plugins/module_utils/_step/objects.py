@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, Mapping
+from typing import Any, Iterable, Iterator, Mapping
 
 from .._ros.graph import host_of
 from .words import APP, HANDOFF, HASH, NODE, REVISION
@@ -101,6 +101,17 @@ def error_of(pod: Object) -> str:
     ends = [state["terminated"] for state in _states(pod) if state.get("terminated")]
     codes = [end.get("exitCode", 0) for end in ends if LOST not in str(end.get("reason"))]
     return next((str(code) for code in codes if code not in STOPPED), "")
+
+
+def was_out_of_memory(pod: Object) -> bool:
+    """Whether the kernel ended a container of the pod because it took more memory than it may."""
+    return any((state.get("terminated") or {}).get("reason") == "OOMKilled" for state in _states(pod))
+
+
+def ends_of(pods: Iterable[Object]) -> int:
+    """How many lives of their containers have ended, and others begun."""
+    found = [one for pod in pods for one in (pod.get("status") or {}).get("containerStatuses") or []]
+    return sum(int(one.get("restartCount") or 0) for one in found)
 
 
 def _states(pod: Object) -> Iterator[Object]:

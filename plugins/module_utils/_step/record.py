@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Mapping, Sequence
 
 from .objects import Object, annotations_of, name_of, revision_of
-from .words import CONTRACT, HISTORY, UPDATING
+from .words import CONTRACT, HISTORY, SOAKING, UPDATING
 
 # The answers.
 INSTALLED = "installed"  # by an installation that has not proven it: no version before it was ever proven
@@ -31,7 +31,7 @@ READY_TIMEOUT = 180.0  # seconds, where the contract does not say it
 
 @dataclass(frozen=True)
 class Mark:
-    """What the annotation of a Deployment says. Collections before 1.0 wrote the run alone."""
+    """What such an annotation of a Deployment says. Collections before 1.0 wrote the run alone."""
 
     run: str
     revision: str = ""
@@ -40,9 +40,9 @@ class Mark:
         return f"{self.run} {self.revision}"
 
 
-def mark_of(deployment: Object | None) -> Mark | None:
+def mark_of(deployment: Object | None, key: str = UPDATING) -> Mark | None:
     """The mark that it carries, whatever that is worth."""
-    text = annotations_of(deployment).get(UPDATING)
+    text = annotations_of(deployment).get(key)
     if text is None:
         return None
     run, _space, revision = text.partition(" ")
@@ -80,6 +80,16 @@ class Record:
         return float(self.contract.get("ready_timeout") or READY_TIMEOUT)
 
     @property
+    def soak(self) -> float:
+        """Seconds for which the keeper watches the version, since its run has found it good; 0: it does not."""
+        return 0.0 if self.proven else float(self.contract.get("soak") or 0.0)
+
+    @property
+    def ends(self) -> int:
+        """How many of its containers' lives had ended when its run found it good."""
+        return int(self.contract.get("ends") or 0)
+
+    @property
     def before(self) -> Object | None:
         """The Deployment to go back to; None: there is none."""
         found: Object | None = self.history[0]["deployment"] if self.history else None
@@ -101,6 +111,10 @@ class Record:
     def fulfilled(self) -> Record:
         """Once its revision is proven."""
         return replace(self, contract={**self.contract, "proven": True})
+
+    def found_good(self, soak: float, ends: int) -> Record:
+        """Once its run has seen that it fulfils its contract, and leaves it to the keeper to prove it."""
+        return replace(self, contract={**self.contract, "soak": soak, "ends": ends})
 
     def data(self) -> dict[str, str]:
         """As the ConfigMap has it."""
@@ -143,6 +157,12 @@ def answer(deployment: Object, records: Mapping[str, Record]) -> str:
     if earlier:
         return PROVEN if proven or not record.is_by(mark_of(deployment), revision) else GOING_BACK
     return UNKNOWN  # nobody of ours has written it down
+
+
+def soaks(deployment: Object, records: Mapping[str, Record]) -> bool:
+    """Whether its run has found it good, and the keeper watches it before it is proven."""
+    record, revision = records.get(name_of(deployment), Record()), revision_of(deployment)
+    return record.soak > 0 and record.revision == revision and record.is_by(mark_of(deployment, SOAKING), revision)
 
 
 def _is_proven(record: Record, records: Mapping[str, Record]) -> bool:

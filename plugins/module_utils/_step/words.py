@@ -15,7 +15,8 @@ HANDOFF = "rosops.fleet/handoff"
 # annotations of a Deployment
 HASH = "rosops.fleet/spec-hash"  # of what was applied; of a pod template, too
 UPDATING = "rosops.fleet/updating"  # the mark of a step: see `record.Mark`
-WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, to, at, reason
+SOAKING = "rosops.fleet/soaking"  # the keeper watches it before it is proven: see `record.Mark`
+WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, to, at, reason, and the step's run
 # Deployments and their Services
 MASTER = "ros-master"
 KEEPER = "ros-keeper"

@@ -27,9 +27,8 @@ GO_BACK = (
     ("coordination.k8s.io", "leases", ("get", "create", "update")),
 )
 BEGIN_ANEW = (("", "pods/eviction", ("create",)), ("", "events", ("create",)))  # what hangs
-TELL = ("", "configmaps", ("patch",), update_record.NAME)
 FIND_ROBOTS = ("", "configmaps", ("list",))
-Rule = tuple[str, str, Sequence[str]] | tuple[str, str, Sequence[str], str]  # the last is the only object that is meant
+Rule = tuple[str, str, Sequence[str]] | tuple[str, str, Sequence[str], Sequence[str]]  # the last names what is meant
 
 
 def keeper_access(robot: Robot) -> list[Object]:
@@ -39,13 +38,21 @@ def keeper_access(robot: Robot) -> list[Object]:
     home = context.master_namespace(robot)
     objects = [
         _account(home, context.master_owner(robot)),
-        *_role(robot.namespace, robot.name, home, (*GO_BACK, *BEGIN_ANEW, TELL)),
+        *_role(robot.namespace, robot.name, home, (*GO_BACK, *BEGIN_ANEW, _tell(robot, robot.namespace))),
     ]
     if home == names.FLEET_NAMESPACE:
         labels = {**owner_labels(robot.name), names.LABEL_KEPT: "true"}
-        objects += _role(home, None, home, (*GO_BACK, *BEGIN_ANEW, FIND_ROBOTS))
+        objects += _role(home, None, home, (*GO_BACK, *BEGIN_ANEW, FIND_ROBOTS, _tell(robot, home)))
         objects.append(config_map(robot.namespace, home, labels, {}))
     return objects
+
+
+def _tell(robot: Robot, namespace: str) -> Rule:
+    """Say what became of a step, and that a version is proven: in the records of what runs there, and in no others."""
+    apps = [app.name for app in robot.apps if context.namespace_of(app, robot) == namespace]
+    master = [names.MASTER_NAME] if context.master_namespace(robot) == namespace else []
+    told = [update_record.NAME] if namespace == robot.namespace else []
+    return "", "configmaps", ("patch",), [*told, *map(names.update_name, [*master, *sorted(apps)])]
 
 
 def _account(namespace: str, owner: str | None) -> Object:
@@ -56,7 +63,12 @@ def _role(namespace: str, owner: str | None, home: str, rules: Sequence[Rule]) -
     """The Role in a namespace, given to the keeper whose account is in the namespace `home`."""
     metadata = _metadata(namespace, owner)
     allowed = [
-        {"apiGroups": [group], "resources": [kind], "verbs": list(verbs), **({"resourceNames": only} if only else {})}
+        {
+            "apiGroups": [group],
+            "resources": [kind],
+            "verbs": list(verbs),
+            **({"resourceNames": list(only[0])} if only else {}),
+        }
         for group, kind, verbs, *only in rules
     ]
     return [

@@ -9,13 +9,22 @@ from collections.abc import Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import way_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import beside, early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import MASTER_SECONDS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import Bounds, fulfilled, step_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import (
+    Bounds,
+    found_good,
+    fulfilled,
+    marked,
+    step_objects,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Now, Turn
@@ -255,7 +264,7 @@ class Gated:
         turn.trace(f"{step.name}: finish")
         try:
             result = turn.result(now, UPDATED)
-            turn.apply_all([*fulfilled(now.maps), *step.workloads, turn.events(None, [result])])
+            turn.apply_all([*self._found_good(), turn.events(None, [result])])
             # the new server may have been there before, and then the keeper waits for a next one
             if step.resume or step.drifted:
                 now.rest.release()
@@ -267,6 +276,19 @@ class Gated:
             reason = f"its mark could not be taken off ({error}); the next run does that"
             self.say(f"{step.name}: {reason}")
             return turn.result(now, UPDATED, reason)
+
+    def _found_good(self) -> list[Object]:
+        """That it is proven. Where a keeper can take it back that is the keeper's to say, after a while."""
+        turn, now, step = self.turn, self.now, self.step
+        apps = {*step.apps} - {names.KEEPER_NAME}
+        again = all(
+            any(entry["revision"] == step.after.get(app, {}).get("revision") for entry in step.histories.get(app, ()))
+            for app in apps
+        )
+        if step.proven or again or not (turn.keeper and turn.settings.soak and apps & {*step.previous}):
+            return [*fulfilled(now.maps), *step.workloads]
+        good = found_good(now.maps, turn.settings.soak, decide.new_pods(step, turn.read().pods))
+        return [*good, *marked(step.workloads, run_of(now.started), SOAKING)]
 
     # --- or back ----------------------------------------------------------------------------------------------------
 

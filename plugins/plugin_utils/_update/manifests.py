@@ -9,8 +9,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import annotations_of, app_of, revision_of
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
+    annotations_of,
+    app_of,
+    ends_of,
+    revision_of,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
@@ -64,6 +71,16 @@ def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:
     return [{**item, "data": record_of(item).fulfilled().data()} for item in maps]
 
 
+def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> list[dict[str, Any]]:
+    """The records of a step that its run has found good; `pods` are those of the new version."""
+    own: dict[str, list[Object]] = {}
+    for pod in pods:
+        own.setdefault(app_of(pod), []).append(pod)
+    return [
+        {**item, "data": record_of(item).found_good(soak, ends_of(own.get(app_of(item), ()))).data()} for item in maps
+    ]
+
+
 def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
     """No clock ends a contract: it counts for its revision until it says `proven`."""
     app, metadata = app_of(deployment), deployment["metadata"]
@@ -79,11 +96,6 @@ def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Boun
     }
 
 
-def run_of(started: float) -> str:
-    """What a step is called in its records and marks: no two of one robot begin in the same second."""
-    return str(int(started))
-
-
 def _history(app: str, step: Step, now: float) -> list[Mapping[str, Any]]:
     """Earlier versions, the last proven one first, each once."""
     before = step.previous.get(app)
@@ -94,12 +106,12 @@ def _history(app: str, step: Step, now: float) -> list[Mapping[str, Any]]:
     return [first, *rest][:HISTORY_KEPT]
 
 
-def marked(objects: Iterable[Object], run: str) -> list[dict[str, Any]]:
-    """The objects with the mark of an unproven version on the Deployments."""
+def marked(objects: Iterable[Object], run: str, key: str = UPDATING) -> list[dict[str, Any]]:
+    """The objects with the mark of an unproven version on the Deployments; SOAKING: of one that was found good."""
     found = []
     for item in objects:
         if item["kind"] == "Deployment":
-            mark = {names.ANNOTATION_UPDATING: str(Mark(run, revision_of(item)))}
+            mark = {key: str(Mark(run, revision_of(item)))}
             found.append({**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **mark}}})
         else:
             found.append(dict(item))

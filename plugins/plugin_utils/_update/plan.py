@@ -22,6 +22,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
     Record,
     answer,
     mark_of,
+    soaks,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
@@ -215,8 +216,11 @@ class _Robot:
         return key_of(item) in self.working and not self.records.get(app_of(item), Record()).history
 
     def _unproven(self, there: Object | None) -> bool:
-        """Whether somebody has to prove it: a step that was cut off, or nobody who has written it down, marked it."""
-        if there is None:
+        """Whether somebody has to prove it: a step that was cut off, or nobody who has written it down, marked it.
+
+        One that the keeper watches is the keeper's to prove, for as long as nothing else is wanted.
+        """
+        if there is None or soaks(there, self.records):
             return False
         found = answer(there, self.records)
         return found in UNPROVEN or (found == UNKNOWN and mark_of(there) is not None)

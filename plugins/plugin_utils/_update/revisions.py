@@ -23,6 +23,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
     answer,
     record_of,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING, WENT_BACK
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part, foreign_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
@@ -86,7 +87,7 @@ def kept(deployment: Object, whole: bool = False) -> dict[str, Any]:
         metadata = {key: value for key, value in deployment["metadata"].items() if key in own}
         spec = {key: value for key, value in deployment["spec"].items() if key != "paused"}  # nothing would go back
         part = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": metadata, "spec": spec}
-    passing = (names.ANNOTATION_UPDATING, names.ANNOTATION_WENT_BACK)  # of this time, not of the next
+    passing = (UPDATING, SOAKING, WENT_BACK)  # of this time, not of the next
     annotations = {key: text for key, text in annotations_of(part).items() if key not in passing}
     return {**part, "metadata": {**part["metadata"], "annotations": annotations}}
 

@@ -25,7 +25,8 @@ class Settings:
     since: Mapping[str, float] = field(default_factory=dict)  # step -> when it began to wait, by the clock's `now`
     earlier: Sequence[StepResult] = ()  # steps that have ended before, in this run of the playbook
     ready_timeout: float = 120.0
-    verify_seconds: float = 10.0
+    verify_seconds: float = 1.0
+    soak: float = 120.0  # for which a keeper watches a version that was found good, before it is proven
     rate_tolerance: float = 0.1
     rate_seconds: float = 1.0
     check: bool = False

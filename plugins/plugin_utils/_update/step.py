@@ -95,9 +95,10 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
 
 
 def _running(step: Step, app: str, records: Mapping[str, Record]) -> Record | None:
-    """What was proven of the version that is to be replaced."""
+    """What was proven of the version that is to be replaced, or found good by its run."""
     record, before = records.get(app), step.before.get(app, {})
-    return record if record and record.proven and record.revision == before.get("revision") else None
+    good = record and (record.proven or record.soak) and record.revision == before.get("revision")
+    return record if good else None
 
 
 def _missing(contract: Contract, graph: Graph) -> list[str]:

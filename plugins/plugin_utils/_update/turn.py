@@ -31,6 +31,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import NO_GRAPH, Gate, with_rates
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
@@ -169,7 +170,7 @@ class Turn(Hands):
     def events(self, now: Now | None, ended: Sequence[StepResult] = (), word: str = "") -> Object:
         """The record with this run's steps: those that have ended, and the one at hand, which runs or does this."""
         running = self.result(now, word) if now else None
-        back = ways_back(self.live.deployments)
+        back = ways_back(self.live.deployments, read_records(self.live.maps))
         return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
 
     def untold(self) -> list[Object]:
@@ -194,6 +195,7 @@ class Turn(Hands):
         others = [one for one in outdated(self.live.pods, self.settings.known) if one.app not in taken]
         events = known_events(self.live.maps, self.robot.name)
         known = {str(event.get("reason")) for event in events if NEWS not in event}
-        told = {app: back_in_words(one) for app, one in ways_back(self.live.deployments).items()}
-        back = [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
-        return [*back, *dict.fromkeys(f"{one.app} {one.what}; {TODO}" for one in others)]
+        back = ways_back(self.live.deployments, read_records(self.live.maps))
+        told = {app: back_in_words(one) for app, one in back.items()}
+        new = [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
+        return [*new, *dict.fromkeys(f"{one.app} {one.what}; {TODO}" for one in others)]

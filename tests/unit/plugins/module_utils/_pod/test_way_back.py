@@ -141,14 +141,16 @@ def test_a_group_goes_back_together_providers_first() -> None:
 def test_a_group_of_which_one_is_back_already_goes_on_at_once() -> None:
     apps = ["camera", "lidar"]
     back = live(OLD, marked=False, ready=True)
-    back["metadata"]["annotations"][WENT_BACK] = "{}"
-    lidar = member(live(version("lidar", 2), ready=True), left(version("lidar", 1), apps=apps))
+    back["metadata"]["annotations"][WENT_BACK] = '{"from": "rev2", "run": "7"}'
+    lidar = member(live(version("lidar", 2), ready=True), left(version("lidar", 1), apps=apps, run="7"))
     (step,) = steps_of([lidar], [back, lidar.deployment])
     seen = Observed()
     seen.lease(None, 0.0)
     assert seen.due([step]) == [step]
+    later = member(lidar.deployment, left(version("lidar", 1), apps=apps, run="8"))
+    assert not steps_of([later], [back, lidar.deployment])[0].begun  # a note that `kubectl rollout undo` brought back
     marked_again = live(OLD)
-    marked_again["metadata"]["annotations"][WENT_BACK] = "{}"
+    marked_again["metadata"]["annotations"][WENT_BACK] = '{"from": "rev2", "run": "7"}'
     (step,) = steps_of([lidar], [marked_again])
     assert not step.failing(came_up=False)
 
@@ -339,10 +341,11 @@ def test_another_version_has_to_come_up_itself() -> None:
 def test_it_applies_the_version_before_as_it_was_and_says_so() -> None:
     stale = json.loads(json.dumps(OLD))
     stale["metadata"]["annotations"] |= {UPDATING: "900", WENT_BACK: "{}"}
-    body = way_back.restored(member(live(NEW), left(stale)), "not ready 200 s", "2026-01-02T03:04:05.000000Z")
+    body = way_back.restored(member(live(NEW), left(stale, run="7")), "not ready 200 s", "2026-01-02T03:04:05.000000Z")
     told = json.loads(body["metadata"]["annotations"].pop(WENT_BACK))
     assert body == OLD
-    assert told == {"from": "rev2", "to": "rev1", "at": "2026-01-02T03:04:05.000000Z", "reason": "not ready 200 s"}
+    said = {"from": "rev2", "to": "rev1", "at": "2026-01-02T03:04:05.000000Z", "reason": "not ready 200 s"}
+    assert told == {**said, "run": "7"}
 
 
 def test_the_lease_is_written_as_electors_do() -> None:

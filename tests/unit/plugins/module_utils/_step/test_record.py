@@ -18,8 +18,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
     answer,
     mark_of,
     record_of,
+    soaks,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import UPDATING
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 
 APP = "camera"
 OLD, NEW, OTHER = "rev1", "rev2", "rev9"
@@ -122,6 +123,36 @@ def test_a_record_is_read_as_it_was_written() -> None:
     assert record_of({"data": written.data()}) == written
     assert record_of({"data": written.fulfilled().data()}).proven
     assert (record_of(None), record_of({"data": None})) == (Record(), Record())
+
+
+SOAKED = {"soak": 120.0, "ends": 1}
+
+
+@pytest.mark.parametrize(
+    ("said", "revision", "note", "watched"),
+    [
+        (SOAKED, NEW, f"7 {NEW}", True),
+        (SOAKED, NEW, "", False),  # somebody took it off
+        (SOAKED, NEW, f"6 {NEW}", False),  # brought back by `kubectl rollout undo`
+        (SOAKED, OLD, f"7 {NEW}", False),
+        (SOAKED, OLD, f"7 {OLD}", False),
+        ({}, NEW, f"7 {NEW}", False),
+        ({**SOAKED, "proven": True}, NEW, f"7 {NEW}", False),
+    ],
+)
+def test_what_the_keeper_watches(said: dict[str, Any], revision: str, note: str, *, watched: bool) -> None:
+    there = deployment(revision)
+    there["metadata"]["annotations"] = {SOAKING: note} if note else {}
+    assert soaks(there, {APP: record(OLD, **said)}) is watched
+    assert soaks(there, {}) is False
+
+
+def test_what_is_watched_is_on_trial_until_it_is_proven() -> None:
+    good = record(OLD).found_good(120.0, 1)
+    assert (good.soak, good.ends, good.proven) == (120.0, 1, False)
+    assert answer(deployment(NEW), {APP: good}) == ON_TRIAL
+    assert answer(deployment(NEW), {APP: good.fulfilled()}) == PROVEN
+    assert good.fulfilled().soak == 0.0
 
 
 @pytest.mark.parametrize("text", ["", "no JSON", "[]", "{}", "[3]", '[{"revision": "x"}]', '[{"deployment": 3}]'])

@@ -8,6 +8,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 GO_BACK = {
@@ -18,11 +19,15 @@ GO_BACK = {
     ("", "pods/eviction"): {"create"},  # of what hangs
     ("", "events"): {"create"},
 }
-OWN = {**GO_BACK, ("", "configmaps robot-updates"): {"patch"}}
+# of the records those of what runs there: for a robot with an own master of that, too
+OWN = {**GO_BACK, ("", "configmaps robot-updates ros-master-update camera-update"): {"patch"}}
+SHARED = {**GO_BACK, ("", "configmaps robot-updates camera-update"): {"patch"}}
+FLEET = {**GO_BACK, ("", "configmaps"): {"get", "list"}, ("", "configmaps ros-master-update map-update"): {"patch"}}
 
 
 def of(mode: str) -> list[dict[str, Any]]:
-    return keeper_access(robot(name="r1", master={"mode": mode}))
+    apps = [app("camera"), *([app("map", scope="fleet")] if mode == "shared" else [])]
+    return keeper_access(robot(*apps, name="r1", master={"mode": mode}))
 
 
 def allowed(role: dict[str, Any]) -> dict[tuple[str, str], set[str]]:
@@ -61,8 +66,8 @@ def test_a_shared_masters_keeper_may_do_so_for_each_robot_that_told_it() -> None
         ("RoleBinding", "fleet", "ros-keeper"),
         ("ConfigMap", "fleet", "robot-r1"),
     ]
-    assert allowed(objects[1]) == OWN
-    assert allowed(objects[3]) == {**GO_BACK, ("", "configmaps"): {"get", "list"}}
+    assert allowed(objects[1]) == SHARED
+    assert allowed(objects[3]) == FLEET
     for binding in (objects[2], objects[4]):
         assert binding["subjects"] == [{"kind": "ServiceAccount", "name": "ros-keeper", "namespace": "fleet"}]
     assert objects[5]["metadata"]["labels"]["rosops.fleet/kept"] == "true"

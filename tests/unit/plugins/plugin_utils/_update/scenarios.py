@@ -82,7 +82,7 @@ INFRASTRUCTURE = ("master", "keeper-and-master")  # whoever takes steps back for
 
 
 def settings(**more: Any) -> Settings:
-    return Settings(**{"ready_timeout": 30.0, "busy_timeout": 60.0, **more})
+    return Settings(**{"ready_timeout": 30.0, "busy_timeout": 60.0, "verify_seconds": 10.0, **more})
 
 
 def begin(name: str, version: str) -> tuple[Simulation, Robot]:

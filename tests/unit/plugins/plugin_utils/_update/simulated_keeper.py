@@ -13,6 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod import step_watc
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import Cluster
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import (
@@ -64,7 +65,7 @@ class SimulatedKeeper:
             self.sim.later(pause, self.look)
 
     def _marked(self) -> list[Object]:
-        return [item for item in self._deployments() if names.ANNOTATION_UPDATING in item["metadata"]["annotations"]]
+        return [item for item in self._deployments() if {UPDATING, SOAKING} & {*item["metadata"]["annotations"]}]
 
     def _deployments(self) -> list[dict[str, Any]]:
         return [item for key, item in self.sim.objects.items() if key[0] == "Deployment"]
@@ -143,7 +144,10 @@ class SimulatedKeeper:
         return {
             "metadata": {"labels": {names.LABEL_APP: pod.app, names.LABEL_REVISION: pod.revision}},
             "spec": {},
-            "status": {"podIP": f"10.42.0.{pod.uid}", "containerStatuses": [{"state": state, "lastState": last}]},
+            "status": {
+                "podIP": f"10.42.0.{pod.uid}",
+                "containerStatuses": [{"state": state, "lastState": last, "restartCount": pod.restarts}],
+            },
         }
 
     def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
@@ -157,6 +161,13 @@ class SimulatedKeeper:
             assert self.sim.holder == names.KEEPER_NAME, f"the keeper takes {key} back without the Lease"
             assert key in self.sim.objects, f"the keeper makes {key}"
         self.sim.write(body)
+
+    def unmark(self, _namespace: str, item: Object, key: str) -> None:
+        self._ask()
+        assert self.sim.holder == names.KEEPER_NAME, f"the keeper proves {item['metadata']['name']} without the Lease"
+        there = self.sim.objects["Deployment", item["metadata"]["namespace"], item["metadata"]["name"]]
+        notes = {name: text for name, text in there["metadata"]["annotations"].items() if name != key}
+        self.sim.write(there, {**there, "metadata": {**there["metadata"], "annotations": notes}})
 
     # --- its robot --------------------------------------------------------------------------------------------------
 

@@ -47,7 +47,7 @@ HOLD = 60.0  # the longest that the keeper holds goals
 
 @dataclass(frozen=True)
 class Version:
-    """`crash_at`, `hang_at`: seconds after its start; `crashes` is how often."""
+    """`crash_at`, `hang_at`, `worse_at`: seconds after its start; `crashes` is how often, `worse` what it does less."""
 
     starts: bool = True
     connects: bool = True
@@ -56,11 +56,13 @@ class Version:
     crash_at: float = FOREVER
     crashes: int = 0
     hang_at: float = FOREVER
+    worse_at: float = FOREVER
+    worse: str = ""
 
     @property
     def late(self) -> bool:
         """Whether it passes for a good one at first, so that the old one has gone when it shows what it is."""
-        return self.hang_at < FOREVER or FOREVER > self.crash_at > PROBE
+        return min(self.hang_at, self.worse_at) < FOREVER or FOREVER > self.crash_at > PROBE
 
     @property
     def good(self) -> bool:
@@ -79,7 +81,10 @@ VERSIONS = {
     "crashes-at-once": Version(crash_at=0.4, crashes=999),
     "crashes-when-ready": Version(crash_at=5.0, crashes=999),
     "hangs": Version(hang_at=5.0),
-    **{f"crashes-after-{seconds}": Version(crash_at=float(seconds), crashes=999) for seconds in (1, 3, 5, 8)},
+    **{f"crashes-after-{seconds}": Version(crash_at=float(seconds), crashes=999) for seconds in (1, 3, 5, 8, 30, 90)},
+    "sends-less-after-30": Version(worse_at=30.0, worse="rate"),
+    "loses-its-edges-after-30": Version(worse_at=30.0, worse="edges"),
+    "offers-less-after-30": Version(worse_at=30.0, worse="topics"),
     "crashes-after-5-once": Version(crash_at=5.0, crashes=1),
 }
 
@@ -305,6 +310,8 @@ class SimulatedRobot:
             self.later(pod.version.crash_at, lambda: self.crash(pod, start))
         if pod.version.hang_at < FOREVER:
             self.later(pod.version.hang_at, lambda: self.hang(pod, start))
+        if pod.version.worse:
+            self.later(pod.version.worse_at, lambda: self.worsen(pod, start))
         pod.process = self.process_of(pod)
         self.changed()
         self.later(REGISTER, lambda: self.enter(pod, start))
@@ -359,6 +366,20 @@ class SimulatedRobot:
             pod.process.alive = False  # ready all the same: the kubelet asks a pod that is at work nothing
             self.changed()
 
+    def worsen(self, pod: Pod, start: int) -> None:
+        """It runs on, and gives less."""
+        process = pod.process
+        if pod.gone or pod.restarts != start or process is None:
+            return
+        if pod.version.worse == "rate":
+            process.topics = {name: hz / 2 for name, hz in process.topics.items()}
+        elif pod.version.worse == "topics":
+            process.topics = {}
+            self.register(process)
+        else:
+            process.connects = False
+        self.changed()
+
     def enter(self, pod: Pod, start: int) -> None:
         """Its node registers, as soon as there is a master."""
         if pod.gone or pod.restarts != start or not pod.up or pod.app in INFRASTRUCTURE:
@@ -395,7 +416,8 @@ class SimulatedRobot:
 
     def broken_promise(self, pod: Pod, process: Process) -> str:
         contract = self.contract(pod)
-        if not contract or contract.get("proven") or contract["revision"] != pod.revision:
+        judged = contract and (contract.get("proven") or contract.get("soak"))
+        if not contract or judged or contract["revision"] != pod.revision:
             return ""
         lacking = [name for name in contract["services"] if name not in process.services]
         lacking += [name for name in contract["topics"] if name not in topics_of(process)]

@@ -22,6 +22,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Ch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras, Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.heard import Heard, check_value
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -397,7 +398,7 @@ class Simulation(SimulatedRobot):
                 item["metadata"]["annotations"]
             )
             self.reconcile(deployment_key(item))
-            if names.ANNOTATION_UPDATING in item["metadata"]["annotations"]:
+            if {UPDATING, SOAKING} & {*item["metadata"]["annotations"]}:
                 self.keeper.begin()
 
 

@@ -1,0 +1,110 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A version that its run found good, and that shows later what it is, goes back by the shipped keeper."""
+
+from __future__ import annotations
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import ON_TRIAL, PROVEN, answer
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
+    OLD,
+    SCENARIOS,
+    begin,
+    outcome_of,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
+from ansible_collections.rosops.fleet.tests.unit.robots import robot
+
+HANDOFFS = ("overlap", "drain", "replace", "launch", "group")
+LATE = ("crashes-after-30", "crashes-after-90", "sends-less-after-30", "loses-its-edges-after-30")
+SOAK = Settings().soak
+ROBOT = "robot-robot1"
+
+
+def apps_of(name: str) -> list[str]:
+    return [one.name for one in SCENARIOS[name].robot(OLD).apps]
+
+
+def images(sim: Simulation, name: str) -> set[str]:
+    found = (sim.objects["Deployment", ROBOT, one]["spec"]["template"]["spec"] for one in apps_of(name))
+    return {pod["containers"][0]["image"] for pod in found}
+
+
+def said(sim: Simulation, name: str) -> set[str]:
+    """What the versions of its apps are."""
+    records = read_records([item for key, item in sim.objects.items() if key[0] == "ConfigMap"])
+    return {answer(sim.objects["Deployment", ROBOT, one], records) for one in apps_of(name)}
+
+
+def after(sim: Simulation, name: str) -> tuple[set[str], set[str]]:
+    """Once its time is over: what the apps are, and their images."""
+    sim.settle(SOAK + 60.0)
+    return said(sim, name), images(sim, name)
+
+
+@pytest.mark.parametrize("name", HANDOFFS)
+def test_a_good_version_is_on_trial_for_a_while_and_changes_nothing_by_that(name: str) -> None:
+    sim, wanted = begin(name, "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert said(sim, name) == {ON_TRIAL}
+    assert outcome_of(sim, wanted).outcome == "unchanged"
+    pods = [pod.uid for pod in sim.pods if not pod.gone]
+    assert after(sim, name) == ({PROVEN}, {image("good")})
+    assert sim.keeper.said[-1].endswith(f" good for {SOAK:.0f} s: proven")
+    assert [pod.uid for pod in sim.pods if not pod.gone] == pods
+    assert outcome_of(sim, wanted).outcome == "unchanged"
+
+
+# nothing of the others has a rate
+RATED = ("overlap", "replace", "group")
+
+
+@pytest.mark.parametrize(
+    ("name", "version"),
+    [(name, late) for name in HANDOFFS for late in LATE if name in RATED or late != "sends-less-after-30"],
+)
+def test_one_that_goes_bad_in_that_time_is_taken_back(name: str, version: str) -> None:
+    sim, wanted = begin(name, version)
+    sim.prove = lambda _item: None  # type: ignore[method-assign] # it is good as far as anybody can see
+    sim.is_proven = lambda *_given: None  # type: ignore[method-assign]
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert after(sim, name) == ({PROVEN}, {OLD})
+    told = " ".join(sim.keeper.said)
+    assert f", within {SOAK:.0f} s of the update" in told, told
+    assert '"outcome": "rolled-back"' in sim.events(), sim.events()
+    assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged"
+
+
+def test_the_next_version_may_come_meanwhile() -> None:
+    sim, wanted = begin("overlap", "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    sim.advance(30.0)
+    newer = robot(app("sensor", image("good", 2), placement="local"))
+    assert outcome_of(sim, newer).outcome == "updated"
+    assert after(sim, "overlap") == ({PROVEN}, {image("good", 2)})
+
+
+def test_a_robot_that_is_away_meanwhile_is_not_taken_back() -> None:
+    sim, wanted = begin("overlap", "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    sim.robot_until = sim.time + 60.0
+    sim.settle(60.0)
+    assert after(sim, "overlap") == ({PROVEN}, {image("good")})
+
+
+def test_without_a_keeper_the_run_proves_it() -> None:
+    sim, wanted = begin("overlap", "good")
+    assert outcome_of(sim, wanted, soak=0.0).outcome == "updated"
+    assert said(sim, "overlap") == {PROVEN}
+
+
+def test_a_version_that_was_proven_before_is_not_watched_again() -> None:
+    sim, wanted = begin("overlap", "good")
+    assert outcome_of(sim, wanted).outcome == "updated"
+    assert after(sim, "overlap")[0] == {PROVEN}
+    assert outcome_of(sim, SCENARIOS["overlap"].robot(OLD)).outcome == "updated"
+    assert said(sim, "overlap") == {PROVEN}
