@@ -9,11 +9,13 @@ last wave nobody waits: the keepers watch all the same, and status and the next 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ansible import constants as C  # noqa: N812 - its customary name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
@@ -38,8 +40,9 @@ class ActionModule(ClusterAction):
         robot, host = robot_from_vars(known), str(known["inventory_hostname"])
         shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(robot) else []
         with self.cluster(params, known) as kube, cancellable():
+            stand = functools.partial(voice.stand, host)
             cluster = KubeCluster(kube, self.say(known), run_name(known))
-            found = trial(cluster, [robot.namespace, *shared], revisions(outcome), MonotonicClock())
+            found = trial(cluster, [robot.namespace, *shared], revisions(outcome), MonotonicClock(), stand)
             if found.outcome == UPDATED:
                 return result
             keep_early(kube, host, found.outcome, found.reason, changed=True)

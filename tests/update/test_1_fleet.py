@@ -68,7 +68,7 @@ def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> Non
 @pytest.mark.promise("an update of a whole fleet loses nothing")
 def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch = fleet.watch()
-    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"])
+    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"], update_soak=20)
     assert run.status == 0, run
     assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
     for robot, pods in fleet.pods().items():

@@ -77,6 +77,29 @@ def test_crashing_version_ends_the_waves(fleet: Fleet) -> None:
     watch.assert_nothing_lost(goals=False)
 
 
+@pytest.mark.parametrize(
+    "after",
+    [
+        pytest.param(5),
+        pytest.param(30, marks=pytest.mark.promise("a version that goes bad later is taken back before the next wave")),
+        pytest.param(90),
+    ],
+)
+def test_version_that_crashes_later(fleet: Fleet, after: float) -> None:
+    """The run finds it good. The robot's keeper watches on, and the second robot's wave waits for what it sees."""
+    before = fleet.revisions()
+    both = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=after)
+    both = fleet.new_version("robot2", "add-two-ints", on=both)
+    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0)
+    assert run.status == 2, run
+    assert run.outcomes == {"robot1": "rolled-back", "robot2": "unchanged"}, run
+    assert "add-two-ints ended once with exit code 1, within 120 s of the update" in run.host("robot1")["reason"], run
+    assert "not begun: robot1 failed" in run.host("robot2")["reason"], run
+    fleet.wait_settled()
+    assert fleet.revisions() == before
+    fleet.watch().assert_nothing_lost("robot1", goals=False)
+
+
 def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
     """The budget allows one failure, so the other robot is updated."""
     before = fleet.running()

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import back_in_words, ways_back
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
@@ -13,14 +13,20 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.record import s
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Clock, Cluster, Live
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Clock, Cluster, Live, unheard
 
 LOOK_SECONDS = 5.0
 LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each look may take its time
 
 
-def trial(cluster: Cluster, namespaces: Sequence[str], new: Mapping[str, str], clock: Clock) -> RobotOutcome:
-    """What became of a robot whose apps were updated; `new` is app -> revision. KubeError."""
+def trial(
+    cluster: Cluster,
+    namespaces: Sequence[str],
+    new: Mapping[str, str],
+    clock: Clock,
+    trace: Callable[[str], None] = unheard,
+) -> RobotOutcome:
+    """What became of a robot whose apps were updated; `new` is app -> revision, `trace` hears of what. KubeError."""
     began = clock.now()
     while True:
         live = cluster.read(namespaces)
@@ -38,6 +44,7 @@ def trial(cluster: Cluster, namespaces: Sequence[str], new: Mapping[str, str], c
                 f"the robot's keeper has said for {spent:.0f} s neither that {', '.join(watched)} stays good nor that "
                 "it does not; see its log (kubectl logs deploy/ros-keeper)",
             )
+        trace(f"waits whether {', '.join(watched)} stays good for {seconds:.0f} s")
         clock.sleep(LOOK_SECONDS)
 
 

@@ -5,9 +5,13 @@
 from __future__ import annotations
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import ON_TRIAL, PROVEN, answer
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.trial import trial
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,
@@ -15,7 +19,10 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     outcome_of,
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import Simulation
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import (
+    SimulatedCluster,
+    Simulation,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -77,6 +84,39 @@ def test_one_that_goes_bad_in_that_time_is_taken_back(name: str, version: str) -
     assert f", within {SOAK:.0f} s of the update" in told, told
     assert '"outcome": "rolled-back"' in sim.events(), sim.events()
     assert outcome_of(sim, SCENARIOS[name].robot(OLD)).outcome == "unchanged"
+
+
+def waited_for(sim: Simulation, wanted: Robot) -> RobotOutcome:
+    """What the next wave waits for."""
+    assert outcome_of(sim, wanted).outcome == "updated"
+    new = {"sensor": sim.deployment((ROBOT, "sensor"))}
+    sim.quiet = lambda *_given: None  # type: ignore[method-assign] # Ansible's own process says that a task goes on
+    return trial(SimulatedCluster(sim), [ROBOT], {app: revision_of(one) for app, one in new.items() if one}, sim)
+
+
+def test_the_next_wave_begins_once_it_is_proven() -> None:
+    sim, wanted = begin("overlap", "good")
+    assert waited_for(sim, wanted) == RobotOutcome("updated")
+    assert said(sim, "overlap") == {PROVEN}
+    assert trial(SimulatedCluster(sim), [ROBOT], {"sensor": "another"}, sim) == RobotOutcome("updated")
+
+
+def test_the_next_wave_learns_that_it_was_taken_back() -> None:
+    sim, wanted = begin("overlap", "crashes-after-30")
+    sim.prove = lambda _item: None  # type: ignore[method-assign]
+    sim.is_proven = lambda *_given: None  # type: ignore[method-assign]
+    found = waited_for(sim, wanted)
+    assert found.outcome == "rolled-back"
+    assert found.reason.startswith("sensor: the keeper went back from "), found
+    assert found.reason.endswith(": sensor ended once with exit code 1, within 120 s of the update"), found
+
+
+def test_a_keeper_that_says_nothing_is_a_failure_with_words() -> None:
+    sim, wanted = begin("overlap", "good")
+    sim.keeper.begin = lambda: None  # type: ignore[method-assign]
+    found = waited_for(sim, wanted)
+    assert found.outcome == "failed"
+    assert found.reason.startswith("the robot's keeper has said for 300 s neither that sensor stays good nor that")
 
 
 def test_the_next_version_may_come_meanwhile() -> None:
