@@ -116,7 +116,7 @@ def test_a_keeper_that_says_nothing_is_a_failure_with_words() -> None:
     sim.keeper.begin = lambda: None  # type: ignore[method-assign]
     found = waited_for(sim, wanted)
     assert found.outcome == "failed"
-    assert found.reason.startswith("the robot's keeper has said for 300 s neither that sensor stays good nor that")
+    assert found.reason.startswith("the robot's keeper has said for 302 s neither that sensor stays good nor that")
 
 
 def test_the_next_version_may_come_meanwhile() -> None:
