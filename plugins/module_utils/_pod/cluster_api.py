@@ -91,6 +91,17 @@ class Cluster:
             self._robots = (self.now(), sorted(name_of(item) for item in found))
         return [self.home, *self._robots[1]]
 
+    def leases(self) -> dict[str, Object | None]:
+        """Namespace -> its Lease, of all that are looked at; for many it is one request, too."""
+        spaces = self.namespaces()
+        if self.home != FLEET:
+            return {name: self.lease(name) for name in spaces}
+        # out of the server's memory, as a single one
+        query = {"fieldSelector": f"metadata.name={LEASE}", "resourceVersion": "0"}
+        found = self._send("GET", f"/{GROUPS['Lease']}/leases", query).get("items") or []
+        there = {str(item["metadata"]["namespace"]): item for item in found}
+        return {name: there.get(name) for name in spaces}
+
     def lease(self, namespace: str) -> Object | None:
         # out of the server's memory: an older one is refused when it is written
         return self._get(_path(namespace, "Lease", LEASE), {"resourceVersion": "0"})

@@ -4,8 +4,8 @@
 """The keeper beside steps of updates: it takes back what `way_back` says, as the run would have that is gone, and what
 does not stay good (`soak`).
 
-A look costs one small request, the robot's Lease. Only where that has changed, and nobody has it, the Deployments are
-looked at, and what the run left open in the record of updates is closed.
+A look costs one request, for the Leases of all robots. Only where one has changed, and nobody has it, the Deployments
+are looked at, and what the run left open in the record of updates is closed.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from .soak import Soak
 from .watchdog import Watchdog, left
 from .way_back import Observed, Step, lease_of, member_of, proven, restored, steps_of, version_of
 
-LOOK = 10.0  # seconds between two looks at a namespace,
-LEAST = 1.0  # but no more looks than this: with a hundred robots each of them has to wait
+LOOK = 10.0  # seconds between two looks
 HOLD = 300.0  # for the old server to come back: goals are held so long
 CLUSTER = "the cluster"
 AGAIN = 0.5  # between "idle" and "idle still"
@@ -93,7 +92,7 @@ class Due:
 
 
 class StepWatch:
-    """Looks at one namespace after the other."""
+    """Looks at all namespaces, and longer where something is due."""
 
     def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
         self,
@@ -112,7 +111,6 @@ class StepWatch:
         self.came_up = _texts(record.load(STEPS))
         self.observed: dict[str, Observed] = {}
         self.soaks: dict[str, Soak] = {}
-        self.turn: list[str] = []
         self.said: dict[str, str] = {}
 
     def run(self) -> None:
@@ -125,22 +123,35 @@ class StepWatch:
             self.sleep(pause)
 
     def look(self) -> float:
-        """At the next namespace; seconds until the one after it. An API that is away is looked for again later."""
-        where, pause = CLUSTER, LOOK
+        """At all namespaces; seconds until the next look. An API that is away is looked for again later."""
         try:
-            spaces = self.cluster.namespaces()
-            self.turn = [name for name in self.turn if name in spaces] or list(spaces)
-            pause, where = max(LEAST, LOOK / len(spaces)), self.turn.pop(0)
-            self._look(where, self.observed.setdefault(where, Observed(self.came_up.get(where, ()))))
-            self._tell(where, "")
+            leases = self.cluster.leases()
             self._tell(CLUSTER, "")
         except FleetError as error:
-            for seen in self.observed.values() if where == CLUSTER else [self.observed[where]]:
+            self._away(CLUSTER, error)
+            return LOOK
+        began = self.now()
+        known = {name: self.observed.get(name) or Observed(self.came_up.get(name, ())) for name in leases}
+        self.observed = known
+        for namespace, seen in known.items():
+            seen.lease(leases[namespace], began)
+        for namespace, seen in known.items():
+            try:
+                self._look(namespace, seen)
+                self._tell(namespace, "")
+            except FleetError as error:
+                if not (isinstance(error, ApiError) and error.status):
+                    self._away(namespace, error)
+                    break
+                # what answers with a refusal is not away: a robot that may not be read keeps nobody from the others
                 seen.away()
-            self._tell(where, str(error))
-            # what answers with a refusal is not away: a robot that may not be read keeps nobody from the others
-            return pause if isinstance(error, ApiError) and error.status else LOOK
-        return pause
+                self._tell(namespace, str(error))
+        return LOOK
+
+    def _away(self, where: str, error: FleetError) -> None:
+        for seen in self.observed.values():
+            seen.away()
+        self._tell(where, str(error))
 
     def rests(self) -> bool:
         """Whether, as far as was seen, nobody takes a step, and none has been left."""
@@ -156,7 +167,6 @@ class StepWatch:
 
     def _look(self, namespace: str, seen: Observed) -> None:
         """What is the whole fleet's has a Lease of its own, too."""
-        seen.lease(self.cluster.lease(namespace), self.now())
         if not seen.free:
             self.soaks.pop(namespace, None)  # what is to come may be another version
             return

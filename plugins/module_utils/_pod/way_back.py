@@ -297,4 +297,6 @@ def restored(member: Member, reason: str, time: str) -> dict[str, Any]:
     notes = {key: value for key, value in annotations_of(before).items() if key not in (UPDATING, SOAKING)}
     told = {"from": revision_of(member.deployment), "to": revision_of(before), "at": time, "reason": reason}
     notes[WENT_BACK] = json.dumps({**told, "run": member.record.run}, sort_keys=True)
-    return {**before, "metadata": {**before["metadata"], "annotations": notes}}
+    metadata = {**before["metadata"], "annotations": notes}
+    there = member.deployment["metadata"].get("resourceVersion")  # refused if somebody has written it since
+    return {**before, "metadata": {**metadata, **({"resourceVersion": there} if there else {})}}

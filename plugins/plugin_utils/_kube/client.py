@@ -54,6 +54,7 @@ READ_SECONDS = 30.0
 PATIENCE = 60.0  # a server that is just restarting is back by then, also on a small computer
 SAID_FROM, SAID_EVERY = 5.0, 20.0  # a wait that takes longer is said
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
+FENCED = ("Deployment",)  # what the keeper writes, too
 RACES = 5  # somebody else may write an object between our look at it and our write
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one
 # Who owns the fields that the collection applies. Server-side apply removes a field that its owner no longer sends:
@@ -341,12 +342,15 @@ class Kube:
         done: list[Applied] = []
         for ref, obj in wanted:
             try:
-                before = present.get(ref) if ref in present else self.get(ref)
+                fenced = ref.kind in FENCED and not dry_run
+                before = present.get(ref) if ref in present and not fenced else self.get(ref)
                 foreign = foreign_fields(before, obj, MANAGER) if before and ref.kind in OURS_ALONE else {}
                 if foreign and not dry_run:
                     self._take_over(ref, obj)
-                # Two robots that create the same object at once: one of them is told 409, and finds it there then.
-                after = self._object("PATCH", self._path(ref), query, obj, APPLY, also=(409,))
+                if fenced and before:
+                    after = self._fenced(ref, obj, query)
+                else:  # two robots that create the same object at once: one is told 409, and finds it there then
+                    after = self._object("PATCH", self._path(ref), query, obj, APPLY, also=(409,))
                 if foreign and dry_run:  # which cannot foresee it
                     after = without_fields(after, foreign_fields(after, obj, MANAGER))
             except ApiError as exc:
@@ -358,6 +362,23 @@ class Kube:
                 before, after = None, dict(obj)
             done.append(applied(ref, before, after))
         return done
+
+    def _fenced(self, ref: Ref, wanted: Mapping[str, Any], query: Mapping[str, Any]) -> Object:
+        """Apply it to the object as it is now.
+
+        A request that hangs in the API server while this run loses its Lease is refused when it gets through: whoever
+        has the Lease by then has written the object.
+        """
+        for tries in range(1, RACES + 1):
+            there = self.get(ref) or {"metadata": {}}
+            version = there["metadata"].get("resourceVersion")
+            body = {**wanted, "metadata": {**wanted["metadata"], **({"resourceVersion": version} if version else {})}}
+            try:
+                return self._object("PATCH", self._path(ref), query, body, APPLY)
+            except ApiError as exc:
+                if exc.status != 409 or tries == RACES:
+                    raise
+        raise AssertionError("the last try returns or raises")
 
     def _take_over(self, ref: Ref, wanted: Mapping[str, Any]) -> None:
         """Make what others put into the object ours, so that it goes when we do not apply it."""

@@ -27,6 +27,7 @@ GO_BACK = (
     ("coordination.k8s.io", "leases", ("get", "create", "update")),
 )
 BEGIN_ANEW = (("", "pods/eviction", ("create",)), ("", "events", ("create",)))  # what hangs
+LEASES = ("coordination.k8s.io", "leases", ("list",))  # of all robots at once: where something may be due
 FIND_ROBOTS = ("", "configmaps", ("list",))
 Rule = tuple[str, str, Sequence[str]] | tuple[str, str, Sequence[str], Sequence[str]]  # the last names what is meant
 
@@ -43,6 +44,7 @@ def keeper_access(robot: Robot) -> list[Object]:
     if home == names.FLEET_NAMESPACE:
         labels = {**owner_labels(robot.name), names.LABEL_KEPT: "true"}
         objects += _role(home, None, home, (*GO_BACK, *BEGIN_ANEW, FIND_ROBOTS, _tell(robot, home)))
+        objects += _role("", None, home, (LEASES,))
         objects.append(config_map(robot.namespace, home, labels, {}))
     return objects
 
@@ -60,7 +62,8 @@ def _account(namespace: str, owner: str | None) -> Object:
 
 
 def _role(namespace: str, owner: str | None, home: str, rules: Sequence[Rule]) -> list[Object]:
-    """The Role in a namespace, given to the keeper whose account is in the namespace `home`."""
+    """The Role in a namespace, or without one in the cluster, given to the keeper with its account in `home`."""
+    kind = "Role" if namespace else "ClusterRole"
     metadata = _metadata(namespace, owner)
     allowed = [
         {
@@ -72,16 +75,17 @@ def _role(namespace: str, owner: str | None, home: str, rules: Sequence[Rule]) -
         for group, kind, verbs, *only in rules
     ]
     return [
-        {"apiVersion": f"{RBAC}/v1", "kind": "Role", "metadata": metadata, "rules": allowed},
+        {"apiVersion": f"{RBAC}/v1", "kind": kind, "metadata": metadata, "rules": allowed},
         {
             "apiVersion": f"{RBAC}/v1",
-            "kind": "RoleBinding",
+            "kind": f"{kind}Binding",
             "metadata": metadata,
-            "roleRef": {"apiGroup": RBAC, "kind": "Role", "name": names.KEEPER_NAME},
+            "roleRef": {"apiGroup": RBAC, "kind": kind, "name": names.KEEPER_NAME},
             "subjects": [{"kind": "ServiceAccount", "name": names.KEEPER_NAME, "namespace": home}],
         },
     ]
 
 
 def _metadata(namespace: str, owner: str | None) -> Mapping[str, Any]:
-    return {"name": names.KEEPER_NAME, "namespace": namespace, "labels": owner_labels(owner)}
+    where = {"namespace": namespace} if namespace else {}
+    return {"name": names.KEEPER_NAME, **where, "labels": owner_labels(owner)}

@@ -33,7 +33,7 @@ EVICTED = [
 def hanging(seconds: float = 500.0, **notes: str) -> World:
     """A robot at rest, one node of which does not answer."""
     world = World()
-    world.leases[NAMESPACE] = lease("", 3)
+    world.leases_now[NAMESPACE] = lease("", 3)
     world.pods_now = [pod("camera", ADDRESSES["camera"], **notes), KEEPER]
     world.uris["/camera"] = URI
     world.silence = Silence({"/camera": (URI, seconds)})
@@ -72,15 +72,15 @@ def test_nobody_takes_a_step_meanwhile() -> None:
     """Neither is one disturbed that is under way, nor does one begin that would find the pod gone."""
     world = hanging()
     for number in range(4, 20):
-        world.leases[NAMESPACE] = lease("host 77", number)
+        world.leases_now[NAMESPACE] = lease("host 77", number)
         world.run(LOOK)
     assert world.done == []
     world = hanging()
     find, looks = world.lease, iter(range(100))
 
     def taken_after_the_look(namespace: str) -> dict[str, Any] | None:
-        if next(looks) == 1:
-            world.leases[NAMESPACE] = lease("host 77", 50)
+        if next(looks) == 0:
+            world.leases_now[NAMESPACE] = lease("host 77", 50)
         return find(namespace)
 
     world.lease = taken_after_the_look  # type: ignore[method-assign]
@@ -93,7 +93,7 @@ def test_a_lease_that_is_taken_just_then_is_the_other_ones() -> None:
     write = world.write_lease
 
     def taken_first(namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
-        world.leases[NAMESPACE] = lease("host 77", 50)
+        world.leases_now[NAMESPACE] = lease("host 77", 50)
         return write(namespace, body)
 
     world.write_lease = taken_first  # type: ignore[method-assign]
@@ -221,7 +221,7 @@ def test_an_api_that_is_away_is_weather() -> None:
     world = hanging()
     world.away = True
     world.run(5 * LOOK)
-    assert (world.done, world.said) == ([], [f"{NAMESPACE}: {AWAY}"])
+    assert (world.done, world.said) == ([], [f"the cluster: {AWAY}"])
     world.away = False
     world.run(LOOK)
     assert world.done == EVICTED

@@ -41,7 +41,7 @@ def allowed(role: dict[str, Any]) -> dict[tuple[str, str], set[str]]:
 
 
 def places(objects: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
-    return [(one["kind"], one["metadata"]["namespace"], one["metadata"]["name"]) for one in objects]
+    return [(one["kind"], one["metadata"].get("namespace", ""), one["metadata"]["name"]) for one in objects]
 
 
 def test_a_robots_keeper_may_go_back_in_the_robots_namespace_and_do_nothing_else() -> None:
@@ -64,13 +64,17 @@ def test_a_shared_masters_keeper_may_do_so_for_each_robot_that_told_it() -> None
         ("RoleBinding", "robot-r1", "ros-keeper"),
         ("Role", "fleet", "ros-keeper"),
         ("RoleBinding", "fleet", "ros-keeper"),
+        ("ClusterRole", "", "ros-keeper"),
+        ("ClusterRoleBinding", "", "ros-keeper"),
         ("ConfigMap", "fleet", "robot-r1"),
     ]
     assert allowed(objects[1]) == SHARED
     assert allowed(objects[3]) == FLEET
-    for binding in (objects[2], objects[4]):
+    for binding in (objects[2], objects[4], objects[6]):
         assert binding["subjects"] == [{"kind": "ServiceAccount", "name": "ros-keeper", "namespace": "fleet"}]
-    assert objects[5]["metadata"]["labels"]["rosops.fleet/kept"] == "true"
+    assert allowed(objects[5]) == {("coordination.k8s.io", "leases"): {"list"}}
+    assert objects[6]["roleRef"]["kind"] == "ClusterRole"
+    assert objects[7]["metadata"]["labels"]["rosops.fleet/kept"] == "true"
 
 
 def test_nobody_keeps_an_external_master() -> None:
@@ -88,5 +92,6 @@ def test_it_is_there_before_the_pod_that_needs_it(mode: str) -> None:
     assert account in places([one for one in objects if one["kind"] != "Namespace"])
     assert pod["automountServiceAccountToken"] is True
     spaces = [one["metadata"]["name"] for one in objects if one["kind"] == "Namespace"]
-    assert {one["metadata"]["namespace"] for one in objects if one["kind"] != "Namespace"} <= set(spaces)
+    inside = [one for one in objects if one["kind"] != "Namespace" and not one["kind"].startswith("ClusterRole")]
+    assert {one["metadata"]["namespace"] for one in inside} <= set(spaces)
     assert objects[0]["kind"] == "Namespace"

@@ -94,6 +94,9 @@ class SimulatedKeeper:
         self._ask()
         return sorted({item["metadata"]["namespace"] for item in self._deployments()})
 
+    def leases(self) -> dict[str, dict[str, Any]]:
+        return {name: self.lease(name) for name in self.namespaces()}
+
     def lease(self, _namespace: str) -> dict[str, Any]:
         """The runs' one Lease, whichever namespace they claim."""
         self._ask()
