@@ -84,7 +84,8 @@ class Killed(BaseException):
 
 
 class Simulation(SimulatedRobot):
-    """`fault` strikes at the call of number `at`, counted from 1 in every run; the count goes on in `calls`."""
+    """`fault` strikes at the call of number `at`, counted from 1 in every run, and one more where `then` says so; the
+    count goes on in `calls`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -93,7 +94,8 @@ class Simulation(SimulatedRobot):
         self.holder, self.renewed = "", FOREVER  # of the Lease; when it was renewed last, if nobody does any more
         self.claims = 0  # of the Lease, so far
         self.keeper = SimulatedKeeper(self)
-        self.fault, self.at = "", 0
+        self.faults: dict[int, str] = {}  # at which call
+        self.phase, self.phases = "", list[str]()  # where the run stands, and where it stood at each of its calls
         self.calls: list[str] = []
         self.said: list[str] = []
         self.brought: list[str] | None = None  # by the last run that brought any
@@ -136,20 +138,23 @@ class Simulation(SimulatedRobot):
             self.register(process)
         self.touched = set()
 
-    def run(self, robot: Robot, settings: Settings, fault: str = "", at: int = 0) -> RobotOutcome | None:
+    def run(
+        self, robot: Robot, settings: Settings, fault: str = "", at: int = 0, then: tuple[int, str] = (0, "")
+    ) -> RobotOutcome | None:
         """One run with the truth of its word; None where the control node was killed."""
         self.calls, self.said, self.touched, self.silent, self.checking = [], [], set(), 0.0, settings.check
-        self.fault, self.at, self.verify_seconds = fault, at, settings.verify_seconds
+        self.faults, self.verify_seconds = {at: fault, then[0]: then[1]}, settings.verify_seconds
+        self.phase, self.phases = "", []
         self.unheld, self.cancelled, self.begun = True, False, self.time
         before = self.before = {key: obj for key, obj in self.objects.items() if key[0] == "Deployment"}
         engine = self.engine = Engine(
-            robot, settings, World(SimulatedCluster(self), SimulatedHost(self), self, self.say)
+            robot, settings, World(SimulatedCluster(self), SimulatedHost(self), self, self.say, self.stands)
         )
         try:
             outcome = engine.run()
         except Killed:
             return None
-        self.fault, self.engine_changes, self.left = "", engine.changes, engine.left
+        self.faults, self.engine_changes, self.left = {}, engine.changes, engine.left
         self.truth(engine, outcome, before)
         return outcome
 
@@ -190,18 +195,22 @@ class Simulation(SimulatedRobot):
         self.silent = 0.0
         self.said.append(text)
 
+    def stands(self, phase: str) -> None:
+        self.phase = phase
+
     # --- faults -----------------------------------------------------------------------------------------------------
 
     def restore(self) -> None:
         """The faults are over; what they did is not undone."""
         self.api_until = self.robot_until = self.master_until = -1.0
-        self.skew, self.fault = 0.0, ""
+        self.skew, self.faults = 0.0, {}
 
     @contextlib.contextmanager
     def call(self, name: str, seconds: float, loud: bool = False, what: object = None) -> Iterator[str]:
         """One call of the engine; what it gets is the fault that strikes in its middle."""
         self.calls.append(name)
-        fault = self.fault if len(self.calls) == self.at else ""
+        self.phases.append(self.phase)
+        fault = self.faults.get(len(self.calls), "")
         began = self.time
         if fault and name == "release":
             self.unheld = False

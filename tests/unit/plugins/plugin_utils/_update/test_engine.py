@@ -8,6 +8,7 @@ the next run has to bring the robot to where a run without one would have brough
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 
@@ -31,6 +32,7 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 # all of it takes minutes: that is for ROSOPS_TEST_ALL
 SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 16
+PAIRS = 32 if os.environ.get("ROSOPS_TEST_ALL") else 1024
 
 
 def converge(sim: Simulation, wanted: Robot, version: str) -> None:
@@ -72,6 +74,38 @@ def test_faults_at_every_call(name: str, version: str) -> None:
         runs += 3
     print(f"{name}, {version}: {len(calls)} calls, {runs} runs")  # shown by pytest -rP
     assert runs >= 40
+    assert not wrong, "\n".join(wrong)
+
+
+def pairs(name: str, version: str, phases: Sequence[str]) -> list[tuple[str, int, int, str]]:
+    """Two faults in one run: each pair, the first at a phase's first call, the second at one of the next six.
+
+    One of every `PAIRS`. Of a run that was killed nothing is left that a second one could strike.
+    """
+    firsts = [at for at in range(1, len(phases) + 1) if at == 1 or phases[at - 1] != phases[at - 2]]
+    found = [
+        (first, at, at + 1 + number % 6, second)
+        for number, (first, second) in enumerate(itertools.product(FAULTS, FAULTS))
+        for at in firsts
+        if first not in ("killed", "half-killed")
+    ]
+    return found[MATRIX.index((name, version)) :: PAIRS]
+
+
+@pytest.mark.parametrize(("name", "version"), MATRIX)
+def test_two_faults_in_one_run(name: str, version: str) -> None:
+    sim, wanted = begin(name, version)
+    sim.run(wanted, settings())
+    drawn, wrong = pairs(name, version, sim.phases), []
+    for first, at, then, second in drawn:
+        sim, wanted = begin(name, version)
+        try:
+            sim.run(wanted, settings(), first, at, (then, second))
+            sim.restore()
+            converge(sim, wanted, version)
+        except AssertionError as error:
+            wrong.append(f"{first} at {at}, {second} at {then}: {error}".splitlines()[0])
+    print(f"{name}, {version}: {len(drawn)} pairs of faults")  # shown by pytest -rP
     assert not wrong, "\n".join(wrong)
 
 

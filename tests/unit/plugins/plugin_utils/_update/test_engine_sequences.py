@@ -55,9 +55,9 @@ class Operators(RuleBasedStateMachine):
     def want_the_first_again(self) -> None:
         self.version, self.image = "good", OLD
 
-    @rule(fault=faults, at=calls)
-    def run_it(self, fault: str, at: int) -> None:
-        self.sim.run(self.robot, settings(), fault, at)
+    @rule(fault=faults, at=calls, then=st.tuples(calls, faults))
+    def run_it(self, fault: str, at: int, then: tuple[int, str]) -> None:
+        self.sim.run(self.robot, settings(), fault, at, then)
 
     @rule(fault=faults, at=calls)
     def run_it_back(self, fault: str, at: int) -> None:
