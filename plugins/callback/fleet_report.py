@@ -90,6 +90,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import LOOK, Silence
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Standing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
+from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream.ansible_core import identity, playbook_file
 
 CORE = (2, 19)  # as in meta/runtime.yml
 COLOURS = {
@@ -169,13 +170,13 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     @harmless
     def v2_playbook_on_start(self, playbook: Any) -> None:
-        self.playbook = Path(str(playbook._file_name)).name
-        self.ahead = {play._uuid for play in playbook.get_plays()}
+        self.playbook = Path(playbook_file(playbook)).name
+        self.ahead = {identity(play) for play in playbook.get_plays()}
         self.beside.enter_context(ticking(LOOK, self.silence.look))
 
     @harmless
     def v2_playbook_on_play_start(self, play: Any) -> None:
-        self.ahead.discard(play._uuid)
+        self.ahead.discard(identity(play))
         manager = play.get_variable_manager()
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.silence.begins(play.get_name().strip())
@@ -194,7 +195,9 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         self.silence.begins(name_of(task))
         for_all = task.run_once is True or task.any_errors_fatal is True
         self.report.task(
-            task._uuid, TaskInfo(name_of(task), str(task.action), stage_of(task), for_all), time.monotonic()
+            identity(task),
+            TaskInfo(name_of(task), str(task.action), stage_of(task), for_all),
+            time.monotonic(),
         )
 
     def _host(self, result: Any) -> str:
@@ -205,19 +208,21 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
 
     @harmless
     def v2_runner_on_ok(self, result: Any) -> None:
-        self.report.ok(result.task._uuid, self._host(result), secret_free(result), time.monotonic())
+        self.report.ok(identity(result.task), self._host(result), secret_free(result), time.monotonic())
 
     @harmless
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:
-        self.report.failed(result.task._uuid, self._host(result), secret_free(result), time.monotonic(), ignore_errors)
+        self.report.failed(
+            identity(result.task), self._host(result), secret_free(result), time.monotonic(), ignore_errors
+        )
 
     @harmless
     def v2_runner_on_skipped(self, result: Any) -> None:
-        self.report.skipped(result.task._uuid, self._host(result), time.monotonic())
+        self.report.skipped(identity(result.task), self._host(result), time.monotonic())
 
     @harmless
     def v2_runner_on_unreachable(self, result: Any) -> None:
-        self.report.unreachable(result.task._uuid, self._host(result), secret_free(result), time.monotonic())
+        self.report.unreachable(identity(result.task), self._host(result), secret_free(result), time.monotonic())
 
     # --- the report -------------------------------------------------------------------------------------------------
 

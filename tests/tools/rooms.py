@@ -30,8 +30,9 @@ HOST_ROOMS: dict[str, tuple[str, ...]] = {
 }
 # These may import every room for hosts, too: what is applied and judged there is written here.
 CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
-    "_model": (),
-    "_kube": ("_model",),
+    "_upstream": (),
+    "_model": ("_upstream",),
+    "_kube": ("_upstream", "_model"),
     "_images": ("_model",),
     "_k3s": ("_model",),
     "_preflight": ("_model",),
@@ -42,7 +43,7 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_validate": ("_model", "_objects", "_observability"),
     "_update": ("_model", "_kube", "_images", "_objects", "_observability"),
     # what actions share: how they run modules on the host at hand, and what an update calls the ways in which they fail
-    "_action": ("_model", "_kube", "_images", "_update"),
+    "_action": ("_upstream", "_model", "_kube", "_images", "_update"),
     "_rehearsal": ("_model",),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }

@@ -46,7 +46,7 @@ WRONG = {
     ),
     "upward on the control node": (
         {"plugin_utils/_kube/watch.py": f"from {FULL}.plugin_utils._update.plan import Step\n"},
-        "plugins/plugin_utils/_kube/watch.py: imports plugins.plugin_utils._update.plan.Step; _kube stands on _model",
+        "plugins/plugin_utils/_kube/watch.py: imports plugins.plugin_utils._update.plan.Step; _kube stands on _upstream _model",
     ),
     "a host on the control node": (
         {"module_utils/_host/k3s.py": "from ...plugin_utils._model.names import label\n"},
@@ -90,7 +90,7 @@ WRONG = {
     ),
     "a file on the stairs": (
         {"plugin_utils/plan.py": ""},
-        "plugins/plugin_utils/plan.py: lies in no room of plugin_utils; they are _model ",
+        "plugins/plugin_utils/plan.py: lies in no room of plugin_utils; they are _upstream _model ",
     ),
     "a room that is not planned": (
         {"module_utils/_misc/things.py": ""},

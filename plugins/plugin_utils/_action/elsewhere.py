@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ansible.executor.task_executor import TaskExecutor
-from ansible.playbook.task import Task
+from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
 
 
 def run_on(plugin: Any, known: Mapping[str, Any], host: str, command: str) -> dict[str, Any]:
@@ -18,30 +17,14 @@ def run_on(plugin: Any, known: Mapping[str, Any], host: str, command: str) -> di
     Neither the command's output nor its failure is shown, at no verbosity. Ansible's own executor does it: whatever an
     inventory says about connections, keys and privileges holds.
     """
-    hostvars, own = known["hostvars"], plugin._task
-    manager = hostvars._variable_manager  # the action gets it no other way
-    task = Task.load(
+    return ansible_core.run_task(
+        plugin,
+        known,
         {
-            "name": own.get_name(),
             "ansible.builtin.raw": command,
             "delegate_to": host,
             "become": True,
             "no_log": True,
             "check_mode": False,
         },
-        block=own._parent,
-        variable_manager=manager,
-        loader=plugin._loader,
     )
-    executor = TaskExecutor(
-        hostvars._inventory.get_host(str(known["inventory_hostname"])),
-        task,
-        dict(known),
-        plugin._play_context.copy(),
-        plugin._loader,
-        plugin._shared_loader_obj,
-        None,  # the queue of retries and of asynchronous tasks, and this is neither
-        manager,
-    )
-    found: dict[str, Any] = executor.run()
-    return found

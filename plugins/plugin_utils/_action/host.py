@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
+
 SUDO_ASKS = (
     "a limited rate is rsync's, and rsync cannot hand over the password for sudo: allow sudo without one for rsync on "
     "this host, or leave out images_rate_limit"
@@ -29,21 +31,16 @@ class ActionHost:
 
     def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
         """Run a module by its full name. The host's log does not get the arguments of a `secret` one."""
-        task = self.plugin._task
-        self.plugin._task = self._task(name, args)
-        self.plugin._task.no_log = secret or task.no_log
-        try:
-            found: dict[str, Any] = self.plugin._execute_module(name, dict(args), task_vars=self.task_vars)
-        finally:
-            self.plugin._task = task
-        return found
+        task = self._task(name, args)
+        task.no_log = secret or ansible_core.task_of(self.plugin).no_log
+        return ansible_core.run_module(self.plugin, task, self.task_vars)
 
     def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:
         """Copy a file of the control node, mode 0600; with rsync and its --bwlimit where there is a `rate_limit`."""
         if rate_limit:
-            if self.plugin._play_context.become and self.plugin._play_context.become_pass:
+            if ansible_core.asks_for_a_password(self.plugin):
                 return {"failed": True, "msg": SUDO_ASKS}
-            ssh, checked = self.plugin._connection, "host_key_checking"
+            ssh, checked = ansible_core.connection_of(self.plugin), "host_key_checking"
             options = {
                 "archive": False,
                 "partial": True,
@@ -61,22 +58,10 @@ class ActionHost:
 
     def action(self, name: str, args: Mapping[str, Any], diff: bool = False) -> dict[str, Any]:
         """Run another action plugin; it gets copies of what it may change for itself, as synchronize does."""
-        plugin = self.plugin
-        other = plugin._shared_loader_obj.action_loader.get(
-            name,
-            task=self._task(name, args, diff),
-            connection=plugin._connection,
-            play_context=plugin._play_context.copy(),
-            loader=plugin._loader,
-            templar=plugin._templar,
-            shared_loader_obj=plugin._shared_loader_obj,
-        )
-        if other is None:
-            return {"failed": True, "msg": f"{name} is not installed on the control node"}
-        found: dict[str, Any] = other.run(task_vars=dict(self.task_vars))
-        return found
+        found = ansible_core.run_action(self.plugin, self._task(name, args, diff), self.task_vars)
+        return found or {"failed": True, "msg": f"{name} is not installed on the control node"}
 
     def _task(self, name: str, args: Mapping[str, Any], diff: bool = False) -> Any:
-        task = self.plugin._task.copy()
+        task = ansible_core.task_of(self.plugin).copy()
         task.action, task.args, task.check_mode, task.diff = name, dict(args), self.check_mode, diff
         return task

@@ -16,6 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
 
 TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
 
@@ -26,7 +27,7 @@ class RobotHost(ActionHost):
     def there(self) -> None:
         """Whether it can be reached: the cheapest answer that a host can give."""
         with self._told("reaching it"):
-            self.plugin._low_level_execute_command("true", sudoable=False)
+            ansible_core.run_command(self.plugin, "true")
 
     def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
         with self._told(name):

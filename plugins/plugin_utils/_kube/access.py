@@ -18,12 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from ansible_collections.kubernetes.core.plugins.module_utils.args_common import AUTH_ARG_SPEC
-from ansible_collections.kubernetes.core.plugins.module_utils.k8s.client import (
-    _create_auth_spec,
-    _create_configuration,
-    _create_headers,
-)
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import kubernetes_core
 
 try:
     from kubernetes import config as kube_config
@@ -68,11 +64,11 @@ def access_from(params: Mapping[str, Any], environment: bool = True) -> Access:
         )
     given = given_options(params)
     with contextlib.nullcontext() if environment else _without_environment():
-        auth = _create_auth_spec(None, **given)
-        own_headers = _create_headers(None, **given)
+        auth = kubernetes_core.create_auth_spec(None, **given)
+        own_headers = kubernetes_core.create_headers(None, **given)
     _look_for(auth.get("kubeconfig"))
     try:
-        configuration = _create_configuration(auth)
+        configuration = kubernetes_core.create_configuration(auth)
     except Exception as exc:  # the client's loader lets through what YAML, files and plugins raise
         where = auth["kubeconfig"] if isinstance(auth.get("kubeconfig"), str) else "kubeconfig"
         why = " ".join(str(exc).split())
@@ -128,10 +124,5 @@ def _source(auth: Mapping[str, Any]) -> str:
 
 
 def forget_key_files() -> None:
-    """Remove the files that the client made of a kubeconfig's inline keys.
-
-    It does so at the interpreter's exit, but Ansible's worker processes end without that.
-    """
-    clean = getattr(kube_config.kube_config, "_cleanup_temp_files", None)
-    if clean:
-        clean()
+    """Remove the files that the client made of a kubeconfig's inline keys."""
+    kubernetes_core.remove_key_files(kube_config)

@@ -10,6 +10,7 @@ from typing import Any
 
 from ansible.template import Templar
 from ansible.vars.hostvars import HostVars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
 
 
 class HostVariables(Mapping[str, Mapping[str, Any]]):
@@ -27,8 +28,8 @@ class HostVariables(Mapping[str, Mapping[str, Any]]):
             raise KeyError(host)
         if not isinstance(self._hostvars, HostVars):
             return self._hostvars[host]
-        # there is no public way to the loader, which knows where the inventory's files are
-        return _Templated({**self._hostvars.raw_get(host), "hostvars": self._hostvars}, self._hostvars._loader)
+        variables = {**self._hostvars.raw_get(host), "hostvars": self._hostvars}
+        return _Templated(variables, ansible_core.loader_of(self._hostvars))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._hostvars)

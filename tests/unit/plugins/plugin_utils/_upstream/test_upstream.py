@@ -1,0 +1,110 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What ansible-core and kubernetes.core do behind the private names that this collection uses."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from typing import Any
+
+import yaml
+from ansible.executor.task_executor import TaskExecutor
+from ansible.inventory.manager import InventoryManager
+from ansible.parsing.dataloader import DataLoader
+from ansible.playbook import Playbook
+from ansible.playbook.play_context import PlayContext
+from ansible.playbook.task import Task
+from ansible.plugins import loader as plugin_loader
+from ansible.plugins.action import ActionBase
+from ansible.template import Templar
+from ansible.vars.hostvars import HostVars
+from ansible.vars.manager import VariableManager
+from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core, kubernetes_core
+from kubernetes import config as kube_config
+
+
+class Plugin(ActionBase):  # type: ignore[misc] # ansible-core carries no types
+    def run(self, tmp: Any = None, task_vars: Any = None) -> dict[str, Any]:
+        return dict(super().run(tmp, task_vars))
+
+
+def made() -> tuple[Plugin, dict[str, Any]]:
+    """An action plugin at its task on this host, and the host's variables."""
+    plugin_loader.init_plugin_loader()
+    loader = DataLoader()
+    inventory = InventoryManager(loader, ["localhost,"])
+    manager = VariableManager(loader, inventory)
+    task = Task.load({"ansible.builtin.ping": None}, variable_manager=manager, loader=loader)
+    context = PlayContext()
+    context.connection = "ansible.builtin.local"
+    connection = plugin_loader.connection_loader.get("ansible.builtin.local", context)
+    host = inventory.get_host("localhost")
+    host.set_variable("ansible_connection", "local")
+    known = {
+        **manager.get_vars(host=host, task=task),
+        "inventory_hostname": "localhost",
+        "hostvars": HostVars(inventory, manager, loader),
+    }
+    return Plugin(task, connection, context, loader, Templar(loader, variables=known), plugin_loader), known
+
+
+def test_another_module_runs_in_the_place_of_the_tasks_own() -> None:
+    plugin, known = made()
+    own = ansible_core.task_of(plugin)
+    task = own.copy()
+    task.action, task.args = "ansible.builtin.command", {"argv": ["echo", "here"]}
+    assert ansible_core.run_module(plugin, task, known)["stdout"] == "here"
+    assert ansible_core.task_of(plugin) is own
+
+
+def test_another_action_runs_with_the_tasks_connection(tmp_path: Path) -> None:
+    plugin, known = made()
+    task = ansible_core.task_of(plugin).copy()
+    task.action, task.args = "ansible.builtin.copy", {"dest": str(tmp_path / "file"), "content": "here"}
+    assert ansible_core.run_action(plugin, task, known)
+    assert (tmp_path / "file").read_text() == "here"
+    task.action = "nobody.has.it"
+    assert ansible_core.run_action(plugin, task, known) is None
+
+
+def test_a_command_runs_over_the_connection() -> None:
+    plugin, _known = made()
+    ansible_core.run_command(plugin, "true")
+    assert ansible_core.connection_of(plugin).transport == "local"
+    assert not ansible_core.asks_for_a_password(plugin)
+
+
+def test_a_whole_task_is_made_and_executed_as_it_is_made_here() -> None:
+    """That it works over SSH is shown by playbooks/test_elsewhere."""
+    names = [*inspect.signature(TaskExecutor.__init__).parameters]
+    assert names[:9] == [
+        "self", "host", "task", "job_vars", "play_context", "loader", "shared_loader_obj", "final_q",
+        "variable_manager",
+    ]  # fmt: skip
+    plugin, known = made()
+    assert known["hostvars"]._inventory.get_host("localhost").name == "localhost"
+    assert ansible_core.loader_of(known["hostvars"]) is plugin._loader
+
+
+def test_a_run_names_its_file_its_plays_and_tasks(tmp_path: Path) -> None:
+    file = tmp_path / "site.yml"
+    file.write_text(yaml.safe_dump([{"hosts": "all", "tasks": [{"ansible.builtin.ping": {}}]}]))
+    playbook = Playbook.load(str(file), variable_manager=VariableManager(DataLoader()), loader=DataLoader())
+    assert ansible_core.playbook_file(playbook) == str(file)
+    (play,) = playbook.get_plays()
+    assert len(ansible_core.identity(play)) > 30
+
+
+def test_options_become_the_clients_configuration() -> None:
+    auth = kubernetes_core.create_auth_spec(None, host="https://192.0.2.1:6443", api_key="t", validate_certs=False)
+    assert auth["host"] == "https://192.0.2.1:6443"
+    assert kubernetes_core.create_configuration(auth).host == "https://192.0.2.1:6443"
+    assert kubernetes_core.create_headers(None, no_proxy="x") == {}
+
+
+def test_the_clients_key_files_go() -> None:
+    path = Path(kube_config.kube_config._create_temp_file_with_content("secret"))
+    assert path.exists()
+    kubernetes_core.remove_key_files(kube_config)
+    assert not path.exists()
