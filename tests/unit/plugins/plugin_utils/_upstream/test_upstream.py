@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 from pathlib import Path
 from typing import Any
@@ -29,9 +30,14 @@ class Plugin(ActionBase):  # type: ignore[misc] # ansible-core carries no types
         return dict(super().run(tmp, task_vars))
 
 
+@functools.cache
+def _loaded() -> None:
+    plugin_loader.init_plugin_loader()
+
+
 def made() -> tuple[Plugin, dict[str, Any]]:
     """An action plugin at its task on this host, and the host's variables."""
-    plugin_loader.init_plugin_loader()
+    _loaded()
     loader = DataLoader()
     inventory = InventoryManager(loader, ["localhost,"])
     manager = VariableManager(loader, inventory)
