@@ -11,6 +11,8 @@ from datetime import datetime
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
     app_of,
     crashes,
@@ -86,7 +88,7 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     return Gate(
         _contracts(step, graph, own, kept, follows),
         [*_problems(step, graph, own), *_images_missing(step, images or {})],
-        [*_down(down, graph), *_warnings(graph, nodes)],
+        [*_down(down, graph), *_warnings(graph, nodes), *_nameless(graph, live.pods)],
         Calm([*resting, *_silent(step, records, live.pods, graph)], step.when, step.windows),
         [*allowed(graph, sorted(nodes), step.intended), *_outage(step, own)],
         ros_contract.rated(graph, recorded, step.intended),
@@ -262,6 +264,17 @@ def _warnings(graph: Graph, nodes: Collection[str]) -> list[str]:
         "under way, or a persistent ServiceProxy, which does not reconnect by itself: its client fails until made anew"
         for name, service in sorted(graph["services"].items())
         if {*nodes} & set(service["providers"]) and service.get("connections")
+    ]
+
+
+def _nameless(graph: Graph, pods: Iterable[Object]) -> list[str]:
+    """Nodes of apps that have a name as tools have it: what they subscribe to may be lost."""
+    apps = {address: app_of(pod) for pod in pods if (address := (pod.get("status") or {}).get("podIP"))}
+    return [
+        f"{name} of {apps[host]} has an anonymous name, as a tool that somebody has open: nobody waits for it as a "
+        "subscriber. Give it a name (__name:=)"
+        for name, node in sorted(graph["nodes"].items())
+        if (host := host_of(node.get("uri") or "")) in apps and ros_contract.is_tool(name) and not is_keeper(name)
     ]
 
 

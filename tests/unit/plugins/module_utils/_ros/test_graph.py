@@ -96,6 +96,12 @@ def test_bus_info_of_rospy() -> None:
     }
 
 
+def test_an_edge_counts_whatever_carries_it() -> None:
+    """roscpp connects by UDPROS where a subscriber asks for it (`TransportHints().udp()`)."""
+    (edge,) = connections([[1, "/viewer", "o", "UDPROS", "/image", True]])
+    assert (edge.topic, edge.peer, edge.direction, edge.connected) == ("/image", "/viewer", "o", True)
+
+
 def test_bus_info_of_roscpp() -> None:
     rows = connections(NODES["/relay"]["getBusInfo"][2])
     assert Connection("/chatter_relay", "/listener_relay", "o", "TCPROS", True) in rows

@@ -473,3 +473,12 @@ def test_a_way_back_to_another_handoff_owes_private_names_where_they_always_were
     wanted = proof_of_old(step, gate, 0.1)
     assert [topic["name"] for topic in wanted["topics"]] == ["/amcl/pose"]
     assert [edge["publisher"] for edge in wanted["edges"]] == [f"/amcl{step.launched['nav'].old}"]
+
+
+def test_a_node_of_an_app_without_a_name_of_its_own_is_warned_of() -> None:
+    """A tool that somebody has open elsewhere is not."""
+    graph = launch_graph()
+    graph["nodes"]["/rviz_1_1700000000000"] = node(uri="http://10.42.0.99:1/")
+    found = step_gate(launch_step(), graph, Live(pods=[pod("nav", "10.42.0.8")])).warnings
+    (line,) = [one for one in found if "anonymous" in one]
+    assert line.startswith("/rostopic_12_1700000000000 of nav has an anonymous name")
