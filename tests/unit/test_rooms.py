@@ -46,7 +46,7 @@ WRONG = {
     ),
     "upward on the control node": (
         {"plugin_utils/_kube/watch.py": f"from {FULL}.plugin_utils._update.plan import Step\n"},
-        "plugins/plugin_utils/_kube/watch.py: imports plugins.plugin_utils._update.plan.Step; _kube stands on _upstream ",
+        "plugins/plugin_utils/_kube/watch.py: imports plugins.plugin_utils._update.plan.Step; _kube stands on ",
     ),
     "a host on the control node": (
         {"module_utils/_host/k3s.py": "from ...plugin_utils._model.names import label\n"},
