@@ -26,7 +26,7 @@ UNSCHEDULABLE, REFUSED = "Unschedulable", "ReplicaFailure"
 # These say that the kubelet itself was too slow, not that the configuration is wrong.
 KUBELET_TOO_SLOW = ("failed to sync", "timed out", "context deadline exceeded")
 NO_PYTHON = '"python3": executable file not found in $PATH'
-HINT = "the image has no Python 3.8 for our code in the pod; an app may say hooks: sidecar"
+HINT = "the image has no Python 3.8 for our code in the pod: write hooks: sidecar, with host_network hooks: none"
 
 
 @dataclass(frozen=True)

@@ -335,15 +335,15 @@ PODS = [
         DEPLOYMENT,
         new_container({**crashed, "lastState": {"terminated": {"exitCode": 128, "message": NO_PYTHON}}}),
         "fail",
-        'exec: "python3": executable file not found in $PATH (the image has no Python 3.8 for our code in the pod; '
-        "an app may say hooks: sidecar): unknown",
+        'exec: "python3": executable file not found in $PATH (the image has no Python 3.8 for our code in the pod: '
+        "write hooks: sidecar, with host_network hooks: none): unknown",
     ),
     Case(
         "an image without Python, before its first start",
         DEPLOYMENT,
         new_container(waiting("RunContainerError", NO_PYTHON)),
         "wait",
-        "executable file not found in $PATH (the image has no Python 3.8 for our code in the pod; an app may say",
+        "executable file not found in $PATH (the image has no Python 3.8 for our code in the pod: write hooks: sidecar",
         "RunContainerError",
     ),
     Case(
