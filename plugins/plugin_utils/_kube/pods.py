@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
 
 Object = dict[str, Any]
 
@@ -149,18 +149,13 @@ def _container_trouble(container: Mapping[str, Any], where: str) -> Verdict | No
     return None
 
 
-def trouble(pod: Mapping[str, Any], crashes: bool = True) -> Verdict | None:
-    """What keeps this pod from ever being ready: a `fail`, a suspicious `wait`, or None. A pod on its way out has none.
-
-    `crashes=False` leaves crash loops out, for owners that count crashes themselves (Jobs).
-    """
+def trouble(pod: Mapping[str, Any]) -> Verdict | None:
+    """What keeps this pod from ever being ready: a `fail`, a suspicious `wait`, or None, as for one on its way out."""
     if is_terminating(pod):
         return None
     who = f"pod {name_of(pod)}"
     suspect: Verdict | None = None
     for container in containers(pod):
-        if not crashes and _state(container, "waiting").get("reason") == CRASH_LOOP:
-            continue
         found = _container_trouble(container, f"{who}, container {container.get('name', '?')}")
         if found and found.verdict == FAIL:
             return found
@@ -243,20 +238,3 @@ def _unready_while_running(pod: Mapping[str, Any], who: str) -> str:
     ready = condition(pod, "Ready")
     phase = str((pod.get("status") or {}).get("phase") or "Pending")
     return _words(f"{who} is {phase}, not Ready", str(ready.get("reason") or ""), str(ready.get("message") or ""))
-
-
-def judge_pod(pod: Mapping[str, Any]) -> Verdict:
-    """A pod on its own: Ready with all its gates, or done."""
-    status = pod.get("status") or {}
-    phase = status.get("phase")
-    if is_terminating(pod):
-        return Verdict(WAIT, why_not_ready(pod))
-    if phase == "Succeeded":
-        return Verdict(PASS, "succeeded")
-    if phase == "Failed":
-        ends = [_exit(ended) for ended in (_state(item, "terminated") for item in containers(pod)) if ended]
-        why = _words(str(status.get("reason") or ""), str(status.get("message") or ""), "; ".join(ends))
-        return Verdict(FAIL, _words(f"pod {name_of(pod)} failed", why))
-    if is_ready(pod):
-        return Verdict(PASS, "ready")
-    return trouble(pod) or Verdict(WAIT, why_not_ready(pod))
