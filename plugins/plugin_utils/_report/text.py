@@ -103,8 +103,8 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
     ("TAKEN BACK BY THE KEEPER", "went_back", columns("robot", ("app", "name"), "from", "to", "at", "reason")),
     ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
     ("ROS NODES", "ros_nodes", columns(
-        "robot", ("node", "name"), ("state", _state), ("publishes", "publications"), ("subscribes", "subscriptions"),
-        ("services", lambda row: len(row.get("services") or [])),
+        "robot", ("node", "name"), ("on", "at"), ("state", _state), ("publishes", "publications"),
+        ("subscribes", "subscriptions"), ("services", lambda row: len(row.get("services") or [])),
     )),
     ("ROS GRAPHS", "links", columns(
         "robot", ("topic", "name"), "action", ("from", "publishers"), ("to", "subscribers"),

@@ -447,9 +447,9 @@ APPS
   robot1  temperature-sensor  local      1/1    robot1  2         lab/apps:1.0  -
 
 ROS NODES
-  robot   node     state                     publishes  subscribes  services
-  robot1  /ghost   down: connection refused  0          0           0
-  robot1  /sensor  up                        2          0           1
+  robot   node     on  state                     publishes  subscribes  services
+  robot1  /ghost   -   down: connection refused  0          0           0
+  robot1  /sensor  -   up                        2          0           1
 
 ROS GRAPHS
   robot   topic         action  from     to
