@@ -10,13 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
-    Object,
-    controller_of,
-    meta,
-    name_of,
-    uid_of,
-)
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import name_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, controller_of, meta, uid_of
 
 Objects = dict[tuple[str, str], Object]  # by namespace ("" for what has none) and name
 

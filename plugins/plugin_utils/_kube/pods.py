@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_terminating, name_of
 
 Object = dict[str, Any]
 
@@ -46,10 +47,6 @@ def meta(obj: Mapping[str, Any]) -> Object:
     return dict(obj.get("metadata") or {})
 
 
-def name_of(obj: Mapping[str, Any]) -> str:
-    return str(meta(obj).get("name", ""))
-
-
 def uid_of(obj: Mapping[str, Any]) -> str:
     return str(meta(obj).get("uid", ""))
 
@@ -57,10 +54,6 @@ def uid_of(obj: Mapping[str, Any]) -> str:
 def grace_of(pod: Mapping[str, Any]) -> float:
     """Seconds that a pod has for its end, once it is told to end."""
     return float(meta(pod).get("deletionGracePeriodSeconds") or 0)
-
-
-def is_terminating(obj: Mapping[str, Any]) -> bool:
-    return bool(meta(obj).get("deletionTimestamp"))
 
 
 def condition(obj: Mapping[str, Any], kind: str) -> Object:
@@ -77,11 +70,6 @@ def controller_of(obj: Mapping[str, Any]) -> Object:
         if owner.get("controller"):
             return dict(owner)
     return {}
-
-
-def is_ready(pod: Mapping[str, Any]) -> bool:
-    """The kubelet's own verdict, which counts readiness gates in; container states alone do not."""
-    return not is_terminating(pod) and condition(pod, "Ready").get("status") == "True"
 
 
 def is_up(pod: Mapping[str, Any]) -> bool:

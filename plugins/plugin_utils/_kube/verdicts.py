@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_ready, is_terminating, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, has_rollout, owned_by
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     REFUSED,
@@ -25,10 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     Verdict,
     condition,
     controller_of,
-    is_ready,
-    is_terminating,
     meta,
-    name_of,
     trouble,
     uid_of,
     why_not_ready,
