@@ -89,7 +89,7 @@ def opened(path: str) -> Iterator[Archive]:
         raise SpecError(f"there is no image archive {path} on the control node") from error
     except _UNREADABLE as error:
         raise SpecError(f"{path} is no tar archive, plain or compressed by gzip: {error}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SpecError(f"{path} is no docker or OCI image archive ({type(error).__name__}: {error})") from error
 
 
