@@ -95,7 +95,7 @@ mypy: ## Python: types, those of hosts and pods for Python 3.8, too, and of the 
 	mypy --python-version 3.8 plugins/module_utils plugins/modules
 	MYPYPATH=tests/lab mypy tests/lab/lablib
 	MYPYPATH=tests/update:tests/apps:tests/tools mypy tests/update
-	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tests/browser:tools mypy tests/observability
+	MYPYPATH=tests/observability:tests/update:tests/apps:tests/tools:tools mypy tests/observability
 
 .PHONY: yamllint
 yamllint: ## YAML: style
@@ -226,9 +226,8 @@ test-faults: artifacts ## As molecule-update and molecule-observability, with th
 	ROSOPS_TEST_CASES=faults molecule test --scenario-name observability
 
 .PHONY: screens
-screens: ## Put the pictures that the scenario observability has taken of its fleet into docs/screens
-	@mkdir -p docs/screens
-	cp reports/observability/screens/{fleet-status.png,fleet.svg,robot.svg} docs/screens/
+screens: test-browser ## Put the picture that test-browser takes of the status page into docs/screens
+	cp tests/output/browser/fleet-status.png docs/screens/
 
 .PHONY: dashboards
 dashboards: ## Write the shipped Grafana dashboards anew from tools/dashboards

@@ -32,7 +32,7 @@ class ActionModule(FleetAction):
             hostvars = HostVariables(known["hostvars"])
             hosts = fleet_hosts(hostvars, names)
             archives = Archives()
-            found = check_fleet({"groups": groups, "hosts": hosts}, archives.find)
+            found = check_fleet({"groups": groups, "hosts": hosts})
             wrong = inventory_problems(hostvars, names, load_extra_vars(self._loader))
             wrong += archive_problems(found.hosts, archives.unusable)
             warnings = [*found.warnings, *near_misses(hostvars, names)]

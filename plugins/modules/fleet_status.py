@@ -17,7 +17,7 @@ description:
   - Prints how many hosts, nodes, masters, helpers, apps, ROS nodes, claims and last outcomes are in order. What is not
     known counts as unknown, never as good.
   - With C(-v) prints tables of all of them, of topics with live rates, and of the last updates' steps.
-  - Writes all of it on the control node as a page for the browser, with each ROS graph drawn.
+  - Writes all of it on the control node as a page for the browser.
   - The page is one file without scripts. It loads nothing, and everything in it is escaped. It is written only when it
     says something new beside the time.
   - Everything runs on the control node, so once is enough (C(run_once)).
@@ -87,7 +87,7 @@ RETURN = r"""
 status:
   description:
     - Lists of rows under C(problems), C(hosts), C(nodes), C(placement), C(masters), C(helpers), C(apps), C(went_back),
-      C(ended), C(ros_nodes), C(topics), C(graphs), C(claims), C(outcomes), C(steps). Those that are not here are as
+      C(ended), C(ros_nodes), C(links), C(topics), C(claims), C(outcomes), C(steps). Those that are not here are as
       M(rosops.fleet.fleet_info) returns them.
     - "C(problems): where, what, and where it is known todo, what to do next; C(cluster) or C(graph) where it is that
       which cannot be looked at. Among them are the processes of launch files that crashed or were started again, each
@@ -96,9 +96,8 @@ status:
       app, node, host."
     - "C(ros_nodes): robot, name, at (the host that it runs on, or the address of a process that no pod has), app,
       reachable, error, publications, subscriptions, services."
-    - "C(graphs), what of a ROS graph is drawn: robot, nodes (name, at, up), links (name, rate, action, publishers,
-      subscribers, and as broken the pairs that are registered and alive and not connected), unheard (how many topics
-      nobody listens to). The topics of an action are one link."
+    - "C(links), who hears whom in the ROS graphs: robot, name, action, publishers, subscribers, and as broken the pairs
+      of these that are registered and alive and not connected. The topics of an action are one link."
     - "C(topics): robot, name, type, publishers, subscribers, connections, rate, promised (min_rate, app, robot of the
       app whose readiness names one), note; without rosout and clock."
     - "C(outcomes), of the newest report that has the host, but for those of check mode and of playbooks that only look:

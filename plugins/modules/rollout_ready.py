@@ -21,17 +21,19 @@ notes:
     That is what lets it print while it waits. Variables from the task's C(environment) are seen.
   - "Deployment: the controller has seen the present generation, all pods are of the present template and available, and
     every older pod is gone, terminating ones included, because two ROS nodes of one name would fight for it."
-  - "StatefulSet and DaemonSet: the same for the pods that the update strategy replaces by itself. Those below the
-    C(partition) and those of C(OnDelete) only have to be available; the reason counts those of an older revision."
-  - "Job: complete. Pod: Ready with all its readiness gates, or succeeded. Node: Ready, without pressure."
+  - "DaemonSet: the same for the pods that the update strategy replaces by itself. Those of C(OnDelete) only have to be
+    available; the reason counts those of an older revision."
+  - "Node: Ready, without pressure."
   - "PersistentVolumeClaim: bound. One whose storage class waits for a first consumer is ready while unbound only if
     none of the given workloads uses it."
+  - "StatefulSet, ReplicaSet, Job, Pod and ReplicationController are refused: their rollouts are not judged here. Wait
+    for them with M(kubernetes.core.k8s_info) and its C(wait_condition)."
   - "Other kinds have no rollout and are ready as they are; they are not looked up."
   - "An object that does not exist yet is waited for."
   - "Failures: an image that cannot be pulled, a crash loop (not a first crash), a container whose configuration is
-    missing, C(ProgressDeadlineExceeded), a failed Job or Pod, a lost claim. What can be transient has to last
+    missing, C(ProgressDeadlineExceeded), a lost claim. What can be transient has to last
     O(unschedulable_grace) seconds first: an unschedulable pod (while old pods terminate it does not count), a container
-    that the runtime cannot create, refused pods (quota), a paused Deployment or suspended Job that is not done."
+    that the runtime cannot create, refused pods (quota), a paused Deployment that is not done."
   - "While a pod of the present template is up but not ready, the last line that its probe printed is part of the
     reason. A line with C(cannot become ready: ), as this collection's probe prints it where waiting would not help, is
     a failure at once."
@@ -58,7 +60,7 @@ options:
   fail_on_restart:
     description:
       - Fail as soon as a container of the present template has ended with an error even once, with its exit code and
-        the last lines of its log, instead of waiting for a crash loop. Jobs count their own crashes.
+        the last lines of its log, instead of waiting for a crash loop.
       - A pod that was ready already when the module first saw it is not blamed for its former restarts.
     type: bool
     default: false

@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 CHECKOUT = HERE.parents[1]
 sys.path[:0] = [
     str(HERE),
-    *(str(CHECKOUT / "tests" / name) for name in ("update", "apps", "tools", "browser")),
+    *(str(CHECKOUT / "tests" / name) for name in ("update", "apps", "tools")),
     str(CHECKOUT / "tools"),
     str(CHECKOUT / ".ansible" / "collections"),
 ]

@@ -1,10 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators do: a second site.yml changes nothing, an update shows under one id everywhere, the page is made.
-
-The page and some dashboards, drawn from what this fleet answers, are kept as pictures for `make screens`.
-"""
+"""What operators do: a second site.yml changes nothing, an update shows under one id everywhere, the page is made."""
 
 from __future__ import annotations
 
@@ -13,18 +10,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-import chromium
 import pytest
-from dashboards.answers import record, server
-from dashboards.build import dashboards
-from dashboards.draw import draw
 from runs import wait_until
 from watched import MEMBER, ROBOTS, Watched
 
 APP = "add-two-ints"
-SCREENS = Path(__file__).resolve().parents[2] / "reports" / "observability" / "screens"
-SHOWN = {"fleet": ".*", "robot": MEMBER, "updates": ".*"}  # dashboards, and the robot that each is asked for
-MINUTES = 15
 SOON = 90.0  # the kubelet takes up to a minute for a changed ConfigMap
 
 
@@ -74,33 +64,6 @@ def test_status_page(fleet: Watched, tmp_path: Path) -> None:
     assert set(second.outcomes.values()) == {"unchanged"}, second
     assert [host["counts"].get("changed", 0) for host in second.report["hosts"] if host["host"] in ROBOTS] == [0, 0]
     fleet.say(f"status.yml: a page of {len(text) / 1000:.0f} kB in {first.ended - first.began:.0f} s")
-    kept(page, tmp_path)
-
-
-def kept(page: Path, directory: Path) -> None:
-    """The page as a file, and, where there is a browser, as a picture of what stands above its tables."""
-    SCREENS.mkdir(parents=True, exist_ok=True)
-    (SCREENS / "fleet-status.html").write_bytes(page.read_bytes())
-    if chromium.found():
-        browser = chromium.Chromium(directory / "profile")
-        try:
-            browser.open(page, 1280)
-            browser.screenshot(SCREENS / "fleet-status.png", above="#hosts")
-        finally:
-            browser.close()
-
-
-@pytest.mark.parametrize("name", SHOWN)
-def test_dashboards_drawn_from_what_the_fleet_answers(fleet: Watched, name: str) -> None:
-    page, now = dashboards()[name], time.time()
-    found = record(page, server(fleet.prometheus.url, fleet.loki.url), now - 60 * MINUTES, now, SHOWN[name])
-    assert found.refused == {}
-    SCREENS.mkdir(parents=True, exist_ok=True)
-    (SCREENS / f"{name}.json").write_text(found.text(), encoding="utf-8")
-    (SCREENS / f"{name}.svg").write_text(draw(page, found), encoding="utf-8")
-    with_data = sum(bool(series) for series in found.results.values())
-    assert with_data > len(found.results) / 2, f"{with_data} of {len(found.results)} queries have an answer"
-    fleet.say(f"dashboard {name}: {with_data} of {len(found.results)} queries have an answer")
 
 
 @pytest.fixture(autouse=True, scope="module")

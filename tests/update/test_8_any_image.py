@@ -17,7 +17,6 @@ from runs import CHECKOUT
 ROBOTS_VARIABLES = CHECKOUT / "molecule" / "update" / "inventory" / "group_vars" / "robots.yml"
 BIN = "/opt/rosops-apps/bin"
 LIMIT = ("--limit", "robot1,edge1")
-# its archive has not all layers, so nobody sees that it has no Python
 BARE: dict[str, Any] = {"image": "lab/apps:bare", "hooks": "sidecar"}
 IMAGES: dict[str, Any] = {"lab_apps_version": "bare"}
 

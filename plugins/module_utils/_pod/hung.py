@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping
 
 from .._ros.graph import host_of
-from .._step.objects import Object, annotations_of, app_of, has_node
+from .._step.objects import Object, annotations_of, app_of, has_node, is_ready
 from .._step.words import KEEPER, MASTER
 
 LIVENESS = "rosops.fleet/liveness-timeout"  # on a pod that has another one than the usual
@@ -79,10 +79,7 @@ def liveness_timeout(pod: Object) -> float:
 
 def _is_up(pod: Object) -> bool:
     """Whether it is an app's that the API has for ready, so its host is there; and nobody has ended it yet."""
-    ready = any(
-        one.get("type") == "Ready" and one.get("status") == "True" for one in _status(pod).get("conditions") or ()
-    )
-    return ready and app_of(pod) not in ("", MASTER, KEEPER) and not pod["metadata"].get("deletionTimestamp")
+    return is_ready(pod) and app_of(pod) not in ("", MASTER, KEEPER)
 
 
 def _status(pod: Object) -> Mapping[str, Any]:

@@ -17,7 +17,11 @@ Object = Mapping[str, Any]
 
 
 def name_of(item: Object) -> str:
-    return str(item["metadata"]["name"])
+    return str((item.get("metadata") or {}).get("name", ""))
+
+
+def is_terminating(item: Object) -> bool:
+    return bool((item.get("metadata") or {}).get("deletionTimestamp"))
 
 
 def annotations_of(item: Object | None) -> Mapping[str, str]:
@@ -86,9 +90,10 @@ def has_node(pod: Object, node: str, uri: str) -> bool:
 
 
 def is_ready(pod: Object) -> bool:
-    """Whether all of its containers are."""
-    containers = (pod.get("status") or {}).get("containerStatuses") or []
-    return bool(containers) and all(container.get("ready") for container in containers)
+    """The kubelet's own verdict, which counts readiness gates in; container states alone do not."""
+    conditions = (pod.get("status") or {}).get("conditions") or []
+    ready = any(one.get("type") == "Ready" and one.get("status") == "True" for one in conditions)
+    return ready and not is_terminating(pod)
 
 
 def crashes(pod: Object) -> bool:

@@ -17,19 +17,17 @@ import lzma
 import posixpath
 import tarfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.tree import Listing, listed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import architecture_of
 
 REF_NAME = "org.opencontainers.image.ref.name"
 CONTAINERD_NAME = "io.containerd.image.name"
 LARGEST_JSON = 4 * 1024 * 1024
-LARGEST_COMPRESSED = 100_000_000  # bytes of tars that are unpacked only to be listed, which takes 1.5 s
 # By their first bytes. containerd takes gzip and zstd (archive/compression), Python 3.11 reads no zstd.
 _COMPRESSED = {b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _UNREADABLE = (OSError, tarfile.TarError, EOFError, zlib.error, lzma.LZMAError)
@@ -39,14 +37,12 @@ _UNREADABLE = (OSError, tarfile.TarError, EOFError, zlib.error, lzma.LZMAError)
 class Image:
     """One name in an archive; `id` is `sha256:` and the digest of the image's configuration.
 
-    `runs` is that configuration's part on containers (image-spec, config.md: `Entrypoint`, `Cmd`, `Env`). `config`,
-    `manifest` (a docker archive has none) and `layers`, from the lowest up, are files of the archive.
+    `config`, `manifest` (a docker archive has none) and `layers`, from the lowest up, are files of the archive.
     """
 
     ref: str
     id: str
     architecture: str
-    runs: Mapping[str, Any] = field(default_factory=dict, compare=False)
     layers: tuple[str, ...] = field(default=(), compare=False)
     config: str = field(default="", compare=False)
     manifest: str = field(default="", compare=False)
@@ -93,17 +89,17 @@ def opened(path: str) -> Iterator[Archive]:
         raise SpecError(f"there is no image archive {path} on the control node") from error
     except _UNREADABLE as error:
         raise SpecError(f"{path} is no tar archive, plain or compressed by gzip: {error}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SpecError(f"{path} is no docker or OCI image archive ({type(error).__name__}: {error})") from error
 
 
 def is_plain(file: io.BufferedReader) -> bool:
-    """Whether a tar that is to be read is not compressed: only such a one is listed without reading all of it."""
+    """Whether a tar is not compressed: only such a one is listed without reading all of it."""
     return file.peek(512)[257:262] == b"ustar"
 
 
 class Archive:
-    """The small JSON files of one archive; layers are skipped, or listed without being unpacked."""
+    """The small JSON files of one archive; layers are skipped."""
 
     def __init__(self, archive: tarfile.TarFile, path: str) -> None:
         self.path = path
@@ -153,33 +149,8 @@ class Archive:
 
     def _image(self, ref: str, config: str, layers: Sequence[str], manifest: str = "") -> Image:
         content = self.read(config)
-        digest, said = hashlib.sha256(content).hexdigest(), json.loads(content)
-        architecture, runs = str(said.get("architecture", "")), dict(said.get("config") or {})
-        return Image(normal_ref(ref), f"sha256:{digest}", architecture, runs, tuple(layers), config, manifest)
-
-    def listings(self, layers: Sequence[str]) -> list[Listing] | None:
-        """What the layers hold, in their order; None where one is not here, cannot be read, or only in a long time.
-
-        They are read as they lie in the archive: going back in a compressed one means to unpack it anew.
-        """
-        members = [self.member(layer) for layer in layers]
-        there = [member for member in members if member is not None]
-        read, compressed = dict[tarfile.TarInfo, Listing](), 0
-        if len(there) < len(members):
-            return None
-        try:
-            for member in sorted(there, key=lambda member: member.offset):
-                file = self.archive.extractfile(member)
-                if not isinstance(file, io.BufferedReader):
-                    return None
-                compressed += 0 if is_plain(file) else member.size
-                if compressed > LARGEST_COMPRESSED:
-                    return None
-                with tarfile.open(fileobj=file) as layer:
-                    read[member] = [listed(item) for item in layer]
-        except (*_UNREADABLE, KeyError):  # the latter for a link that leads nowhere
-            return None
-        return [read[member] for member in there]
+        digest, architecture = hashlib.sha256(content).hexdigest(), str(json.loads(content).get("architecture", ""))
+        return Image(normal_ref(ref), f"sha256:{digest}", architecture, tuple(layers), config, manifest)
 
     def member(self, name: str) -> tarfile.TarInfo | None:
         """A file by its name, over the links by which archives share layers."""

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_terminating, name_of
 
 Object = dict[str, Any]
 
@@ -26,7 +27,7 @@ UNSCHEDULABLE, REFUSED = "Unschedulable", "ReplicaFailure"
 # These say that the kubelet itself was too slow, not that the configuration is wrong.
 KUBELET_TOO_SLOW = ("failed to sync", "timed out", "context deadline exceeded")
 NO_PYTHON = '"python3": executable file not found in $PATH'
-HINT = "the image has no Python 3.8 for our code in the pod; an app may say hooks: sidecar"
+HINT = "the image has no Python 3.8 for our code in the pod: write hooks: sidecar, with host_network hooks: none"
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,6 @@ def meta(obj: Mapping[str, Any]) -> Object:
     return dict(obj.get("metadata") or {})
 
 
-def name_of(obj: Mapping[str, Any]) -> str:
-    return str(meta(obj).get("name", ""))
-
-
 def uid_of(obj: Mapping[str, Any]) -> str:
     return str(meta(obj).get("uid", ""))
 
@@ -57,10 +54,6 @@ def uid_of(obj: Mapping[str, Any]) -> str:
 def grace_of(pod: Mapping[str, Any]) -> float:
     """Seconds that a pod has for its end, once it is told to end."""
     return float(meta(pod).get("deletionGracePeriodSeconds") or 0)
-
-
-def is_terminating(obj: Mapping[str, Any]) -> bool:
-    return bool(meta(obj).get("deletionTimestamp"))
 
 
 def condition(obj: Mapping[str, Any], kind: str) -> Object:
@@ -77,11 +70,6 @@ def controller_of(obj: Mapping[str, Any]) -> Object:
         if owner.get("controller"):
             return dict(owner)
     return {}
-
-
-def is_ready(pod: Mapping[str, Any]) -> bool:
-    """The kubelet's own verdict, which counts readiness gates in; container states alone do not."""
-    return not is_terminating(pod) and condition(pod, "Ready").get("status") == "True"
 
 
 def is_up(pod: Mapping[str, Any]) -> bool:
@@ -149,18 +137,13 @@ def _container_trouble(container: Mapping[str, Any], where: str) -> Verdict | No
     return None
 
 
-def trouble(pod: Mapping[str, Any], crashes: bool = True) -> Verdict | None:
-    """What keeps this pod from ever being ready: a `fail`, a suspicious `wait`, or None. A pod on its way out has none.
-
-    `crashes=False` leaves crash loops out, for owners that count crashes themselves (Jobs).
-    """
+def trouble(pod: Mapping[str, Any]) -> Verdict | None:
+    """What keeps this pod from ever being ready: a `fail`, a suspicious `wait`, or None, as for one on its way out."""
     if is_terminating(pod):
         return None
     who = f"pod {name_of(pod)}"
     suspect: Verdict | None = None
     for container in containers(pod):
-        if not crashes and _state(container, "waiting").get("reason") == CRASH_LOOP:
-            continue
         found = _container_trouble(container, f"{who}, container {container.get('name', '?')}")
         if found and found.verdict == FAIL:
             return found
@@ -243,20 +226,3 @@ def _unready_while_running(pod: Mapping[str, Any], who: str) -> str:
     ready = condition(pod, "Ready")
     phase = str((pod.get("status") or {}).get("phase") or "Pending")
     return _words(f"{who} is {phase}, not Ready", str(ready.get("reason") or ""), str(ready.get("message") or ""))
-
-
-def judge_pod(pod: Mapping[str, Any]) -> Verdict:
-    """A pod on its own: Ready with all its gates, or done."""
-    status = pod.get("status") or {}
-    phase = status.get("phase")
-    if is_terminating(pod):
-        return Verdict(WAIT, why_not_ready(pod))
-    if phase == "Succeeded":
-        return Verdict(PASS, "succeeded")
-    if phase == "Failed":
-        ends = [_exit(ended) for ended in (_state(item, "terminated") for item in containers(pod)) if ended]
-        why = _words(str(status.get("reason") or ""), str(status.get("message") or ""), "; ".join(ends))
-        return Verdict(FAIL, _words(f"pod {name_of(pod)} failed", why))
-    if is_ready(pod):
-        return Verdict(PASS, "ready")
-    return trouble(pod) or Verdict(WAIT, why_not_ready(pod))

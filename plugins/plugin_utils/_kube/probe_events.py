@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, name_of, uid_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, uid_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import SIDECAR
 
 HOPELESS = "cannot become ready: "

@@ -40,7 +40,6 @@ RESOURCES: dict[str, Resource] = {
     "DaemonSet": Resource("/apis/apps/v1", "daemonsets"),
     "Deployment": Resource("/apis/apps/v1", "deployments"),
     "Event": Resource("/api/v1", "events"),
-    "Job": Resource("/apis/batch/v1", "jobs"),
     "Lease": Resource("/apis/coordination.k8s.io/v1", "leases"),
     "LimitRange": Resource("/api/v1", "limitranges"),
     "Namespace": Resource("/api/v1", "namespaces", False),
@@ -56,7 +55,6 @@ RESOURCES: dict[str, Resource] = {
     "Secret": Resource("/api/v1", "secrets"),
     "Service": Resource("/api/v1", "services"),
     "ServiceAccount": Resource("/api/v1", "serviceaccounts"),
-    "StatefulSet": Resource("/apis/apps/v1", "statefulsets"),
     "StorageClass": Resource("/apis/storage.k8s.io/v1", "storageclasses", False),
 }
 

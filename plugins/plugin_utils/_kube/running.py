@@ -13,7 +13,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import containers, is_terminating, meta
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_terminating
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import containers, meta
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 
 TODO = "give the image a version of its own, or delete the pod while the robot rests"

@@ -14,10 +14,10 @@ object, its controller's answer, a replica set) is a `wait`, never an error.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_ready, is_terminating, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, has_rollout, owned_by
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     REFUSED,
@@ -26,11 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     Verdict,
     condition,
     controller_of,
-    is_ready,
-    is_terminating,
-    judge_pod,
     meta,
-    name_of,
     trouble,
     uid_of,
     why_not_ready,
@@ -56,7 +52,7 @@ def _unseen(obj: Mapping[str, Any]) -> Verdict | None:
     return None
 
 
-def _worst(pods: Iterable[Mapping[str, Any]], room_is_coming: bool, crashes: bool = True) -> Verdict | None:
+def _worst(pods: Iterable[Mapping[str, Any]], room_is_coming: bool) -> Verdict | None:
     """The first failing pod's verdict, else the first suspicious one.
 
     While other pods are still terminating, their resources, ports and volumes come free soon: then "unschedulable" is
@@ -64,7 +60,7 @@ def _worst(pods: Iterable[Mapping[str, Any]], room_is_coming: bool, crashes: boo
     """
     suspicious: Verdict | None = None
     for pod in pods:
-        found = trouble(pod, crashes)
+        found = trouble(pod)
         if found and found.verdict == FAIL:
             return found
         if found and found.suspect and not (room_is_coming and found.suspect == UNSCHEDULABLE):
@@ -190,7 +186,7 @@ def _deployment(obj: Mapping[str, Any], view: View) -> Verdict:
     return Verdict(PASS, f"{desired} of {desired} pods updated and available" + (", paused" if paused else ""))
 
 
-# --- StatefulSet and DaemonSet --------------------------------------------------------------------------------------
+# --- DaemonSet ------------------------------------------------------------------------------------------------------
 
 
 def _hash(pod: Mapping[str, Any]) -> str:
@@ -198,145 +194,64 @@ def _hash(pod: Mapping[str, Any]) -> str:
 
 
 def _wanted_hash(obj: Mapping[str, Any], view: View) -> str:
-    """What a pod of the present revision has for its hash; nothing until the controller has said so."""
-    if obj.get("kind") == "StatefulSet":
-        return str((obj.get("status") or {}).get("updateRevision") or "")
+    """What a pod of the present revision has for its hash; nothing until the controller has made that revision."""
     revisions = view.all("ControllerRevision", str(meta(obj).get("namespace") or ""))
     owned = [one for one in revisions if owned_by(one, obj)]
     return _hash(max(owned, key=lambda one: _number(one, "revision"))) if owned else ""
 
 
-def _strategy(obj: Mapping[str, Any]) -> tuple[str, int]:
-    strategy = (obj.get("spec") or {}).get("updateStrategy") or {}
-    rolling = strategy.get("rollingUpdate") or {}
-    return str(strategy.get("type") or "RollingUpdate"), _number(rolling, "partition")
+def _pods_of_daemon_set(obj: Mapping[str, Any], view: View) -> tuple[list[Object], list[Object]]:
+    """All that bear its name, and of these the ones of the present revision that are to stay."""
+    pods = view.controlled("Pod", str(meta(obj).get("namespace") or ""), "DaemonSet", name_of(obj))
+    wanted = _wanted_hash(obj, view)
+    return pods, [
+        pod for pod in pods if not is_terminating(pod) and owned_by(pod, obj) and wanted and _hash(pod) == wanted
+    ]
 
 
-def _ordinal(pod: Mapping[str, Any]) -> int:
-    tail = name_of(pod).rpartition("-")[2]
-    return int(tail) if tail.isdigit() else -1
-
-
-@dataclass(frozen=True)
-class _Set:
-    """A StatefulSet's or DaemonSet's pods, sorted by what the rollout still has to do with them."""
-
-    pods: Sequence[Object]  # all, terminating ones too
-    current: Sequence[Object]  # of the present revision
-    behind: Sequence[Object]  # of another one, though the strategy replaces them by itself
-    left: int  # of another one, left alone: below the partition, or OnDelete
-
-
-def _sort(obj: Mapping[str, Any], pods: Sequence[Object], wanted: str, kept: Callable[[Object], bool]) -> _Set:
-    """`kept` says which pods of an older revision the strategy leaves alone; those of a namesake always have to go."""
-    live = [pod for pod in pods if not is_terminating(pod)]
-    current = [pod for pod in live if owned_by(pod, obj) and wanted and _hash(pod) == wanted]
-    other = [pod for pod in live if pod not in current]
-    behind = [pod for pod in other if not (owned_by(pod, obj) and kept(pod))]
-    return _Set(pods, current, behind, len(other) - len(behind))
-
-
-def _set_waits(group: _Set, desired: int, available: int) -> str:
-    going = [pod for pod in group.pods if is_terminating(pod)]
-    live = [pod for pod in group.pods if not is_terminating(pod)]
-    if group.behind:
-        blocked = [pod for pod in group.behind if trouble(pod)]
-        if blocked:  # the controller waits for it to be Ready before it replaces anything (kubernetes#67250)
-            return f"{_old_left(blocked)}, is not Ready and may block the rollout (delete it): {_open_pods(blocked)}"
-        return _with_pods(f"{len(group.current)} of {desired} pods updated, {_old_left(group.behind)}", group.current)
+def _daemon_waits(
+    obj: Mapping[str, Any], pods: Sequence[Object], current: Sequence[Object], behind: Sequence[Object]
+) -> str:
+    """The first thing that is not as it should be, or nothing."""
+    status = obj.get("status") or {}
+    desired = _number(status, "desiredNumberScheduled")
+    available = min(_number(status, "numberAvailable"), desired - _number(status, "numberUnavailable"))
+    going = [pod for pod in pods if is_terminating(pod)]
+    if behind:
+        return _with_pods(f"{len(current)} of {desired} pods updated, {_old_left(behind)}", current)
     if going:
         return _old_left(going)
     if available < desired:
-        return _with_pods(f"{available} of {desired} pods available", live)
-    if len(live) < desired:  # more may be there: a DaemonSet keeps pods on nodes that it would not choose any more
-        return f"{len(live)} pods seen, {desired} wanted"
-    return ""
-
-
-def _judge_set(group: _Set, view: View, desired: int, available: int, why_left: str) -> Verdict:
-    found = _worst(group.current, _room_is_coming(view))
-    if found:
-        return found
-    waits = _set_waits(group, desired, available)
-    if waits:
-        return Verdict(WAIT, waits)
-    note = f", {group.left} left at an older revision ({why_left})" if group.left else ""
-    return Verdict(PASS, f"{desired} of {desired} pods available{note}")
-
-
-def _stateful_set(obj: Mapping[str, Any], view: View) -> Verdict:
-    spec, status = obj.get("spec") or {}, obj.get("status") or {}
-    desired = _number(spec, "replicas", 1)
-    kind, partition = _strategy(obj)
-    first = _number(spec.get("ordinals") or {}, "start") + partition
-    pods = view.controlled("Pod", str(meta(obj).get("namespace") or ""), "StatefulSet", name_of(obj))
-    on_delete = kind == "OnDelete"
-    wanted = _wanted_hash(obj, view)
-    group = _sort(obj, pods, wanted, lambda pod: on_delete or _ordinal(pod) < first)
-    available = _number(status, "availableReplicas", _number(status, "readyReplicas"))
-    verdict = _judge_set(group, view, desired, available, "OnDelete" if on_delete else f"partition {partition}")
-    surplus = [pod for pod in group.pods if _ordinal(pod) >= first - partition + desired]
-    return Verdict(WAIT, _old_left(surplus)) if verdict.verdict == PASS and surplus else verdict
+        return _with_pods(f"{available} of {desired} pods available", pods)
+    # more may be there: it keeps pods on nodes that it would not choose any more
+    return f"{len(pods)} pods seen, {desired} wanted" if len(pods) < desired else ""
 
 
 def _daemon_set(obj: Mapping[str, Any], view: View) -> Verdict:
-    status = obj.get("status") or {}
-    desired = _number(status, "desiredNumberScheduled")
-    namespace = str(meta(obj).get("namespace") or "")
-    wanted = _wanted_hash(obj, view)
-    if not wanted:
+    if not _wanted_hash(obj, view):
         return Verdict(WAIT, "its controller revision has not been seen yet")
-    on_delete = _strategy(obj)[0] == "OnDelete"
-    pods = view.controlled("Pod", namespace, "DaemonSet", name_of(obj))
-    group = _sort(obj, pods, wanted, lambda _pod: on_delete)
-    available = min(_number(status, "numberAvailable"), desired - _number(status, "numberUnavailable"))
-    verdict = _judge_set(group, view, desired, available, "OnDelete")
-    if verdict.verdict == PASS and desired == 0:
-        return Verdict(PASS, "no node wants it")
-    return verdict
-
-
-# --- Job, claim, node -----------------------------------------------------------------------------------------------
-
-
-def _job(obj: Mapping[str, Any], view: View) -> Verdict:
-    if is_terminating(obj):
-        return Verdict(WAIT, "is being deleted")
-    status, spec = obj.get("status") or {}, obj.get("spec") or {}
-    failed = condition(obj, "Failed")
-    pods = view.controlled("Pod", str(meta(obj).get("namespace") or ""), "Job", name_of(obj))
-    if failed.get("status") == "True":
-        ended = [verdict.reason for verdict in map(judge_pod, pods) if verdict.verdict == FAIL]
-        why = f"{failed.get('reason', '')}: {failed.get('message', '')}".strip(": ")
-        return Verdict(FAIL, f"Job failed: {why}" + (f"; last {ended[-1]}" if ended else ""))
-    if condition(obj, "Complete").get("status") == "True":
-        return Verdict(PASS, "complete")
-    if spec.get("suspend"):
-        return Verdict(WAIT, "suspended, so it does not start: resume it", suspect="Suspended")
-    # A crash is the Job's own business: its back-off limit decides when it is one too many.
-    found = _worst(pods, _room_is_coming(view), crashes=False)
-    if found:
+    pods, current = _pods_of_daemon_set(obj, view)
+    older = [pod for pod in pods if pod not in current and not is_terminating(pod)]
+    on_delete = ((obj.get("spec") or {}).get("updateStrategy") or {}).get("type") == "OnDelete"
+    left = [pod for pod in older if on_delete and owned_by(pod, obj)]  # those of a deleted namesake have to go
+    if found := _worst(current, _room_is_coming(view)):
         return found
-    done, wanted = _number(status, "succeeded"), _number(spec, "completions", 1)
-    return Verdict(WAIT, _with_pods(f"{done} of {wanted} completed, {_number(status, 'failed')} failed", pods))
+    if waits := _daemon_waits(obj, pods, current, [pod for pod in older if pod not in left]):
+        return Verdict(WAIT, waits)
+    desired = _number(obj.get("status") or {}, "desiredNumberScheduled")
+    note = f", {len(left)} left at an older revision (OnDelete)" if left else ""
+    return Verdict(PASS, f"{desired} of {desired} pods available{note}" if desired else "no node wants it")
 
 
-def _template(obj: Mapping[str, Any]) -> Object:
-    spec = obj.get("spec") or {}
-    if obj.get("kind") == "Pod" or "containers" in spec:
-        return dict(spec)
-    return dict((spec.get("template") or {}).get("spec") or {})
+# --- claim, node ----------------------------------------------------------------------------------------------------
 
 
 def _uses(obj: Mapping[str, Any], claim: str) -> bool:
+    """Whether a pod that it wants has the claim among its volumes."""
     spec = obj.get("spec") or {}
-    if _number(spec, "replicas", 1) == 0:
-        return False
-    for volume in _template(obj).get("volumes") or []:
-        if (volume.get("persistentVolumeClaim") or {}).get("claimName") == claim:
-            return True
-    templates = [name_of(one) for one in spec.get("volumeClaimTemplates") or []]
-    return any(claim.rpartition("-")[0] == f"{one}-{name_of(obj)}" for one in templates)
+    volumes = ((spec.get("template") or {}).get("spec") or {}).get("volumes") or []
+    wanted = _number(spec, "replicas", 1) > 0
+    return wanted and any((one.get("persistentVolumeClaim") or {}).get("claimName") == claim for one in volumes)
 
 
 def _binding_mode(claim: Mapping[str, Any], view: View) -> tuple[str, str]:
@@ -390,7 +305,6 @@ def _node(obj: Mapping[str, Any]) -> Verdict:
 
 _WORKLOADS: dict[str, Callable[[Mapping[str, Any], View], Verdict]] = {
     "Deployment": _deployment,
-    "StatefulSet": _stateful_set,
     "DaemonSet": _daemon_set,
 }
 
@@ -404,13 +318,7 @@ def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
         return Verdict(WAIT, "is not there yet")
     if ref.kind in _WORKLOADS:
         return _unseen(obj) or _WORKLOADS[ref.kind](obj, view)
-    others: dict[str, Callable[[], Verdict]] = {
-        "Pod": lambda: judge_pod(obj),
-        "Node": lambda: _node(obj),
-        "Job": lambda: _job(obj, view),
-        "PersistentVolumeClaim": lambda: _claim(obj, view, refs),
-    }
-    return others[ref.kind]()
+    return _node(obj) if ref.kind == "Node" else _claim(obj, view, refs)
 
 
 def present_pods(ref: Ref, view: View) -> list[Object]:
@@ -418,18 +326,11 @@ def present_pods(ref: Ref, view: View) -> list[Object]:
     obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) else None
     if obj is None or _unseen(obj):
         return []
-    if ref.kind == "Pod":
-        return [obj]
     if ref.kind == "Deployment":
         newest = _current_set(obj, view)
-        found = [pod for pod in _pods_of_deployment(obj, view) if newest and owned_by(pod, newest)]
-    elif ref.kind in ("StatefulSet", "DaemonSet"):
-        wanted = _wanted_hash(obj, view)
-        pods = view.controlled("Pod", ref.namespace, ref.kind, ref.name)
-        found = [pod for pod in pods if owned_by(pod, obj) and wanted and _hash(pod) == wanted]
-    else:  # a Job counts its own crashes, and the others have no pods
-        found = []
-    return [pod for pod in found if not is_terminating(pod)]
+        pods = _pods_of_deployment(obj, view)
+        return [pod for pod in pods if newest and owned_by(pod, newest) and not is_terminating(pod)]
+    return _pods_of_daemon_set(obj, view)[1] if ref.kind == "DaemonSet" else []
 
 
 def leaving_pods(ref: Ref, view: View) -> list[Object]:

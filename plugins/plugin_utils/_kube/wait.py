@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_ready, is_terminating, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import (
     CLUSTER_WIDE,
     Ref,
@@ -34,11 +35,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     containers,
     error_end,
     grace_of,
-    is_ready,
-    is_terminating,
     is_up,
     meta,
-    name_of,
     restarts,
     sidecars,
     uid_of,

@@ -81,8 +81,7 @@ def attention(status: Status) -> list[Finding]:
             finding = Finding(found_level, section, tell(row))
             causes.update({key: finding for key in _keys(section, row) if key not in causes})
             found.append(finding)
-    found = [_dated(one) for one in found] + list(_unconnected(status))
-    return sorted(found, key=lambda one: one.level != BAD)
+    return sorted(map(_dated, found), key=lambda one: one.level != BAD)
 
 
 def _keys(section: str, row: Row) -> list[Key]:
@@ -137,17 +136,6 @@ def _dated(finding: Finding) -> Finding:
     missed = [str(row.get("started") or "") for section, row in finding.followers if section == "outcomes"]
     since = next((one for one in [*nodes, *missed] if one), "")
     return replace(finding, told=replace(finding.told, since=since))
-
-
-def _unconnected(status: Status) -> Iterator[Finding]:
-    """Who is registered as a subscriber, is alive, and does not get what a publisher sends."""
-    for graph in status.get("graphs") or []:
-        for link in graph["links"]:
-            if link["broken"]:
-                pairs = [f"{publisher} is not connected to {subscriber}" for publisher, subscriber in link["broken"]]
-                todo = f"ansible-playbook rosops.fleet.status --limit {graph['robot']}"
-                where = f"topic {link['name']} of {graph['robot']}"
-                yield Finding(WARN, "graphs", Told(where, some(pairs), "", todo, "RosTopicSilent"))
 
 
 # ---- in words
@@ -230,6 +218,13 @@ def _topic(row: Row) -> Told:
     return Told(f"topic {row['name']} of {row['robot']}", told, "", todo, runbook)
 
 
+def _link(row: Row) -> Told:
+    """Who is registered as a subscriber, is alive, and does not get what a publisher sends."""
+    pairs = [f"{publisher} is not connected to {subscriber}" for publisher, subscriber in row["broken"]]
+    todo = f"ansible-playbook rosops.fleet.status --limit {row['robot']}"
+    return Told(f"topic {row['name']} of {row['robot']}", some(pairs), "", todo, "RosTopicSilent")
+
+
 def _outcome(row: Row) -> Told:
     playbook, host, outcome = str(row.get("playbook")), row.get("host"), row.get("outcome")
     named = f"rosops.fleet.{playbook.removesuffix('.yml')}" if playbook in OURS else playbook
@@ -277,4 +272,5 @@ _TOLD: Mapping[str, Callable[[Row], Told]] = {
     "topics": _topic,
     "claims": _claim,
     "outcomes": _outcome,
+    "links": _link,
 }

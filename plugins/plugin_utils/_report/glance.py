@@ -80,6 +80,7 @@ _JUDGES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "went_back": lambda _row: WARN,
     "ended": lambda _row: WARN,
     "ros_nodes": lambda row: OK if row.get("reachable") else BAD,
+    "links": lambda row: WARN if row.get("broken") else "",
     "topics": _topic,
     "claims": _claim,
     "outcomes": _outcome,

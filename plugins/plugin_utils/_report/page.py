@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.drawing import drawing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
     Rows,
     Status,
@@ -26,12 +25,17 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import
     hosts_off,
     level,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.plots import plots, rate_words
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import SECTIONS, Columns, columns, grid, words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import (
+    SECTIONS,
+    Columns,
+    columns,
+    grid,
+    rate_words,
+    words,
+)
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-OPENED = 4  # graphs that are drawn unfolded; more of them are, once somebody wants them
 UNFOLDED = 40  # a table of more rows is folded until somebody wants it
 LONG = 28  # characters of a word from which it may be broken anywhere
 NUMBERS = frozenset({
@@ -41,10 +45,8 @@ NUMBERS = frozenset({
 NAMES = frozenset({"app", "helper", "node", "topic", "claim", "step"})
 # What a terminal has no room for.
 MORE_COLUMNS: Mapping[str, Columns] = {"steps": [("phases, s", "phases"), ("id", "id")]}
-# A rate with the digits that mean something, so that a page is new only when the fleet is.
 COLUMNS: Mapping[tuple[str, str], Any] = {
     ("outcomes", "started"): lambda row: _when(str(row.get("started", ""))),
-    ("topics", "rate"): lambda row: "" if row.get("rate") is None else rate_words(float(row["rate"])),
 }
 HOST_COLUMNS = columns(
     "host", "group", "state", "node", "master", ("apps ready", "apps"), ("ROS nodes up", "ros_nodes"), "topics",
@@ -102,9 +104,6 @@ def _rendered(status: Status, made: str, limit: str, name: str) -> str:
         counts=counts(status),
         attention=attention(status),
         hosts=_section("glance", "By host", HOST_COLUMNS, hosts, [str(line["level"]) for line in hosts]),
-        plots=plots(status),
-        graphs=[drawing(graph) for graph in status.get("graphs") or []],
-        opened=OPENED,
         sections=sections,
         numbers=NUMBERS,
         unfolded=UNFOLDED,

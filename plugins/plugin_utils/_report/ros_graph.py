@@ -1,9 +1,9 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of a ROS graph is worth a drawing: which node runs where, who hears whom on what, and who should but does not.
+"""Of a ROS graph: which node runs where, who hears whom on what, and who should but does not. Pure.
 
-Pure. A topic that nobody listens to is a number only, and the five topics of an action are one link.
+The five topics of an action are one link, and a topic that nobody listens to is none.
 """
 
 from __future__ import annotations
@@ -41,31 +41,21 @@ def _hosts(rows: Iterable[Row]) -> set[str]:
     return {host for row in rows for host in row["nodes"]}
 
 
-def drawn(robot: str, graph: Mapping[str, Any], places: Places) -> Row:
-    """One graph: `nodes` (name, at, up), `links` (name, rate, action, publishers, subscribers, and as `broken` the
-    pairs that are registered, alive and not connected), and how many topics are `unheard`."""
-    nodes = {
-        name: {"name": name, "at": places.of(robot, node)["at"], "up": bool(node.get("reachable"))}
-        for name, node in sorted((graph.get("nodes") or {}).items())
-    }
+def links(robot: str, graph: Mapping[str, Any]) -> list[Row]:
+    """Who hears whom: robot, name, action, publishers, subscribers, and as `broken` the pairs of these that are
+    registered, alive and not connected."""
     topics = {name: one for name, one in (graph.get("topics") or {}).items() if name not in PLUMBING_TOPICS}
-    up = {name for name, node in nodes.items() if node["up"]}
+    up = {name for name, node in (graph.get("nodes") or {}).items() if node.get("reachable")}
     actions = graph.get("actions") or {}
     of_actions = {f"{name}/{part}" for name in actions for part in ACTION_TOPICS}
-    links = [_action_link(name, topics, up) for name in sorted(actions)]
-    links += [_link(name, topic, up) for name, topic in sorted(topics.items()) if name not in of_actions]
-    return {
-        "robot": robot,
-        "nodes": list(nodes.values()),
-        "links": [link for link in links if link["subscribers"]],
-        "unheard": sum(not link["subscribers"] for link in links),
-    }
+    found = [_action_link(name, topics, up) for name in sorted(actions)]
+    found += [_link(name, topic, up) for name, topic in sorted(topics.items()) if name not in of_actions]
+    return [{"robot": robot, **link} for link in found if link["subscribers"]]
 
 
 def _link(name: str, topic: Mapping[str, Any], up: set[str]) -> Row:
     return {
         "name": name,
-        "rate": topic.get("rate"),
         "action": False,
         "publishers": list(topic.get("publishers") or []),
         "subscribers": list(topic.get("subscribers") or []),
@@ -88,4 +78,4 @@ def _action_link(name: str, topics: Mapping[str, Mapping[str, Any]], up: set[str
     back = [[client, server] for server, client in _broken(result, up)]
     broken = [*_broken(goal, up), *(pair for pair in back if pair[0] in (goal.get("publishers") or []))]
     pairs = [list(pair) for pair in dict.fromkeys(map(tuple, broken))]
-    return {**_link(name, goal, up), "rate": None, "action": True, "broken": pairs}
+    return {**_link(name, goal, up), "action": True, "broken": pairs}

@@ -19,22 +19,15 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ways_back
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_ready, is_terminating, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
-    condition,
-    is_ready,
-    is_terminating,
-    last_end,
-    meta,
-    name_of,
-    why_not_ready,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import condition, last_end, meta, why_not_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, Outdated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import judge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED, launched_rows, logs_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import PLUMBING_TOPICS, Places, drawn
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import PLUMBING_TOPICS, Places, links
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import note_of
 
 Row = dict[str, Any]
@@ -414,7 +407,7 @@ def status_rows(
         "ended": ended,
         "ros_nodes": ros_nodes,
         "topics": topics,
-        "graphs": [drawn(robot, graph, places) for robot, graph in sorted(graphs.items())],
+        "links": [link for robot, graph in sorted(graphs.items()) for link in links(robot, graph)],
         "outcomes": outcome_rows(_by_time([*found, *fleet.get("runs", ())])),
         "steps": step_rows(_by_time([*fleet.get("updates", ()), *found])),
     }

@@ -50,9 +50,20 @@ def _count(row: Mapping[str, Any]) -> str:
     return f"{row.get('ready', 0)}/{row.get('wanted', 1)}"
 
 
+def rate_words(rate: float) -> str:
+    """Three digits: what changes from one look to the next says nothing.
+
+    >>> [rate_words(rate) for rate in (499.83, 10.04, 0.999, 0, 12345.6)]
+    ['500 Hz', '10.0 Hz', '0.999 Hz', '0 Hz', '12346 Hz']
+    """
+    if rate <= 0:
+        return "0 Hz"
+    digits = 0 if rate >= 99.95 else 1 if rate >= 9.995 else 2 if rate >= 0.9995 else 3
+    return f"{rate:.{digits}f} Hz"
+
+
 def _rate(row: Mapping[str, Any]) -> str:
-    rate = row.get("rate")
-    return "" if rate is None else f"{float(rate):.1f} Hz"
+    return "" if row.get("rate") is None else rate_words(float(row["rate"]))
 
 
 def _promised(row: Mapping[str, Any]) -> str:
@@ -63,6 +74,10 @@ def _promised(row: Mapping[str, Any]) -> str:
 
 def _state(row: Mapping[str, Any]) -> str:
     return "up" if row.get("reachable") else f"down: {row.get('error') or 'no answer'}"
+
+
+def _unconnected(row: Mapping[str, Any]) -> list[str]:
+    return [f"{publisher} and {subscriber}" for publisher, subscriber in row["broken"]]
 
 
 WORKLOAD = (("node", "nodes"), "restarts", ("image", "images"), "note")
@@ -88,8 +103,12 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
     ("TAKEN BACK BY THE KEEPER", "went_back", columns("robot", ("app", "name"), "from", "to", "at", "reason")),
     ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
     ("ROS NODES", "ros_nodes", columns(
-        "robot", ("node", "name"), ("state", _state), ("publishes", "publications"), ("subscribes", "subscriptions"),
-        ("services", lambda row: len(row.get("services") or [])),
+        "robot", ("node", "name"), ("on", "at"), ("state", _state), ("publishes", "publications"),
+        ("subscribes", "subscriptions"), ("services", lambda row: len(row.get("services") or [])),
+    )),
+    ("ROS GRAPHS", "links", columns(
+        "robot", ("topic", "name"), "action", ("from", "publishers"), ("to", "subscribers"),
+        ("not connected", _unconnected),
     )),
     ("TOPICS", "topics", columns(
         "robot", ("topic", "name"), "type", "publishers", "subscribers", "connections", ("rate", _rate),
@@ -104,9 +123,11 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
         ("waited for idle", "busy_wait"), "note",
     )),
 )  # fmt: skip
-OPTIONAL = frozenset({"note", "other labels", "id", "promised"})  # columns that go when nobody has anything in them
+OPTIONAL = frozenset(
+    {"note", "other labels", "id", "promised", "not connected"}
+)  # columns that go when nobody has anything in them
 # Sections that are worth a line only when there is something in them.
-ONLY_WITH_ROWS = frozenset({"problems", "helpers", "went_back", "ended", "outcomes", "steps"})
+ONLY_WITH_ROWS = frozenset({"problems", "helpers", "went_back", "ended", "links", "outcomes", "steps"})
 
 
 def words(value: Any) -> str:

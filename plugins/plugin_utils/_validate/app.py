@@ -13,17 +13,14 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import PORT as SIDECAR_PORT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.contents import Contents
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hooks import no_python
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import launch_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
@@ -79,23 +76,15 @@ def _second_master(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Pro
                 yield Problem(f"{path}.{key}[{index}]", "starts a second ROS master", allowed)
 
 
-def _command(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _command(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
     if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
             f"{path}.command",
             "is missing, as is args",
             "args: [], where the image's own entry point hands its arguments on: the ROS node name is appended, and "
-            "they replace the image's; or what is to run, as command and args" + _own_command(draft.inside(app)),
+            "they replace the image's; or what is to run, as command and args",
         )
-
-
-def _own_command(inside: Contents | None) -> str:
-    """How an app says what its image runs by itself; nothing where that is not known."""
-    runs = {"command": inside.entrypoint, "args": inside.cmd} if inside else {}
-    said = {key: [*words] for key, words in runs.items() if words}
-    told = yaml.safe_dump(said, default_flow_style=True, sort_keys=False, width=1000).strip()[1:-1]
-    return f"; its own is {told}" if said else ""
 
 
 def _launch(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
@@ -371,14 +360,6 @@ def _hooks(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
             yield Problem(join_path(path, "ports", index, "port"), found, "any other port")
 
 
-def _python(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
-    """The default needs one in the image; elsewhere a sidecar was chosen."""
-    lacks = "" if raw.get("hooks") or app.hooks != "app" else no_python(app, draft.inside)
-    if lacks:
-        allowed = "hooks: none, as host_network forbids sidecar, or hooks: app where it gets one in another way"
-        yield Problem(f"{path}.hooks", f"is missing, and {lacks}", allowed)
-
-
 def _resources(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     requests, limits = app.resources.get("requests") or {}, app.resources.get("limits") or {}
     for name in requests:
@@ -458,7 +439,6 @@ CHECKS: tuple[Check, ...] = (
     _ports,
     _mounts,
     _hooks,
-    _python,
     _resources,
     _environment,
     _readiness,

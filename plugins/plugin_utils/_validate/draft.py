@@ -6,13 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hooks import with_hooks
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.images import Inside
 
 
 @dataclass(frozen=True)
@@ -20,14 +18,13 @@ class Draft:
     """A robot made of what the schema accepts, and what its owner declared beside that.
 
     What is declared wrongly is still there: such a volume is not unknown as well, and such an app has its name.
-    `positions` are the places of the robot's apps in ros_apps, `inside` looks into an app's image.
+    `positions` are the places of the robot's apps in ros_apps.
     """
 
     robot: Robot
     positions: tuple[int, ...]
     declared_apps: tuple[Mapping[str, Any], ...]
     declared_volumes: tuple[Any, ...]
-    inside: Inside
 
     @property
     def path(self) -> str:
@@ -40,7 +37,7 @@ class Draft:
             yield join_path(self.path, "ros_apps", position), app, self.declared_apps[position]
 
 
-def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem], inside: Inside) -> Draft:
+def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem]) -> Draft:
     """The draft of a robot; a malformed app is left out instead of keeping the others from being looked at."""
     bad = {problem.path for problem in wrong}
 
@@ -59,12 +56,9 @@ def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem], in
         "volumes": [item for index, item in enumerate(volumes) if sound("persistent_storage", "volumes", index)]
     }
     declared = tuple(app if isinstance(app, dict) else {} for app in apps)
-    found = Robot.from_variables(kept, robot)
-    hooked = tuple(with_hooks(app, declared[position], inside) for app, position in zip(found.apps, positions))
     return Draft(
-        replace(found, apps=hooked),
+        Robot.from_variables(kept, robot),
         positions,
         declared,
         tuple(item.get("name") for item in volumes if isinstance(item, dict)),
-        inside,
     )

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.contents import Find, unseen
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
@@ -25,7 +24,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import app_problems, app_warnings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft, draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, schema_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.images import inside
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import layered
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import without_rigels
@@ -51,11 +49,8 @@ class Report(NamedTuple):
     hosts: Mapping[str, Mapping[str, Any]]
 
 
-def check_fleet(given: Any, find: Find = unseen) -> Report:
-    """`given` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`.
-
-    `find` looks into archives of images: where an app's hooks run, if nobody said it, and what is refused.
-    """
+def check_fleet(given: Any) -> Report:
+    """`given` is `{groups: {edge: [..], robots: [..], k3s_server: [..]}, hosts: {name: {variable: value}}}`."""
     problems: list[Problem] = []
     if not isinstance(given, Mapping):
         return Report([Problem("fleet", f"is {shown(given)}", "a mapping with groups and hosts")], [], None, {})
@@ -80,7 +75,7 @@ def check_fleet(given: Any, find: Find = unseen) -> Report:
     problems += _fleet_name_problems(hosts)
     problems += observability_problems(groups, modes, hosts, wrong)
     edge_count = len(members(groups, "edge"))
-    drafts = [draft(robot, hosts.get(robot, {}), wrong, inside(robot, groups, hosts, find)) for robot in modes]
+    drafts = [draft(robot, hosts.get(robot, {}), wrong) for robot in modes]
     warnings: list[Problem] = []
     for item in drafts:
         problems += robot_problems(item, edge_count)

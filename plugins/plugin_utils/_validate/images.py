@@ -1,35 +1,21 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where an app's image can be looked at before any node has it."""
+"""Archives of images, as far as they are seen before any node has them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.contents import Contents, Find
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import members
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 
-Inside = Callable[[App], Contents | None]
 Hosts = Mapping[str, Mapping[str, Any]]
 Archive = Mapping[str, Any]  # an item of images_archives
 # What archives hold in the place of an image; nothing where one has it, or nobody can see.
 Instead = Callable[[Sequence[Archive], str], Sequence[str]]
-
-
-def inside(robot: str, groups: Mapping[str, Any], hosts: Hosts, find: Find) -> Inside:
-    """What an app of the robot finds in its image: by the archives of the hosts on which it may run."""
-
-    def look(app: App) -> Contents | None:
-        places = [robot] if app.placement == "local" else members(groups, "edge")
-        return find([item["path"] for host in places for item in _archives(hosts.get(host, {}))], app.image)
-
-    return look
 
 
 def archive_problems(hosts: Hosts, unusable: Callable[[str], str]) -> Iterator[Problem]:

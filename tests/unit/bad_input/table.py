@@ -5,17 +5,12 @@
 from __future__ import annotations
 
 import copy
-import io
-import json
-import tarfile
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1"]}
-_ARCHIVES = tempfile.TemporaryDirectory()  # as long as this process: inventories name what is in it
 GOOD_APP = {"name": "talker", "image": "example.org/talker:1.0", "args": ["talk"], "placement": "local"}
 
 
@@ -35,38 +30,7 @@ def fleet_of(case: dict[str, Any]) -> dict[str, Any]:
     apps = case.get("apps") or ([case["app"]] if "app" in case else [])
     if apps:
         hosts["robot1"]["ros_apps"] = [changed_app(app) for app in apps]
-    if "archive" in case:
-        hosts["robot1"]["images_archives"] = [{"path": _archive(case)}]
     return {"groups": groups, "hosts": hosts}
-
-
-def _archive(case: dict[str, Any]) -> str:
-    """A docker archive with the good app's image."""
-    links, config = case["archive"].get("links", {}), {"config": case["archive"].get("runs", {})}
-    manifest = [{"Config": "config.json", "RepoTags": [GOOD_APP["image"]], "Layers": ["layer.tar"]}]
-    files = {
-        "layer.tar": _tar(dict.fromkeys(links.values(), b""), links),
-        "config.json": json.dumps(config).encode(),
-        "manifest.json": json.dumps(manifest).encode(),
-    }
-    path = Path(_ARCHIVES.name) / f"{case['id']}.tar"
-    path.write_bytes(_tar(files, {}))
-    return str(path)
-
-
-def _tar(files: dict[str, bytes], links: dict[str, str]) -> bytes:
-    """Links have their targets' whole paths."""
-    packed = io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w") as tar:
-        for name, target in links.items():
-            link = tarfile.TarInfo(name)
-            link.type, link.linkname = tarfile.SYMTYPE, f"/{target}"
-            tar.addfile(link)
-        for name, content in files.items():
-            member = tarfile.TarInfo(name)
-            member.size = len(content)
-            tar.addfile(member, io.BytesIO(content))
-    return packed.getvalue()
 
 
 def changed_app(changes: dict[str, Any]) -> dict[str, Any]:

@@ -3,12 +3,14 @@
 """Write the golden files anew: `.venv/bin/python tests/unit/golden/regenerate.py`. Read the diff before keeping it.
 
 A case is `cases/<name>.yml` with `robot` and `variables`; its golden file is `<name>.yml` beside this script:
-`{objects: [..], conditions: {..}, images: {local: [..], remote: [..]}}`.
+`{objects: [..], conditions: {..}, images: {local: [..], remote: [..]}}`. An object that is as in the case `minimal` is
+its kind and name there.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,9 @@ import yaml
 
 CODE = {"run.py": "# stands for the code\n"}
 HERE = Path(__file__).resolve().parent
+BASE = "minimal"
+ROOM = 90  # characters, beside the indentation
+Object = dict[str, Any]
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
@@ -56,8 +61,23 @@ def cases() -> dict[str, dict[str, Any]]:
     return {path.stem: yaml.safe_load(path.read_text("utf-8")) for path in sorted((HERE / "cases").glob("*.yml"))}
 
 
+def named(item: Object) -> str:
+    """An object that another golden file has."""
+    return f"{item['kind']} {item['metadata']['name']}"
+
+
+def golden(name: str) -> dict[str, Any]:
+    """What the case's golden file holds."""
+    every = cases()
+    made, base = built(every[name]), built(every[BASE])["objects"] if name != BASE else []
+    return {**made, "objects": [named(item) if item in base else item for item in made["objects"]]}
+
+
 class _Dumper(yaml.SafeDumper):
-    """Without anchors and with indented lists: a golden file is read by people, and linted."""
+    """Without anchors, with indented lists, short mappings and lists in one line: people read golden files.
+
+    The lint reads them, too.
+    """
 
     def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
         return True
@@ -65,16 +85,39 @@ class _Dumper(yaml.SafeDumper):
     def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:  # noqa: ARG002
         super().increase_indent(flow, False)
 
+    def represent_sequence(self, *given: Any, **more: Any) -> yaml.SequenceNode:
+        node = super().represent_sequence(*given, **more)
+        node.flow_style = bool(node.flow_style) and _words(node.value) <= ROOM
+        return node
+
+    def represent_mapping(self, *given: Any, **more: Any) -> yaml.MappingNode:
+        node = super().represent_mapping(*given, **more)
+        node.flow_style = bool(node.flow_style) and sum(map(_words, node.value)) <= ROOM
+        return node
+
+
+def _words(leaves: Iterable[yaml.Node]) -> int:
+    """The room that they take in a line."""
+    return sum(len(leaf.value) + 4 for leaf in leaves)
+
+
+def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style="|" if "\n" in value else None)
+
+
+_Dumper.add_representer(str, _text)
+
 
 def write(path: Path, value: Any) -> None:
     """One golden file."""
-    path.write_text(f"---\n{yaml.dump(value, Dumper=_Dumper, sort_keys=False, width=120)}", encoding="utf-8")
+    text = yaml.dump(value, Dumper=_Dumper, sort_keys=False, width=120, default_flow_style=None)
+    path.write_text(f"---\n{text}", encoding="utf-8")
 
 
 def main() -> None:
     """Write all golden files."""
-    for name, case in cases().items():
-        write(HERE / f"{name}.yml", built(case))
+    for name in cases():
+        write(HERE / f"{name}.yml", golden(name))
 
 
 if __name__ == "__main__":

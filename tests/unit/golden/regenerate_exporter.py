@@ -26,10 +26,6 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E4
 CODE = {"run.py": "# stands for the code\n"}
 CASES: dict[str, tuple[dict[str, Any], Settings]] = {
     "robot": ({"name": "r1", "master": {"image": "example.org/ros:1"}}, Settings()),
-    "shared": (
-        {"name": "r1", "master": {"mode": "shared"}, "volumes": [{"name": "data"}]},
-        Settings(claims_path="/var/lib/rancher/k3s/storage"),
-    ),
     "everything": (
         {
             "name": "r-1",

@@ -11,13 +11,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import named, write  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
 ADMIN = {"password": "a-password", "version": "v1"}
@@ -47,38 +46,16 @@ def built(spec: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def golden(name: str) -> list[dict[str, Any]]:
-    """What a golden file holds: all of `standalone` and `robot`, of the others what `standalone` has not as it is."""
-    objects = built(SPECS[name])
-    return (
-        objects
-        if name in ("standalone", "robot")
-        else [one for one in objects if one not in built(SPECS["standalone"])]
-    )
-
-
-class _Dumper(yaml.SafeDumper):
-    """Without anchors and with indented lists: a golden file is read by people, and linted."""
-
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
-        return True
-
-    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:  # noqa: ARG002
-        super().increase_indent(flow, False)
-
-
-def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
-    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style="|" if "\n" in value else None)
-
-
-_Dumper.add_representer(str, _text)
+def golden(name: str) -> list[dict[str, Any] | str]:
+    """What a golden file holds: all of `standalone`; of the others what is new, and the kinds and names of the rest."""
+    there = {named(one) for one in built(SPECS["standalone"])} if name != "standalone" else set()
+    return [named(one) if named(one) in there else one for one in built(SPECS[name])]
 
 
 def main() -> None:
     """Write all golden files."""
     for name in SPECS:
-        text = yaml.dump(golden(name), Dumper=_Dumper, sort_keys=False, width=120)
-        (HERE / "golden" / f"{name}.yml").write_text(f"---\n{text}", encoding="utf-8")
+        write(HERE / "golden" / f"{name}.yml", golden(name))
 
 
 if __name__ == "__main__":

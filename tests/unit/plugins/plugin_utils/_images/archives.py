@@ -28,12 +28,19 @@ ARM = encoded({"architecture": "arm64", "os": "linux"})
 ID = f"sha256:{digest(CONFIG)}"
 
 
-def archive(path: Path, files: dict[str, bytes]) -> str:
-    with tarfile.open(path, "w") as tar:
+def tar_of(files: Mapping[str, bytes]) -> bytes:
+    """An archive, or a layer, with these files."""
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w") as tar:
         for name, content in files.items():
             member = tarfile.TarInfo(name)
             member.size = len(content)
             tar.addfile(member, io.BytesIO(content))
+    return packed.getvalue()
+
+
+def archive(path: Path, files: Mapping[str, bytes]) -> str:
+    path.write_bytes(tar_of(files))
     return str(path)
 
 
@@ -63,34 +70,19 @@ def oci(path: Path) -> str:
     return archive(path, {"oci-layout": b"{}", **files})
 
 
-def layer(entries: dict[str, str | None]) -> bytes:
-    """A layer's tar: path -> None for a directory, the empty text for a file, `=path` for a hard link, or a target."""
-    packed = io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w") as tar:
-        for path, target in entries.items():
-            member = tarfile.TarInfo(path)
-            if target is None:
-                member.type = tarfile.DIRTYPE
-            elif target:
-                member.type = tarfile.LNKTYPE if target.startswith("=") else tarfile.SYMTYPE
-                member.linkname = target.removeprefix("=")
-            tar.addfile(member)
-    return packed.getvalue()
-
-
-def docker_image(path: Path, tag: str, layers: list[bytes], runs: Mapping[str, Any] | None = None) -> str:
+def docker_image(path: Path, tag: str, layers: list[bytes]) -> str:
     """As `podman save` makes it."""
     listed = [f"{digest(one)}.tar" for one in layers]
     files = dict(zip(listed, layers, strict=True))
     rootfs = {"type": "layers", "diff_ids": [f"sha256:{digest(one)}" for one in layers]}
-    config = encoded({"architecture": "amd64", "os": "linux", "config": runs, "rootfs": rootfs})
+    config = encoded({"architecture": "amd64", "os": "linux", "rootfs": rootfs})
     manifest = [{"Config": f"{digest(config)}.json", "RepoTags": [tag], "Layers": listed}]
     return archive(path, {**files, f"{digest(config)}.json": config, "manifest.json": encoded(manifest)})
 
 
-def oci_image(path: Path, tag: str, layers: list[bytes], runs: Mapping[str, Any] | None = None) -> str:
+def oci_image(path: Path, tag: str, layers: list[bytes]) -> str:
     """An OCI layout in a tar; the layers stand in it the wrong way around, which it may do."""
-    config = encoded({"architecture": "arm64", "os": "linux", "config": runs})
+    config = encoded({"architecture": "arm64", "os": "linux"})
     said = [{"digest": f"sha256:{digest(one)}", "size": len(one)} for one in layers]
     manifest = encoded({"config": {"digest": f"sha256:{digest(config)}"}, "layers": said})
     entry = {"digest": f"sha256:{digest(manifest)}", "annotations": {CONTAINERD_NAME: tag}}

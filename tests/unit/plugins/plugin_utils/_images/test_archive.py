@@ -91,6 +91,7 @@ def test_an_oci_archive_gives_the_machines_own_image(tmp_path: Path, machine: st
         (lambda path: archive(path, {"x": b"1"}), "neither manifest.json nor index.json"),
         (lambda path: docker(path, None), "names no image"),
         (lambda path: archive(path, {"manifest.json": b"[{]"}), "is no docker or OCI image archive"),
+        (lambda path: docker(path, ["a:1"], b"[]"), "is no docker or OCI image archive"),
         (
             lambda path: archive(path, {"manifest.json": b'[{"Config": "gone", "RepoTags": ["a:1"]}]'}),
             "is no docker or OCI",

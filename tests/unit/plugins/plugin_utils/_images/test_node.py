@@ -22,12 +22,12 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
     digest,
     docker,
     docker_image,
-    layer,
+    tar_of,
 )
 
 APPS, REDIS = "docker.io/lab/apps:1.0", "docker.io/library/redis:7"
 ROOM = "/room"
-BASE = layer({f"usr/share/file{number}": "" for number in range(99)})
+BASE = tar_of({f"usr/share/file{number}": b"" for number in range(99)})
 BASE_DIGEST = f"sha256:{digest(BASE)}"
 
 
@@ -237,7 +237,9 @@ def test_a_path_of_the_home_directory(archive: dict[str, str], monkeypatch: pyte
 
 def versions(tmp_path: Path) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
     """Two archives, whose images have all but one layer in common."""
-    made = [docker_image(tmp_path / f"apps-{name}.tar", f"lab/apps:{name}", [BASE, layer({name: ""})]) for name in "12"]
+    made = [
+        docker_image(tmp_path / f"apps-{name}.tar", f"lab/apps:{name}", [BASE, tar_of({name: b""})]) for name in "12"
+    ]
     return [{"path": made[0]}], [{"path": made[1]}]
 
 

@@ -20,12 +20,12 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
     digest,
     docker_image,
     encoded,
-    layer,
     oci_image,
+    tar_of,
 )
 
-BASE = layer({f"usr/share/file{number}": "" for number in range(99)})
-OWN, NEXT = layer({"app/one": ""}), layer({"app/two": ""})
+BASE = tar_of({f"usr/share/file{number}": b"" for number in range(99)})
+OWN, NEXT = tar_of({"app/one": b""}), tar_of({"app/two": b""})
 Make = Callable[[Path, str, Sequence[bytes]], str]
 
 

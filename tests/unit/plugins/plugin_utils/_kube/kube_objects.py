@@ -109,27 +109,12 @@ def rolled(*pods: Object, **changes: Any) -> View:
     return View([deployment(**changes), replica_set("talker-old", "1"), replica_set("talker-new", "2"), *pods])
 
 
-# --- StatefulSet, DaemonSet -----------------------------------------------------------------------------------------
+# --- DaemonSet ------------------------------------------------------------------------------------------------------
 
 
-def set_pod(
-    kind: str, name: str, revision: str, containers: list[Object] | None = None, owner_name: str = ""
-) -> Object:
-    owners = owner(kind, owner_name or "talker")
+def set_pod(name: str, revision: str, containers: list[Object] | None = None) -> Object:
+    owners = owner("DaemonSet", "talker")
     return pod(name, owners, containers, metadata={"labels": {"controller-revision-hash": revision}})
-
-
-def stateful_set(replicas: int = 2, status: Object | None = None, **spec: Any) -> Object:
-    done = {
-        "observedGeneration": 2,
-        "replicas": replicas,
-        "readyReplicas": replicas,
-        "availableReplicas": replicas,
-        "updatedReplicas": replicas,
-        "currentRevision": "old",
-        "updateRevision": "new",
-    }
-    return obj("StatefulSet", "talker", {"replicas": replicas, **spec}, {**done, **(status or {})}, generation=2)
 
 
 def daemon_set(desired: int = 2, status: Object | None = None, **spec: Any) -> Object:

@@ -11,7 +11,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     HINT,
     Object,
     error_end,
-    judge_pod,
     trouble,
     why_not_ready,
 )
@@ -26,23 +25,21 @@ def reason(verdict: object) -> str:
 
 
 @pytest.mark.parametrize(
-    ("container", "status", "told"),
+    ("container", "told"),
     [
-        ({"state": {"waiting": {"reason": "RunContainerError", "message": NO_PYTHON}}}, {}, [trouble, why_not_ready]),
+        ({"state": {"waiting": {"reason": "RunContainerError", "message": NO_PYTHON}}}, [trouble, why_not_ready]),
         (
             {"state": {"waiting": {"reason": "CrashLoopBackOff"}}, "lastState": ENDED, "restartCount": 2},
-            {},
-            [trouble, why_not_ready, judge_pod],
+            [trouble, why_not_ready],
         ),
-        ({"state": ENDED}, {}, [why_not_ready, lambda one: error_end(one, {})]),
-        ({"state": ENDED}, {"phase": "Failed"}, [judge_pod]),
-        ({"state": {"waiting": {"reason": "ContainerCreating", "message": NO_PYTHON}}}, {}, [why_not_ready]),
+        ({"state": ENDED}, [why_not_ready, lambda one: error_end(one, {})]),
+        ({"state": {"waiting": {"reason": "ContainerCreating", "message": NO_PYTHON}}}, [why_not_ready]),
     ],
 )
 def test_a_missing_python_is_explained_once_wherever_it_is_told(
-    container: Object, status: Object, told: list[Callable[[Object], object]]
+    container: Object, told: list[Callable[[Object], object]]
 ) -> None:
-    one = pod("talker-1", [], [{"name": "ros-app", **container}], status=status)
+    one = pod("talker-1", [], [{"name": "ros-app", **container}])
     for tell in told:
         assert reason(tell(one)).count(HINT) == 1, tell
 

@@ -23,15 +23,12 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
     ref,
     replica_set,
     set_pod,
-    stateful_set,
     waiting,
 )
 
-DEPLOYMENT, STATEFUL, DAEMON, JOB = (ref(kind) for kind in ("Deployment", "StatefulSet", "DaemonSet", "Job"))
+DEPLOYMENT, DAEMON = ref("Deployment"), ref("DaemonSet")
 SETS = [replica_set("talker-old", "1"), replica_set("talker-new", "2")]
-COMPLETE: Object = {"succeeded": 1, "conditions": conditions(Complete="True")}
-STATEFUL_PODS = [set_pod("StatefulSet", f"talker-{number}", "new") for number in (0, 1)]
-DAEMON_PODS = [set_pod("DaemonSet", f"talker-{number}", "new") for number in "ab"]
+DAEMON_PODS = [set_pod(f"talker-{number}", "new") for number in "ab"]
 REVISIONS = [controller_revision("old", 1), controller_revision("new", 2)]
 
 
@@ -58,16 +55,10 @@ def elsewhere(made: Object, **metadata: Any) -> Object:
     [
         (DEPLOYMENT, [deployment(), *SETS, pod("talker-new-1", NEW)], [replica_set("talker-x", "9"), pod("x", OLD)]),
         (
-            STATEFUL,
-            [stateful_set(), *STATEFUL_PODS],
-            [set_pod("StatefulSet", "talker-7", "old"), set_pod("StatefulSet", "talker-1", "old")],
-        ),
-        (
             DAEMON,
             [daemon_set(), *REVISIONS, *DAEMON_PODS],
-            [controller_revision("newest", 3), set_pod("DaemonSet", "x", "old")],
+            [controller_revision("newest", 3), set_pod("x", "old")],
         ),
-        (JOB, [obj("Job", "talker", {"completions": 1}, COMPLETE)], [pod("x", OLD, [waiting("ImagePullBackOff")])]),
     ],
 )
 def test_namesakes_in_another_namespace_do_not_count(of: Ref, objects: list[Object], spoiling: list[Object]) -> None:
@@ -92,12 +83,6 @@ FULL: Object = {"type": "DiskPressure", "status": "True", "message": "a full dis
             [without(deployment(), "spec", "replicas"), *SETS, pod("talker-new-1", NEW)],
             "pass",
             "1 of 1 pods updated and available",
-        ),
-        (
-            STATEFUL,
-            [without(stateful_set(1), "spec", "replicas"), STATEFUL_PODS[0]],
-            "pass",
-            "1 of 1 pods available",
         ),
         (DAEMON, [daemon_set(), *REVISIONS, *DAEMON_PODS], "pass", "2 of 2 pods available"),
         (DAEMON, [daemon_set(), *DAEMON_PODS], "wait", "its controller revision has not been seen yet"),

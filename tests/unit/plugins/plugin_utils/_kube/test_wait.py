@@ -665,4 +665,4 @@ def test_check_mode_looks_once_and_never_fails() -> None:
 def test_bad_parameters_are_told_before_anything_is_asked(check_mode: bool) -> None:
     watch: Callable[..., Any] = lambda *_: pytest.fail("asked the cluster")  # noqa: E731
     with pytest.raises(SpecError, match=r"objects\[0\].name: missing"):
-        run({"objects": [{"kind": "Pod", "namespace": "x"}]}, FakeKube(), Settings(watch=watch), check_mode)
+        run({"objects": [{"kind": "Node", "namespace": "x"}]}, FakeKube(), Settings(watch=watch), check_mode)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Places, drawn
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import links
 
 # Topic, rate, who sends it, who hears it.
 TOPICS = """
@@ -80,6 +80,6 @@ def graph(broken: tuple[tuple[str, str], ...] = (), down: tuple[str, ...] = ()) 
     return {"nodes": nodes, "topics": topics, "actions": {"/move_base": {"servers": ["/move_base"]}}}
 
 
-def row(robot: str = "robot1", **more: Any) -> dict[str, Any]:
-    """As the section `graphs` has it."""
-    return drawn(robot, graph(**more), Places([{**app, "robot": robot} for app in APPS], []))
+def rows(robot: str = "robot1", **more: Any) -> list[dict[str, Any]]:
+    """As the section `links` has them."""
+    return links(robot, graph(**more))

@@ -89,9 +89,8 @@ def test_ros_nodes_and_the_graph_are_down_with_what_they_run_in() -> None:
 
 
 def test_who_is_registered_and_alive_and_not_connected_is_told() -> None:
-    link = {"name": "/scan", "broken": [["/lidar", "/slam"]]}
-    graphs = [{"robot": "robot1", "links": [link, {"name": "/odom", "broken": []}]}]
-    [one] = attention({"graphs": graphs})
+    link = {"robot": "robot1", "name": "/scan", "broken": [["/lidar", "/slam"]]}
+    [one] = attention({"links": [link, {**link, "name": "/odom", "broken": []}]})
     assert lines([one]) == [("warn", "topic /scan of robot1", "/lidar is not connected to /slam")]
 
 

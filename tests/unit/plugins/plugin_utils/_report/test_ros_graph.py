@@ -1,21 +1,20 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of a graph is drawn: who runs where, who hears whom, and who should."""
+"""Of a graph: who runs where, who hears whom, and who should."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Places, drawn
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Places, links
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
 
 NODES = [{"name": "edge1", "address": "192.0.2.10"}]
 
 
-def found(**more: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The row, and its links by name."""
-    row = a_robot.row(**more)
-    return row, {link["name"]: link for link in row["links"]}
+def found(**more: Any) -> dict[str, Any]:
+    """The links by name."""
+    return {link["name"]: link for link in a_robot.rows(**more)}
 
 
 def test_a_node_runs_where_its_pod_does() -> None:
@@ -43,30 +42,28 @@ def test_clusters_have_the_same_addresses() -> None:
 
 
 def test_who_is_registered_and_alive_and_not_connected_is_broken() -> None:
-    row, links = found(broken=(("/merger", "/amcl"), ("/joystick", "/mux"), ("/safety", "/arm_driver")), down=("/mux",))
-    assert {name: link["broken"] for name, link in links.items() if link["broken"]} == {
+    broken = (("/merger", "/amcl"), ("/joystick", "/mux"), ("/safety", "/arm_driver"))
+    assert {name: link["broken"] for name, link in found(broken=broken, down=("/mux",)).items() if link["broken"]} == {
         "/scan": [["/merger", "/amcl"]],
         "/safety/stop": [["/safety", "/arm_driver"]],
     }
-    assert [node["name"] for node in row["nodes"] if not node["up"]] == ["/mux"]
 
 
 def test_the_topics_of_an_action_are_one_link() -> None:
-    _row, links = found()
-    assert not [name for name in links if name.startswith("/move_base/")]
-    assert (links["/move_base"]["action"], links["/move_base"]["publishers"]) == (True, ["/mission"])
+    there = found()
+    assert not [name for name in there if name.startswith("/move_base/")]
+    assert (there["/move_base"]["action"], there["/move_base"]["publishers"]) == (True, ["/mission"])
     for publisher, subscriber in (("/mission", "/move_base"), ("/move_base", "/mission")):
         graph = a_robot.graph()
         part = graph["topics"]["/move_base/goal" if publisher == "/mission" else "/move_base/result"]
         part["connections"].remove({"publisher": publisher, "subscriber": subscriber})
-        [link] = [one for one in drawn("robot1", graph, Places([], []))["links"] if one["action"]]
+        [link] = [one for one in links("robot1", graph) if one["action"]]
         assert link["broken"] == [["/mission", "/move_base"]]
 
 
-def test_what_nobody_listens_to_is_a_number() -> None:
-    row, links = found()
-    assert row["unheard"] == 1 and "/log/bag_state" not in links
+def test_what_nobody_listens_to_is_no_link() -> None:
+    assert "/log/bag_state" not in found()
 
 
 def test_a_graph_of_nothing() -> None:
-    assert drawn("robot1", {}, Places([], [])) == {"robot": "robot1", "nodes": [], "links": [], "unheard": 0}
+    assert links("robot1", {}) == []

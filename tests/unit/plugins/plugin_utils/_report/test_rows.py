@@ -447,14 +447,18 @@ APPS
   robot1  temperature-sensor  local      1/1    robot1  2         lab/apps:1.0  -
 
 ROS NODES
-  robot   node     state                     publishes  subscribes  services
-  robot1  /ghost   down: connection refused  0          0           0
-  robot1  /sensor  up                        2          0           1
+  robot   node     on  state                     publishes  subscribes  services
+  robot1  /ghost   -   down: connection refused  0          0           0
+  robot1  /sensor  -   up                        2          0           1
+
+ROS GRAPHS
+  robot   topic         action  from     to
+  robot1  /temperature  no      /sensor  /stats
 
 TOPICS
-  robot   topic         type             publishers  subscribers  connections  rate      note
-  robot1  /idle         std_msgs/String  0           0            0            -         no publisher answers
-  robot1  /temperature  demo/Sample      1           1            1            499.8 Hz  -
+  robot   topic         type             publishers  subscribers  connections  rate    note
+  robot1  /idle         std_msgs/String  0           0            0            -       no publisher answers
+  robot1  /temperature  demo/Sample      1           1            1            500 Hz  -
 
 CLAIMS
   robot   claim     state  class       size  used

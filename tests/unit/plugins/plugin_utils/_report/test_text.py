@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import table, words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import rate_words, table, words
 
 
 @pytest.mark.parametrize(
@@ -27,6 +27,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import t
 )
 def test_cells(value: Any, text: str) -> None:
     assert words(value) == text
+
+
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [(499.83, "500 Hz"), (99.95, "100 Hz"), (99.94, "99.9 Hz"), (9.995, "10.0 Hz"), (0.999, "0.999 Hz"), (0, "0 Hz")],
+)
+def test_rates(rate: float, said: str) -> None:
+    assert rate_words(rate) == said
 
 
 def test_columns_are_as_wide_as_their_content() -> None:

@@ -419,9 +419,10 @@ def pod_object(pod: Pod) -> Object:
         state[0] |= {"restartCount": pod.restarts, "lastState": {"terminated": life}}
         state[0]["state"] = {"waiting": {"reason": "CrashLoopBackOff"}}
     address = f"10.42.0.{pod.uid}" if pod.process else None
+    ready = [{"type": "Ready", "status": str(pod.ready)}]
     return {
         "metadata": {"name": f"{pod.app}-{pod.uid}", "namespace": pod.key[0], "labels": labels},
-        "status": {"podIP": address, "containerStatuses": state},
+        "status": {"podIP": address, "containerStatuses": state, "conditions": ready},
     }
 
 

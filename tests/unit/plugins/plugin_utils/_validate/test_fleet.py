@@ -7,14 +7,11 @@ from __future__ import annotations
 import copy
 import datetime
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
@@ -48,7 +45,7 @@ def test_the_table_is_large_enough_and_its_names_are_apart() -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
 def test_bad_input(case: dict[str, Any]) -> None:
-    report = check_fleet(table.fleet_of(case), Archives().find)
+    report = check_fleet(table.fleet_of(case))
     assert table.missing_words(case, lines(report)) == [], lines(report)
     assert report.fleet is None
     assert all(problem.path and problem.problem and problem.allowed for problem in report.problems)
@@ -58,7 +55,7 @@ def test_bad_input(case: dict[str, Any]) -> None:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
 def test_bad_input_reports_little_beside_the_point(case: dict[str, Any]) -> None:
     """One mistake is not reported as a dozen."""
-    assert len(check_fleet(table.fleet_of(case), Archives().find).problems) <= 3
+    assert len(check_fleet(table.fleet_of(case)).problems) <= 3
 
 
 def test_the_good_app_is_good() -> None:
@@ -128,87 +125,6 @@ def test_all_errors_at_once() -> None:
 def test_what_must_pass(app: dict[str, Any], robot: dict[str, Any]) -> None:
     report = check(app, **robot)
     assert lines(report) == ""
-
-
-@dataclass(frozen=True)
-class Inside:
-    """An image as its archive shows it."""
-
-    python: str | None = ""
-    archive: str = "a.tar"
-    entrypoint: tuple[str, ...] = ()
-    cmd: tuple[str, ...] = ()
-
-
-@pytest.mark.parametrize(
-    ("app", "python", "hooks"),
-    [
-        ({}, "", "sidecar"),
-        ({"hooks": None}, "3.7", "sidecar"),
-        ({"env": {"A": "b"}}, "3.5", "sidecar"),
-        ({}, "3.8", "app"),
-        ({}, "3.14", "app"),
-        ({}, None, "app"),  # it is not seen
-        ({"env": {"PATH": "/opt/py/bin"}}, "", "app"),  # it is found elsewhere
-        *(({"hooks": way}, "", way) for way in ("app", "sidecar", "none")),
-        ({"host_network": True}, "", None),
-        ({"host_network": True, "hooks": "app"}, "", "app"),
-    ],
-)
-def test_where_the_hooks_run_follows_from_what_the_image_is_seen_to_have(
-    app: dict[str, Any], python: str | None, hooks: str | None
-) -> None:
-    given = {"groups": table.GROUPS, "hosts": {"robot1": {"ros_apps": [table.changed_app(app)]}}}
-    report = check_fleet(given, lambda _paths, _image: Inside(python))
-    if hooks is None:
-        assert [problem.path for problem in report.problems] == ["hosts.robot1.ros_apps[0].hooks"]
-        return
-    assert report.fleet is not None, report.problems
-    assert [one.hooks for one in report.fleet.robots["robot1"].apps] == [hooks]
-
-
-def test_an_image_is_looked_for_in_the_archives_of_the_hosts_on_which_its_app_may_run() -> None:
-    asked: list[tuple[list[str], str]] = []
-
-    def find(paths: Sequence[str], image: str) -> Inside:
-        asked.append(([*paths], image))
-        return Inside()
-
-    apps = [
-        table.changed_app({"name": "here", "image": "lab/here:1"}),
-        table.changed_app({"name": "there", "image": "lab/there:1", "placement": "remote"}),
-        table.changed_app({"name": "said", "hooks": "sidecar"}),
-    ]
-    hosts: dict[str, Any] = {
-        host: {"images_archives": [{"path": f"{host}.tar"}, {"path": "all.tar"}]}
-        for host in ("edge1", "edge2", "edge3", "robot1", "robot2")
-    }
-    hosts["robot1"]["ros_apps"] = apps
-    groups = {"edge": ["edge1", "edge2", "edge3"], "robots": ["robot1", "robot2"]}
-    report = check_fleet({"groups": groups, "hosts": hosts}, find)
-    edge = [path for host in groups["edge"] for path in (f"{host}.tar", "all.tar")]
-    assert asked == [(["robot1.tar", "all.tar"], "lab/here:1"), (edge, "lab/there:1")]
-    assert lines(report) == ""
-
-
-@pytest.mark.parametrize(
-    ("entrypoint", "cmd", "told"),
-    [
-        (("/run.sh",), ("a", "b c"), "; its own is command: [/run.sh], args: [a, b c]"),
-        (("/run.sh",), (), "; its own is command: [/run.sh]"),
-        ((), ("run", "${X}, y"), "; its own is args: [run, '${X}, y']"),
-        ((), (), ""),
-    ],
-)
-def test_what_an_image_runs_by_itself_is_told_where_it_would_be_replaced(
-    entrypoint: tuple[str, ...], cmd: tuple[str, ...], told: str
-) -> None:
-    inside = Inside("3.8", entrypoint=entrypoint, cmd=cmd)
-    given = {"groups": table.GROUPS, "hosts": {"robot1": {"ros_apps": [table.changed_app({"args": None})]}}}
-    (problem,) = check_fleet(given, lambda _paths, _image: inside).problems
-    assert problem.path == "hosts.robot1.ros_apps[0].command"
-    assert problem.allowed.startswith("args: [], where the image's own entry point hands its arguments on")
-    assert problem.allowed.endswith(f"; or what is to run, as command and args{told}")
 
 
 @pytest.mark.parametrize(
@@ -295,7 +211,7 @@ def test_no_value_anywhere_makes_it_crash(oddity: Any) -> None:
         check_fleet({**good, "groups": {**table.GROUPS, group: oddity}})
     check_fleet({**good, "hosts": {"robot1": oddity}})
     for variable in variables():
-        check_fleet({**good, "hosts": {"robot1": {**good["hosts"]["robot1"], variable: oddity}}}, Archives().find)
+        check_fleet({**good, "hosts": {"robot1": {**good["hosts"]["robot1"], variable: oddity}}})
     for key in variables()["ros_apps"]["items"]["properties"]:
         for value in (oddity, [oddity], {"spec": oddity}, {"topics": oddity}, {"requests": oddity}):
             check(copy.deepcopy({key: value}) if not isinstance(oddity, type(object())) else {key: value})
