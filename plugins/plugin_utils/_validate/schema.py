@@ -1,43 +1,29 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""JSON Schema (2020-12) of the variables: keys, types and choices from the argument specs, and forms from here.
+"""JSON Schema (2020-12) of the variables: of apps and volumes from their types (`_model/app.py`), of the others keys,
+types and choices from the argument specs, and forms from here.
 
-Every mapping is closed: a key that nobody reads is a mistake that nobody would see. `x-allowed` holds the words for an
-operator where the schema's own would not be understood.
+`x-allowed` holds the words for an operator where the schema's own would not be understood.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LEAST
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import (
+    NODE_PORT,
+    SIZE,
+    VALUE,
+    App,
+    Quantities,
+    Volume,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Schema, either, number, schema_of, text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
-
-Schema = Mapping[str, Any]
-
-
-def text(form: str | None = None) -> Schema:
-    """A text, of a form (formats.FORMS) where one is named."""
-    return {"type": "string", "format": form} if form else {"type": "string", "minLength": 1}
-
-
-def table(keys: str, values: Schema) -> Schema:
-    """A mapping of free keys of one form."""
-    return {"type": "object", "propertyNames": {"format": keys}, "additionalProperties": values}
-
-
-def either(allowed: str, *schemas: Schema) -> Schema:
-    """One of several schemas, with words for all of them."""
-    return {"anyOf": list(schemas), "x-allowed": allowed}
-
-
-def number(low: float, above: bool = False) -> Schema:
-    """A number from `low` on, or above it."""
-    return {"type": "number", "exclusiveMinimum" if above else "minimum": low}
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import APPS, LAYERS
 
 
 def numeral(allowed: str, schema: Schema, pattern: str) -> Schema:
@@ -45,30 +31,8 @@ def numeral(allowed: str, schema: Schema, pattern: str) -> Schema:
     return either(allowed, schema, {"type": "string", "pattern": pattern, "x-allowed": allowed})
 
 
-def whole(low: int, high: int = 86400) -> Schema:
-    """A whole number; a day is the longest time that makes sense in seconds."""
-    return {"type": "integer", "minimum": low, "maximum": high}
-
-
-def named(**properties: Schema) -> Schema:
-    """A graph name, alone or in a mapping with conditions on it."""
-    closed = {"type": "object", "required": ["name"], "additionalProperties": False}
-    mapping = {**closed, "properties": {"name": text("graph-name"), **properties}}
-    return either("a ROS name or a mapping with the key name", text("graph-name"), mapping)
-
-
 FLAG: Schema = {"type": "boolean"}
-QUANTITIES: Schema = table(
-    "resource-name",
-    either("a Kubernetes quantity such as 500m, 256Mi or 2", text("quantity"), number(0)),
-)
-SIZE: Schema = either("a Kubernetes quantity above zero such as 500Mi or 1Gi", text("size"), number(0, above=True))
-NODE_PORT: Schema = whole(30000, 32767)
-COMMAND: Schema = either(
-    "a command as text, or as a list of texts",
-    text(),
-    {"type": "array", "items": {"type": "string"}, "minItems": 1},
-)
+QUANTITIES = schema_of(Quantities)
 
 # An empty answer of AWX's survey is nothing to ansible-core.
 NAMES: Schema = either(
@@ -76,23 +40,6 @@ NAMES: Schema = either(
     {"type": "array", "items": {"type": "string"}},
     {"type": ["string", "null"]},
 )
-
-# What messages must say; the rest of it is for `when`.
-VALUE: Schema = {
-    "type": "object",
-    "required": ["topic"],
-    "additionalProperties": False,
-    "properties": {
-        "topic": text("graph-name"),
-        "field": text(),
-        "equals": {"type": ["string", "number", "boolean"]},
-        "above": {"type": "number"},
-        "below": {"type": "number"},
-        "quiet": number(0, above=True),
-        "still": number(0, above=True),
-        "tolerance": number(0),
-    },
-}
 
 # Variables that are no role's.
 OWN: dict[str, Schema] = {
@@ -105,62 +52,7 @@ OWN: dict[str, Schema] = {
 # says, else it adds to that.
 FORMS: dict[str, Schema] = {
     **{f"{layer}[]": {"required": ["name"], "properties": {"name": text("app-name")}} for layer in LAYERS},
-    "ros_apps[].name": text("app-name"),
-    "ros_apps[].image": text("image"),
-    "ros_apps[].command": {"minItems": 1},
-    "ros_apps[].launch.package": text("package-name"),
-    "ros_apps[].launch.file": either(
-        "a launch file's name, or a list of them",
-        text("launch-file"),
-        {"type": "array", "items": text("launch-file"), "minItems": 1},
-    ),
-    "ros_apps[].launch.replace[]": text("node-path"),
-    "ros_apps[].launch.overlap[]": text("node-path"),
-    "ros_apps[].launch.args": table("launch-arg", {"type": ["string", "number", "boolean"]}),
-    "ros_apps[].env": table(
-        "env-name",
-        either(
-            "a text, a number, true, false, or a mapping with secret and key",
-            {"type": ["string", "number", "boolean"]},
-            {
-                "type": "object",
-                "required": ["secret", "key"],
-                "additionalProperties": False,
-                "properties": {"secret": text("dns-name"), "key": text("secret-key")},
-            },
-        ),
-    ),
-    "ros_apps[].params": table("param-name", {}),
-    "ros_apps[].keep_params[]": text("param-name"),
-    "ros_apps[].ports[].name": text("port-name"),
-    "ros_apps[].ports[].port": whole(1, 65535),
-    "ros_apps[].ports[].host_port": whole(1, 65535),
-    "ros_apps[].ports[].node_port": NODE_PORT,
-    "ros_apps[].files[].path": text("mount-path"),
-    "ros_apps[].files[].content": text("unicode"),
-    "ros_apps[].files[].secret": text("dns-name"),
-    "ros_apps[].files[].key": text("secret-key"),
-    "ros_apps[].files[].mode": text("file-mode"),
-    "ros_apps[].node_name": text("node-name"),
-    "ros_apps[].private_names[]": text("private-name"),
-    "ros_apps[].volumes[].name": text("volume-name"),
-    "ros_apps[].volumes[].mount_path": text("mount-path"),
-    "ros_apps[].readiness.command": COMMAND,
-    "ros_apps[].readiness.topics[].name": text("graph-name"),
-    "ros_apps[].readiness.topics[].type": text("ros-type"),
-    "ros_apps[].readiness.topics[].publishers": whole(0),
-    "ros_apps[].readiness.topics[].subscribers": whole(0),
-    "ros_apps[].readiness.topics[].min_rate": number(0, above=True),
-    "ros_apps[].readiness.services[]": named(),
-    "ros_apps[].readiness.actions[]": named(state={"enum": ["up", "idle"]}),
-    "ros_apps[].readiness.absent[]": text("graph-name"),
-    "ros_apps[].readiness.timeout": number(0, above=True),
-    "ros_apps[].readiness.interval": number(0, above=True),
-    "ros_apps[].readiness.consecutive": whole(1, 1000),
-    "ros_apps[].depends_on[]": text("app-name"),
-    "ros_apps[].update.group": text("app-name"),
-    "ros_apps[].update.idle[]": text("graph-name"),
-    "ros_apps[].update.when[]": VALUE,
+    APPS: schema_of(tuple[App, ...]),
     "collect_claims": NAMES,
     "collect_match": NAMES,
     "collect_robots": NAMES,
@@ -172,25 +64,7 @@ FORMS: dict[str, Schema] = {
     "update_windows[].from": text("time-of-day"),
     "update_windows[].to": text("time-of-day"),
     "update_timezone": text("time-zone"),
-    "ros_apps[].update.ignore[]": text("graph-pattern"),
-    "ros_apps[].update.renamed": table("graph-name", text("graph-name")),
-    "ros_apps[].update.rates": table("graph-pattern", number(0)),
-    "ros_apps[].liveness_timeout": {
-        **whole(0),
-        "not": {"exclusiveMinimum": 0, "exclusiveMaximum": LEAST},
-        "x-allowed": f"0 for never, or {LEAST} seconds and more",
-    },
-    "ros_apps[].drain_deadline": whole(0),
-    "ros_apps[].termination_grace_period": whole(1),
-    "ros_apps[].resources.requests": QUANTITIES,
-    "ros_apps[].resources.limits": QUANTITIES,
-    "ros_apps[].devices[]": text("device"),
-    "ros_apps[].host_paths[].path": text("host-path"),
-    "ros_apps[].host_paths[].mount_path": text("mount-path"),
-    "persistent_storage.volumes[].name": text("volume-name"),
-    "persistent_storage.volumes[].size": SIZE,
-    "persistent_storage.volumes[].storage_class": text("dns-name"),
-    "persistent_storage.volumes[].mountPath": text("mount-path"),
+    "persistent_storage.volumes": schema_of(tuple[Volume, ...]),
     "k3s_version": text("k3s-version"),
     "k3s_node_ip": either("an IP address, or one of each family", text("addresses"), {"const": ""}),
     "ros_master_image": text("image"),
@@ -198,7 +72,7 @@ FORMS: dict[str, Schema] = {
     "ros_master_uri": either("http://<host>:<port>", text("master-uri"), {"const": ""}),
     "ros_master_placement": {"x-allowed": "local or remote"},
     "ros_master_goal_forwarding": FLAG,
-    "node_labels": table("label-name", text("label-value")),
+    "node_labels": schema_of(Mapping[Annotated[str, text("label-name")], Annotated[str, text("label-value")]]),
     "node_taints[].key": text("label-name"),
     "node_taints[].value": text("label-value"),
     "robot_namespace_quota": QUANTITIES,
@@ -287,7 +161,7 @@ TIMES = ("_timeout", "_seconds")
 @functools.cache
 def variables() -> dict[str, Schema]:
     """The schema of each of the fleet's variables."""
-    return {**{name: schema_of(option, name) for name, option in all_options().items()}, **OWN}
+    return {**{name: option_schema(option, name) for name, option in all_options().items()}, **OWN}
 
 
 def host_schema() -> Schema:
@@ -295,7 +169,7 @@ def host_schema() -> Schema:
     return {"type": "object", "properties": variables(), "additionalProperties": False}
 
 
-def schema_of(option: Option, path: str) -> Schema:
+def option_schema(option: Option, path: str) -> Schema:
     """An option of an argument spec as JSON Schema, with the forms at and below its path."""
     form = FORMS.get(path, {})
     return form if {"type", "anyOf"} & set(form) else {**_plain_schema(option, path), **form}
@@ -313,7 +187,7 @@ def needed(name: str) -> bool:
 def _plain_schema(option: Option, path: str) -> Schema:
     kind = option.get("type", "str")
     if kind == "list":
-        return {"type": "array", "items": schema_of({**option, "type": option.get("elements", "raw")}, f"{path}[]")}
+        return {"type": "array", "items": option_schema({**option, "type": option.get("elements", "raw")}, f"{path}[]")}
     if "choices" in option:
         return {"enum": list(option["choices"])}
     if kind != "dict":
@@ -325,7 +199,7 @@ def _plain_schema(option: Option, path: str) -> Schema:
         return {"type": "object"}
     return {
         "type": "object",
-        "properties": {name: schema_of(inner, f"{path}.{name}") for name, inner in option["options"].items()},
+        "properties": {name: option_schema(inner, f"{path}.{name}") for name, inner in option["options"].items()},
         "required": [name for name, inner in option["options"].items() if inner.get("required")],
         "additionalProperties": False,
     }

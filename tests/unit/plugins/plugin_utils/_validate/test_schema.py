@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import VALUE_ARGS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import VALUE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import all_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import schema_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import (
     FORMS,
     OWN,
-    VALUE,
     host_schema,
     needed,
-    schema_of,
+    option_schema,
     variables,
 )
 
@@ -90,10 +90,10 @@ def test_types_of_a_variable(name: str, good: list[Any], bad: list[Any]) -> None
 
 def test_a_form_adds_to_the_spec_or_stands_in_its_place() -> None:
     option = {"type": "list", "elements": "str"}
-    assert schema_of(option, "ros_apps[].command") == {
+    assert option_schema(option, "update_windows[].days") == {
         "type": "array", "items": {"type": "string"}, "minItems": 1,
     }  # fmt: skip
-    assert schema_of({"type": "raw"}, "ros_master_image") == FORMS["ros_master_image"]
+    assert option_schema({"type": "raw"}, "ros_master_image") == FORMS["ros_master_image"]
 
 
 @pytest.mark.parametrize("name", ["ros_apps", "robot_mode", "ros_master_mode", "node_taints", "observability_hub_url"])
