@@ -14,8 +14,8 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import app
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read, schema_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import schema_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import kind_of, read
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import value_problems
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 KEY = '''
@@ -50,7 +50,7 @@ def wider_table(tmp_path: Path) -> Any:
 
 
 def problems(of: Any, **more: Any) -> list[Problem]:
-    return schema_problems({"name": "talker", "image": "i", **more}, schema_of(of), "app")
+    return value_problems({"name": "talker", "image": "i", **more}, kind_of(of), "app")
 
 
 def test_a_new_key_is_read(wider: Any) -> None:

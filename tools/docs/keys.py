@@ -15,9 +15,8 @@ import re
 import sys
 import textwrap
 from collections.abc import Mapping
-from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any, Literal, is_typeddict
+from typing import Any, Literal, Union
 
 import yaml
 
@@ -31,7 +30,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Ki
 TABLES = {"ros_app": App, "storage": Volume}
 PLACE = re.compile(r"( *)(# BEGIN keys: written by tools/docs/keys.py\n).*?(?= *# END keys)", re.DOTALL)
 WIDTH = 140
-TYPES = {str: "str", int: "int", float: "float", bool: "bool", Mapping: "dict"}
+TYPES = {str: "str", int: "int", float: "float", bool: "bool"}
 
 
 def options(of: type) -> dict[str, dict[str, Any]]:
@@ -59,17 +58,18 @@ def words(of: type) -> dict[str, str]:
 
 
 def _typed(kind: Kind) -> dict[str, Any]:
-    forms = [form for note in kind.notes if isinstance(note, Mapping) for form in note.get("anyOf", ())]
-    if {"array", "object"} & {form["type"] for form in forms if isinstance(form["type"], str)}:
-        return {"type": "raw"}
+    kind = kind.said
+    if kind.type is Union:  # of scalars the first
+        first, *others = map(_typed, kind.inner)
+        return first if {one["type"] for one in others} <= {"str", "int", "float", "bool"} else {"type": "raw"}
     if kind.type is Literal:
         return {"type": "str", "choices": list(kind.inner)}
     if kind.type is tuple:
         item = _typed(kind.inner[0])
         return {"type": "list", "elements": item.pop("type"), **item}
-    if is_dataclass(kind.type) or is_typeddict(kind.type):
+    if isinstance(kind.inner, Mapping) and words(kind.type):
         return {"type": "dict", "options": options(kind.type)}
-    return {"type": TYPES[kind.type if kind.type in TYPES else kind.inner[0].type]}  # of `str | float` the first
+    return {"type": TYPES.get(kind.type, "dict")}
 
 
 class _Dumper(yaml.SafeDumper):

@@ -12,15 +12,8 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Required, TypedDict
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LEAST, TIMEOUT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import (
-    Follows,
-    Schema,
-    either,
-    number,
-    schema_of,
-    text,
-    whole,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, FORMS, Form, number, whole
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Follows, either
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import default_mount_path, ros_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.sharing import unshared, unshared_volume
 
@@ -32,43 +25,41 @@ HANDOFF_BY_PATTERN = {"pubsub": "overlap", "service": "overlap", "action": "drai
 # s of a grace period beyond the stop hook's own time: for the hook to start on a busy robot, and for the app to end
 STOP_MARGIN = 5
 
-AppName = Annotated[str, text("app-name")]
-GraphName = Annotated[str, text("graph-name")]
-GraphPattern = Annotated[str, text("graph-pattern")]
-MountPath = Annotated[str, text("mount-path")]
-NodePath = Annotated[str, text("node-path")]
-ParamName = Annotated[str, text("param-name")]
-VolumeName = Annotated[str, text("volume-name")]
-Quantities = Mapping[
-    Annotated[str, text("resource-name")],
-    Annotated[str | float, either("a Kubernetes quantity such as 500m, 256Mi or 2", text("quantity"), number(0))],
-]
+AppName = Annotated[str, FORMS["app-name"]]
+GraphName = Annotated[str, FORMS["graph-name"]]
+GraphPattern = Annotated[str, FORMS["graph-pattern"]]
+LaunchFile = Annotated[str, FORMS["launch-file"]]
+MountPath = Annotated[str, FORMS["mount-path"]]
+NodePath = Annotated[str, FORMS["node-path"]]
+ParamName = Annotated[str, FORMS["param-name"]]
+VolumeName = Annotated[str, FORMS["volume-name"]]
+Filled = Annotated[str, FILLED]
+Positive = Annotated[float, number(0, above=True)]
+NotNegative = Annotated[float, number(0)]
+Count = Annotated[int, whole(0)]
+Scalar = str | float | bool
+QUANTITY = either(FORMS["quantity"].allowed, Annotated[str, FORMS["quantity"]], NotNegative)
+SIZE = either(FORMS["size"].allowed, Annotated[str, FORMS["size"]], Positive)
+Quantities = Mapping[Annotated[str, FORMS["resource-name"]], Annotated[str | float, QUANTITY]]
 PORT = whole(1, 65535)
 NODE_PORT = whole(30000, 32767)
-SCALAR: Schema = {"type": ["string", "number", "boolean"]}
-SIZE = either("a Kubernetes quantity above zero such as 500Mi or 1Gi", text("size"), number(0, above=True))
-COMMAND = either(
-    "a command as text, or as a list of texts",
-    text(),
-    {"type": "array", "items": {"type": "string"}, "minItems": 1},
-)
-# What messages must say; the rest of it is for _validate/when.py.
-VALUE: Schema = {
-    "type": "object",
-    "required": ["topic"],
-    "additionalProperties": False,
-    "properties": {
-        "topic": text("graph-name"),
-        "field": text(),
-        "equals": SCALAR,
-        "above": {"type": "number"},
-        "below": {"type": "number"},
-        "quiet": number(0, above=True),
-        "still": number(0, above=True),
-        "tolerance": number(0),
-    },
-}
-When = tuple[Annotated[Mapping[str, Any], VALUE], ...]
+
+
+class Condition(TypedDict, total=False):
+    """What messages must say. Its keys are documented with the module ros_ready, and what else of them has to be true
+    is judged by its code (_validate/when.py)."""
+
+    topic: Required[GraphName]
+    field: Filled
+    equals: Scalar
+    above: float
+    below: float
+    quiet: Positive
+    still: Positive
+    tolerance: NotNegative
+
+
+When = tuple[Condition, ...]
 
 
 def env_value(value: Any) -> str | Mapping[str, str]:
@@ -88,22 +79,6 @@ def _action(item: Any) -> Mapping[str, Any]:
     return {"state": "up", **_named(item)}
 
 
-def _bare(name: Any) -> str:
-    return str(name).lstrip("~")
-
-
-def _once(items: Any) -> list[Any]:
-    return list(dict.fromkeys(items))
-
-
-def _listed(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else [value]
-
-
-def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
 @dataclass(frozen=True)
 class Volume:
     """An item of persistent_storage.volumes. Its keys, `mountPath` among them, are those of the dissertation."""
@@ -114,7 +89,7 @@ class Volume:
     """Where apps find it; without it C(/mnt/data/<name>)."""
     size: Annotated[str | float, SIZE] = "1Gi"
     """Size as a Kubernetes quantity."""
-    storage_class: Annotated[str | None, text("dns-name")] = None
+    storage_class: Annotated[str | None, FORMS["dns-name"]] = None
     """The storage class; without it the cluster's default, C(local-path) on k3s."""
     access_mode: Literal["ReadWriteOnce", "ReadOnlyMany", "ReadWriteMany", "ReadWriteOncePod"] = "ReadWriteOnce"
     """How nodes may mount it."""
@@ -143,7 +118,7 @@ class Mount:
 class HostPath:
     """A path of the host in an app's container; a host's files are not ours, so writing to them has to be asked for."""
 
-    path: Annotated[str, text("host-path")]
+    path: Annotated[str, FORMS["host-path"]]
     """The path on the host."""
     mount_path: Annotated[MountPath, Follows(lambda said: said["path"])]
     """Where to mount it; without it the same path."""
@@ -157,16 +132,16 @@ class File:
 
     path: MountPath
     """Where the container finds it."""
-    content: Annotated[str, text("unicode")] = ""
+    content: Annotated[str, FORMS["unicode"]] = ""
     """Its text, at most 900000 bytes for all files of an app."""
-    secret: Annotated[str, text("dns-name")] = ""
+    secret: Annotated[str, FORMS["dns-name"]] = ""
     """The Secret of the app's namespace that has the text instead; it is yours. A changed one is noticed when the pod
     starts, so give it another name."""
     key: Annotated[
-        str, text("secret-key"), Follows(lambda said: said["path"].rpartition("/")[2] if said.get("secret") else "")
+        str, FORMS["secret-key"], Follows(lambda said: said["path"].rpartition("/")[2] if said.get("secret") else "")
     ] = ""
     """What the Secret calls the file; without it the last part of O(ros_apps[].files[].path)."""
-    mode: Annotated[str, text("file-mode")] = "0644"
+    mode: Annotated[str, FORMS["file-mode"]] = "0644"
     """Its permissions, four octal digits in quotes."""
 
 
@@ -174,7 +149,7 @@ class File:
 class Port:
     """A port of an app's container, and which one of the robot's host or of all hosts of the cluster leads there."""
 
-    name: Annotated[str, text("port-name")]
+    name: Annotated[str, FORMS["port-name"]]
     """Its name, at most 15 lower-case letters, digits and dashes. By it the Service finds the port of each version."""
     port: Annotated[int, PORT]
     """The port that the app listens at."""
@@ -192,17 +167,13 @@ class Launch:
 
     file: Annotated[
         tuple[str, ...],
-        either(
-            "a launch file's name, or a list of them",
-            text("launch-file"),
-            {"type": "array", "items": text("launch-file"), "minItems": 1},
-        ),
-        _listed,
+        either("a launch file's name, or a list of them", LaunchFile, Annotated[tuple[LaunchFile, ...], FILLED]),
+        lambda said: said if isinstance(said, list) else [said],
     ]
     """Its name, or its whole path in the container, where no package is given; or a list of them."""
-    package: Annotated[str, text("package-name")] = ""
+    package: Annotated[str, FORMS["package-name"]] = ""
     """The ROS package that it is in."""
-    args: Mapping[Annotated[str, text("launch-arg")], Annotated[Any, SCALAR]] = field(default_factory=dict)
+    args: Mapping[Annotated[str, FORMS["launch-arg"]], Scalar] = field(default_factory=dict)
     """Its C(<arg>)s, name and value."""
     replace: tuple[NodePath, ...] = ()
     """Nodes of which there must not be two, as they have a device, serve an action or move the robot. While the others
@@ -221,15 +192,15 @@ class Topic(TypedDict, total=False):
 
     name: Required[GraphName]
     """The topic; a relative name is resolved in the app's ROS namespace."""
-    type: Annotated[str, text("ros-type")]
+    type: Annotated[str, FORMS["ros-type"]]
     """Its message type."""
-    publishers: Annotated[int, whole(0)]
+    publishers: Count
     """At least so many publishers."""
-    subscribers: Annotated[int, whole(0)]
+    subscribers: Count
     """At least so many subscribers."""
     connected: bool
     """Every subscriber is connected, seen from the publishers."""
-    min_rate: Annotated[float, number(0, above=True)]
+    min_rate: Positive
     """At least so many messages per second."""
 
 
@@ -246,30 +217,32 @@ class Action(TypedDict, total=False):
     state: Literal["up", "idle"]
 
 
-def _or_named(mapping: Any) -> Schema:
-    """A graph name, alone or in a mapping with conditions on it."""
-    return either("a ROS name or a mapping with the key name", text("graph-name"), schema_of(mapping))
+NAMED = "a ROS name or a mapping with the key name"
 
 
 @dataclass(frozen=True)
 class Readiness:
     """When an app is ready."""
 
-    command: Annotated[str | tuple[str, ...] | None, COMMAND, _tuple] = None
+    command: Annotated[
+        str | tuple[str, ...] | None,
+        either("a command as text, or as a list of texts", Filled, Annotated[tuple[str, ...], FILLED]),
+        lambda said: tuple(said) if isinstance(said, list) else said,
+    ] = None
     """What the container has to say to being ready, with exit status 0; a path, a shell command or a list."""
     nodes: bool = True
     """Whether the app's own ROS node has to be up."""
     topics: tuple[Topic, ...] = ()
     """Topics that the graph has to show."""
-    services: tuple[Annotated[Service, _or_named(Service), _named], ...] = ()
+    services: tuple[Annotated[Service, either(NAMED, GraphName, Service), _named], ...] = ()
     """Services that have to answer a probe, as names or as mappings with the key C(name)."""
-    actions: tuple[Annotated[Action, _or_named(Action), _action], ...] = ()
+    actions: tuple[Annotated[Action, either(NAMED, GraphName, Action), _action], ...] = ()
     """Action servers, as names or as mappings with the keys C(name) and C(state) (C(up) or C(idle))."""
     absent: tuple[GraphName, ...] = ()
     """ROS nodes that have to be gone."""
-    timeout: Annotated[float, number(0, above=True)] = 60.0
+    timeout: Positive = 60.0
     """Seconds until all of it has to be true."""
-    interval: Annotated[float, number(0, above=True)] = 0.5
+    interval: Positive = 0.5
     """Seconds between two looks at the graph."""
     consecutive: Annotated[int, whole(1, 1000)] = 1
     """How often in a row it has to be true."""
@@ -279,7 +252,7 @@ class Readiness:
 class UpdateSettings:
     """How an app is updated. The last three are what an update is meant to change."""
 
-    group: Annotated[str | None, text("app-name")] = None
+    group: Annotated[str | None, FORMS["app-name"]] = None
     """Apps of one group are updated together, as one step."""
     idle: tuple[GraphName, ...] = ()
     """Actions, this app's or others', that have to be idle before it is updated."""
@@ -298,7 +271,7 @@ class UpdateSettings:
     Within an O(ros_apps[].update.group) types may change without this."""
     renamed: Mapping[GraphName, GraphName] = field(default_factory=dict)
     """Topics, services and actions that have another name after an update, as V({/old: /new})."""
-    rates: Mapping[GraphPattern, Annotated[float, number(0)]] = field(default_factory=dict)
+    rates: Mapping[GraphPattern, NotNegative] = field(default_factory=dict)
     """Messages per second that a topic has to carry after an update, whatever it carried before, as V({/scan: 10}).
     With V(0) its rate is not looked at. C(*) stands for anything."""
 
@@ -315,8 +288,8 @@ class Resources(TypedDict, total=False):
 class SecretKey(TypedDict):
     """What a Secret of the app's namespace has under a key."""
 
-    secret: Annotated[str, text("dns-name")]
-    key: Annotated[str, text("secret-key")]
+    secret: Annotated[str, FORMS["dns-name"]]
+    key: Annotated[str, FORMS["secret-key"]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -325,9 +298,9 @@ class App:
 
     name: AppName
     """Name of the app and of its Deployment, a DNS label of at most 40 characters."""
-    image: Annotated[str, text("image")]
+    image: Annotated[str, FORMS["image"]]
     """The container image."""
-    command: Annotated[tuple[str, ...], {"minItems": 1}] = ()
+    command: Annotated[tuple[str, ...], FILLED] = ()
     """The command, instead of the image's entry point."""
     args: tuple[str, ...] = ()
     """Its arguments; ROS remappings and the node's name are added."""
@@ -339,10 +312,10 @@ class App:
     Where its text is in O(ros_apps[].files), its nodes and arguments are checked before any host is touched; a node
     that is known to be one of which there must not be two has to be in C(replace) or C(overlap) then."""
     env: Mapping[
-        Annotated[str, text("env-name")],
+        Annotated[str, FORMS["env-name"]],
         Annotated[
             str | Mapping[str, str],
-            either("a text, a number, true, false, or a mapping with secret and key", SCALAR, schema_of(SecretKey)),
+            either("a text, a number, true, false, or a mapping with secret and key", Scalar, SecretKey),
             env_value,
         ],
     ] = field(default_factory=dict)
@@ -387,9 +360,9 @@ class App:
 
     What two pods cannot have at once makes V(replace) of it, and V(overlap) an error. These are devices, the host's
     network or ports, resources of a device plugin (GPUs), and a volume that both would write to."""
-    node_name: Annotated[str, text("node-name"), Follows(lambda said: ros_name(str(said["name"])))]
+    node_name: Annotated[str, FORMS["node-name"], Follows(lambda said: ros_name(str(said["name"])))]
     """The ROS node's name, without a slash; without it the app's name with C(_) for C(-)."""
-    private_names: tuple[Annotated[str, text("private-name"), _bare], ...] = ()
+    private_names: tuple[Annotated[str, FORMS["private-name"], lambda said: str(said).lstrip("~")], ...] = ()
     """Private names that stay below the stable node name when the handoff is V(overlap)."""
     volumes: tuple[Mount, ...] = ()
     """Volumes of V(persistent_storage) to mount."""
@@ -409,21 +382,16 @@ class App:
 
     With V(none) O(ros_apps[].readiness.command) alone decides, asked every second until it has agreed, then every ten,
     and an update is Kubernetes' own."""
-    depends_on: Annotated[tuple[AppName, ...], _once] = ()
+    depends_on: Annotated[tuple[AppName, ...], dict.fromkeys] = ()
     """Apps of the same robot that are updated before this one."""
     update: UpdateSettings = UpdateSettings()
     """How the app is updated."""
-    drain_deadline: Annotated[int, whole(0)] = 30
+    drain_deadline: Count = 30
     """Seconds that goals and service calls under way may take to end before their pod is stopped."""
     termination_grace_period: Annotated[int, whole(1)] = 45
     """Seconds between the begin of the stop and the kill; at least 5 more than O(ros_apps[].drain_deadline)."""
     liveness_timeout: Annotated[
-        int,
-        whole(0),
-        {
-            "not": {"exclusiveMinimum": 0, "exclusiveMaximum": LEAST},
-            "x-allowed": f"0 for never, or {LEAST} seconds and more",
-        },
+        int, Form(lambda said: said == 0 or LEAST <= said <= 86400, f"0 for never, or {LEAST} seconds and more")
     ] = TIMEOUT
     """Seconds for which a ROS node of the app may leave the slave API unanswered while its process lives. Then its pod
     is begun anew by the robot's keeper (not during a goal, nor while an update is under way, and three times an hour at
@@ -432,7 +400,7 @@ class App:
     V(0) is never. With an external master there is no keeper."""
     resources: Resources = field(default_factory=lambda: Resources())
     """The container's resources."""
-    devices: tuple[Annotated[str, text("device")], ...] = ()
+    devices: tuple[Annotated[str, FORMS["device"]], ...] = ()
     """Device nodes of the robot that the app drives, such as C(/dev/ttyUSB0). They need a privileged container, and a
     version gets them when the one before has gone."""
     host_network: bool = False

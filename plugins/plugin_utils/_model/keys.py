@@ -3,10 +3,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Keys of the inventory as fields of types: what is to be known of a key stands in its field, and nowhere else.
 
-A dataclass or a TypedDict is a mapping of the inventory. `Annotated` says of a field what its type does not: its form
-as JSON Schema, a function that its value goes through, or what its default `Follows` from. The text below a field is
-the key's description. The objects (`read`), the validation's schema (`schema_of`) and the roles' argument specs
-(tools/docs/keys.py) are made of these.
+A dataclass or a TypedDict is a mapping of the inventory. `Annotated` says of a field what its type does not: its form,
+a Kind that stands for what the inventory may say, a function that makes of this what is kept, or what its default
+`Follows` from. The text below a field is the key's description. The objects (`read`), the validation and the roles'
+argument specs (tools/docs/keys.py) are made of these.
 """
 
 from __future__ import annotations
@@ -15,32 +15,23 @@ import functools
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, NamedTuple, Required, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    Required,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+    is_typeddict,
+)
 
-Schema = Mapping[str, Any]
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, words
+
 T = TypeVar("T")
-
-SIMPLE = {str: "string", int: "integer", float: "number", bool: "boolean"}
-
-
-def text(form: str | None = None) -> Schema:
-    """A text, of a form (formats.FORMS) where one is named."""
-    return {"type": "string", "format": form} if form else {"type": "string", "minLength": 1}
-
-
-def either(allowed: str, *schemas: Schema) -> Schema:
-    """One of several schemas, with words for all of them."""
-    return {"anyOf": list(schemas), "x-allowed": allowed}
-
-
-def number(low: float, above: bool = False) -> Schema:
-    """A number from `low` on, or above it."""
-    return {"type": "number", "exclusiveMinimum" if above else "minimum": low}
-
-
-def whole(low: int, high: int = 86400) -> Schema:
-    """A whole number; a day is the longest time that makes sense in seconds."""
-    return {"type": "integer", "minimum": low, "maximum": high}
 
 
 @dataclass(frozen=True)
@@ -51,23 +42,41 @@ class Follows:
 
 
 class Kind(NamedTuple):
-    """A type taken apart: without `| None`, with the kinds or choices within it, and with what `Annotated` says."""
+    """A type taken apart: without `| None`, with what `Annotated` says.
+
+    `inner` are the kinds of its items or of its alternatives, its choices, or its keys by name.
+    """
 
     type: Any
-    inner: tuple[Any, ...]
-    notes: tuple[Any, ...]
+    inner: Any = ()
+    notes: tuple[Any, ...] = ()
+
+    @property
+    def said(self) -> Kind:
+        """What the inventory may say."""
+        return next((note for note in self.notes if isinstance(note, Kind)), self)
 
 
 class Key(NamedTuple):
     """A field. Its default is MISSING where the key has to be said, None where there is none or one that follows."""
 
     kind: Kind
-    default: Any
-    follows: Follows | None
+    default: Any = None
+    follows: Follows | None = None
 
     @property
     def required(self) -> bool:
         return self.default is MISSING
+
+
+def text(form: str) -> Kind:
+    """A text of a form that has a name."""
+    return kind_of(Annotated[str, FORMS[form]])
+
+
+def either(allowed: str, *hints: Any) -> Kind:
+    """One of several types, with words for all of them."""
+    return Kind(Union, tuple(map(kind_of, hints)), (words(allowed),))
 
 
 def kind_of(hint: Any) -> Kind:
@@ -79,9 +88,11 @@ def kind_of(hint: Any) -> Kind:
             hint, notes = args[0], (*args[1:], *notes)
         elif origin is Required or (origin in (Union, UnionType) and args[1:] == (NoneType,)):
             hint = args[0]
+        elif is_dataclass(hint) or is_typeddict(hint):
+            return Kind(hint, keys(hint), notes)
         else:
             inner = args if origin is Literal else tuple(kind_of(one) for one in args if one is not ...)
-            return Kind(origin or hint, inner, notes)
+            return Kind(Union if origin is UnionType else origin or hint, inner, notes)
 
 
 @functools.cache
@@ -103,7 +114,7 @@ def keys(of: Any) -> Mapping[str, Key]:
 def read(of: Callable[..., T], said: Mapping[str, Any]) -> T:
     """The object that a mapping describes; null and the empty text stand for the default, other keys are not looked at.
 
-    Raises KeyError, TypeError or AttributeError for what the schema refuses.
+    Raises KeyError, TypeError or AttributeError for what the validation refuses.
     """
     given = {name: value for name, value in said.items() if value is not None and value != ""}
     known = keys(of)
@@ -129,35 +140,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: plain(item) for name, item in value.items()}
     return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
-
-
-def schema_of(hint: Any) -> Schema:
-    """The JSON Schema of a type. Mappings are closed: a key that nobody reads is a mistake that nobody would see."""
-    return _schema(kind_of(hint))
-
-
-def _schema(kind: Kind) -> Schema:
-    """A form with a type of its own stands for what the type says, else it adds to that."""
-    form = {word: value for note in kind.notes if isinstance(note, Mapping) for word, value in note.items()}
-    return form if {"type", "anyOf"} & set(form) else {**_of_type(kind), **form}
-
-
-def _of_type(kind: Kind) -> Schema:
-    if kind.type is Literal:
-        return {"enum": list(kind.inner)}
-    if kind.type is tuple:
-        return {"type": "array", "items": _schema(kind.inner[0])}
-    if kind.type is Mapping:
-        names, values = map(_schema, kind.inner)
-        return {"type": "object", "propertyNames": names, "additionalProperties": values}
-    if kind.type in SIMPLE:
-        return {"type": SIMPLE[kind.type]}
-    if kind.type is Any:
-        return {}
-    known = keys(kind.type)
-    return {
-        "type": "object",
-        "properties": {name: _schema(key.kind) for name, key in known.items()},
-        "required": [name for name, key in known.items() if key.required],
-        "additionalProperties": False,
-    }
