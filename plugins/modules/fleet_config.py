@@ -26,8 +26,6 @@ attributes:
   action:
     description: Has an action plugin, in which everything is done on the control node.
     support: full
-requirements:
-  - jsonschema (Python library, on the control node only)
 notes:
   - The playbook C(rosops.fleet.validate) is all that is needed to run it; the other playbooks import that one.
 """

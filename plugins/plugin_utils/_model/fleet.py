@@ -9,11 +9,12 @@ The playbook rosops.fleet.validate keeps it in the variable `fleet` of every hos
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
 
 VARIABLE = "fleet"
@@ -34,23 +35,13 @@ class Fleet:
 
     def as_dict(self) -> dict[str, Any]:
         """The fleet in mappings, lists and scalars."""
-        return {
-            "robots": {name: robot.as_dict() for name, robot in self.robots.items()},
-            "hosts": {name: {**asdict(host), "servers": list(host.servers)} for name, host in self.hosts.items()},
-            "edge_nodes": list(self.edge_nodes),
-            "name": self.name,
-        }
+        found: dict[str, Any] = plain(self)
+        return found
 
     @classmethod
     def from_vars(cls, task_vars: Mapping[str, Any] | None) -> Fleet:
         """The fleet that an action plugin's variables hold; SpecError before the validation."""
-        found = _found(task_vars)
-        return cls(
-            {name: Robot.from_dict(robot) for name, robot in found["robots"].items()},
-            {name: _host(host) for name, host in found["hosts"].items()},
-            tuple(found["edge_nodes"]),
-            str(found["name"]),
-        )
+        return read(cls, _found(task_vars))
 
 
 @dataclass(frozen=True)
@@ -66,7 +57,7 @@ def home_from_vars(task_vars: Mapping[str, Any]) -> Home | None:
     found = task_vars.get(VARIABLE)
     hosts = found.get("hosts") if isinstance(found, Mapping) else None
     host = (hosts or {}).get(str(task_vars.get("inventory_hostname")))
-    return Home(_host(host), str(found["name"])) if isinstance(found, Mapping) and host else None
+    return Home(read(Host, host), str(found["name"])) if isinstance(found, Mapping) and host else None
 
 
 def home_of(task_vars: Mapping[str, Any]) -> Home:
@@ -97,7 +88,3 @@ def _found(task_vars: Mapping[str, Any] | None) -> Mapping[str, Any]:
             "rosops.fleet.validate before this one, and leave its tags, validate and always, out of --skip-tags"
         )
     return found
-
-
-def _host(found: Mapping[str, Any]) -> Host:
-    return Host(**{**found, "servers": tuple(found["servers"])})

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How the texts in an inventory must look: a test of each form and the words that tell an operator about it."""
+"""How values in an inventory must look: a test of each form and the words that tell an operator about it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import ipaddress
 import re
 from collections.abc import Callable
 from decimal import Decimal
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -36,10 +36,30 @@ HOST_PATHS = "a path at or below /data, /media, /mnt, /opt or /srv, or below /de
 
 
 class Form(NamedTuple):
-    """A test and, for people, what passes it."""
+    """A test of a value that has its type and, for people, what passes it."""
 
-    test: Callable[[str], bool]
+    test: Callable[[Any], object]
     allowed: str
+
+
+FILLED = Form(bool, "not empty")  # whatever else it is
+
+
+def words(allowed: str) -> Form:
+    """What is allowed, in other words than those of its type."""
+    return Form(lambda _value: True, allowed)
+
+
+def number(low: float, above: bool = False) -> Form:
+    """A number from `low` on, or above it."""
+    if above:
+        return Form(lambda value: value > low, f"a number, more than {low}")
+    return Form(lambda value: value >= low, f"a number, {low} or more")
+
+
+def whole(low: int, high: int = 86400) -> Form:
+    """A whole number; a day is the longest time that makes sense in seconds."""
+    return Form(lambda value: low <= value <= high, f"a whole number, {low} or more and {high} or less")
 
 
 def quantity_value(text: str) -> Decimal | None:
@@ -152,7 +172,6 @@ FORMS: dict[str, Form] = {
     "robot-name": Form(
         _matching(_LABEL, 57), "at most 57 lower-case letters, digits and dashes, with a letter or digit at both ends"
     ),
-    "host-name": Form(_matching(_SUBDOMAIN), "lower-case letters, digits, dashes and dots (a DNS name)"),
     "volume-name": Form(
         _matching(_LABEL, 59), "at most 59 lower-case letters, digits and dashes, with a letter or digit at both ends"
     ),

@@ -9,7 +9,8 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Readiness, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Readiness
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import full_name
 

@@ -16,7 +16,8 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, Volume
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Volume
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, owner_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import pod_security_labels

@@ -10,7 +10,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.exec import AFTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Launch
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Launch
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, Object, exec_probe, mount
 
 STARTED_TIMEOUT = 45  # s; `started` ends long before

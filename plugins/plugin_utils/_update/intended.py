@@ -12,7 +12,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched import w
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended, matches
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
 
 # Whether the keeper keeps it.
@@ -26,7 +27,7 @@ _ON_DEMAND = re.compile(r"\b(rosbridge_(server|websocket|tcp|udp)|foxglove_bridg
 
 def on_demand(app: App) -> bool:
     """Whether the app subscribes and publishes as its clients ask, known by its command."""
-    launched = (app.launch.package, *app.launch.files) if app.launch else ()
+    launched = (app.launch.package, *app.launch.file) if app.launch else ()
     return any(_ON_DEMAND.search(word) for word in (*app.command, *app.args, *launched))
 
 

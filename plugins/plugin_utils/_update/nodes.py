@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import node_of, suffix_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import on_demand
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
 

@@ -25,7 +25,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
     soaks,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import Windows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects

@@ -16,7 +16,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import PORT as SIDECAR_PORT
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import STOP_MARGIN, App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
@@ -95,7 +95,7 @@ def _launch(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
         yield Problem(f"{path}.args", "is beside launch, which makes the arguments", "launch.args, or args alone")
     if app.readiness.nodes:
         yield Problem(f"{path}.readiness.nodes", f"is true, but {LAUNCHES}", "leave it out")
-    for file in launch.files:
+    for file in launch.file:
         if not launch.package and not file.startswith("/"):
             found = f"is missing, and {file} is no whole path"
             yield Problem(f"{path}.launch.package", found, "a package, or /the/whole/path")
@@ -199,7 +199,7 @@ def _scope(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
 
 def _grace(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     """Kubernetes kills the pod when the grace period ends, drained or not."""
-    drains, least = app.handoff == "drain" or "drain_deadline" in raw, app.drain_deadline + context.STOP_MARGIN
+    drains, least = app.handoff == "drain" or "drain_deadline" in raw, app.drain_deadline + STOP_MARGIN
     spec = ("spec", "template", "spec", "terminationGracePeriodSeconds")
     for where, grace in (
         ("termination_grace_period", app.termination_grace_period),
@@ -208,8 +208,7 @@ def _grace(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
         if drains and isinstance(grace, int) and grace < least:
             yield Problem(
                 f"{path}.{where}",
-                f"is {grace} s, less than the drain deadline of {app.drain_deadline} s "
-                f"and {context.STOP_MARGIN} s to end",
+                f"is {grace} s, less than the drain deadline of {app.drain_deadline} s and {STOP_MARGIN} s to end",
                 f"{least} or more, or a shorter drain_deadline",
             )
 

@@ -1,57 +1,118 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""JSON Schema's verdicts in words that somebody who runs robots understands: where, what is wrong, what is allowed."""
+"""What is wrong with values, in words that somebody who runs robots understands: where, what, and what is allowed."""
 
 from __future__ import annotations
 
 import difflib
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from types import NoneType
+from typing import Any, Literal, Union
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Kind
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import is_secret
 
-try:
-    import jsonschema
-except ImportError:
-    jsonschema = None  # type: ignore[assignment,unused-ignore]
-
-TYPE_WORDS = {
-    "object": "a mapping",
-    "array": "a list",
-    "string": "text",
-    "integer": "a whole number",
-    "number": "a number",
-    "boolean": "true or false",
-    "null": "nothing",
+# Type -> whose values it takes, and its words; all others are mappings.
+TYPES: dict[Any, tuple[Any, str]] = {
+    str: (str, "text"),
+    int: (int, "a whole number"),
+    float: ((int, float), "a number"),
+    bool: (bool, "true or false"),
+    NoneType: (NoneType, "nothing"),
+    tuple: (list, "a list"),
 }
-BOUNDS = {
-    "minimum": "{} or more",
-    "maximum": "{} or less",
-    "exclusiveMinimum": "more than {}",
-    "exclusiveMaximum": "less than {}",
-}
+MAPPING = (dict, "a mapping")
+OPEN = "open"  # a note of a kind: it may have keys that nobody knows
+
+# Where in the value it was seen, which the order goes by, and what.
+Found = Iterator[tuple[tuple[str | int, ...], Problem]]
 
 
-def schema_problems(value: Any, schema: Mapping[str, Any], path: str) -> list[Problem]:
-    """Everything the schema finds wrong in the value, in the order of the paths; SpecError without jsonschema."""
-    if jsonschema is None:
-        raise SpecError("jsonschema is missing on the control node: `pip install jsonschema` beside ansible-core")
-    checker = jsonschema.FormatChecker(formats=())
-    for name, form in FORMS.items():
-        checker.checks(name)(_format_test(form.test))
-    validator = jsonschema.Draft202012Validator(schema, format_checker=checker)
-    errors = sorted(validator.iter_errors(value), key=lambda error: [str(part) for part in error.absolute_path])
-    return unique(problem for error in errors for problem in _explain(error, path))
+def value_problems(value: Any, kind: Kind, path: str) -> list[Problem]:
+    """Everything that is wrong with a value, in the order of the paths."""
+    found = sorted(_wrong(value, kind, path, ()), key=lambda one: [str(part) for part in one[0]])
+    return unique(problem for _place, problem in found)
 
 
-def _format_test(test: Any) -> Any:
-    # JSON Schema applies a format to texts only; other types are the type's business
-    return lambda value: not isinstance(value, str) or test(value)
+def _wrong(value: Any, kind: Kind, base: str, place: tuple[str | int, ...]) -> Found:
+    kind, path = kind.said, join_path(base, *place)
+    forms = [note for note in kind.notes if isinstance(note, Form)]
+    of_its_type = [one for one in kind.inner if fits(value, one)] if kind.type is Union else []
+    if of_its_type:
+        yield from ((place, problem) for _place, problem in _wrong(value, of_its_type[0], base, place))
+    elif not fits(value, kind) or not all(form.test(value) for form in forms):
+        found = "empty" if FILLED in forms and fits(value, kind) else _value(value, path)
+        yield place, Problem(path, f"is {found}", allowed(kind))
+    elif kind.type is tuple:
+        for index, item in enumerate(value):
+            yield from _wrong(item, kind.inner[0], base, (*place, index))
+    elif kind.type is Mapping:
+        names, values = kind.inner
+        for name in value:
+            if list(_wrong(name, names, base, place)):
+                yield place, Problem(path, f"has the key {shown(name)}", allowed(names))
+        for name, item in value.items():
+            yield from _wrong(item, values, base, (*place, name))
+    elif isinstance(kind.inner, Mapping):
+        for name, key in kind.inner.items():
+            if name in value:
+                yield from _wrong(value[name], key.kind, base, (*place, name))
+        yield from ((place, problem) for problem in _keys(value, kind, path))
+
+
+def fits(value: Any, kind: Kind) -> bool:
+    """Whether a value is of a type. Of numbers it is the value that counts: 2.0 is a whole one."""
+    if kind.type is Literal:
+        return value in kind.inner
+    if kind.type is Union:
+        return any(fits(value, one) for one in kind.inner)
+    if kind.type is int and isinstance(value, float):
+        return value.is_integer()
+    takes, _words = TYPES.get(kind.type, MAPPING)
+    return kind.type is Any or (isinstance(value, takes) and isinstance(value, bool) <= (kind.type is bool))
+
+
+def _keys(value: Mapping[str, Any], kind: Kind, path: str) -> Iterator[Problem]:
+    """Mappings are closed: a key that nobody reads is a mistake that nobody would see."""
+    known: Mapping[str, Any] = kind.inner
+    for name, key in known.items():
+        if key.required and name not in value:
+            yield Problem(join_path(path, name), "is missing", allowed(key.kind))
+    for name in sorted(set(value) - set(known)) if OPEN not in kind.notes else ():
+        nearest = nearest_name(name, known)
+        hint = f"; did you mean {nearest}?" if nearest else ""
+        told = (
+            "one of " + ", ".join(sorted(known)) if len(known) < 30 else "a variable of the collection's documentation"
+        )
+        yield Problem(join_path(path, name), f"is unknown{hint}", told)
+    needs = next((note for note in kind.notes if isinstance(note, Mapping)), {})
+    for name, others in needs.items():
+        for other in others if name in value else ():
+            if other not in value:
+                found = f"is missing, although {name} is set"
+                yield Problem(join_path(path, other), found, f"{other} together with {name}")
+
+
+def allowed(kind: Kind) -> str:
+    """A kind in words."""
+    kind = kind.said
+    forms = [note for note in kind.notes if isinstance(note, Form)]
+    if forms and forms[-1] is not FILLED:
+        return forms[-1].allowed
+    if kind.type is Literal:
+        words = [str(choice) for choice in kind.inner]
+        return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    if kind.type is Union:
+        return " or ".join(map(allowed, kind.inner))
+    return ", ".join([TYPES.get(kind.type, MAPPING)[1], *(form.allowed for form in forms)])
+
+
+def _value(value: Any, path: str) -> str:
+    return "not acceptable" if isinstance(value, str) and is_secret(path) else shown(value)
 
 
 def plain(value: Any, path: str, problems: list[Problem]) -> Any:
@@ -77,79 +138,7 @@ def plain(value: Any, path: str, problems: list[Problem]) -> Any:
     return str(value)
 
 
-def _explain(error: Any, base: str) -> Iterator[Problem]:
-    path = join_path(base, *error.absolute_path)
-    kind = error.validator
-    if "propertyNames" in error.absolute_schema_path:
-        yield Problem(path, f"has the key {shown(error.instance)}", _allowed(error.schema))
-    elif kind == "additionalProperties":
-        yield from _unknown_keys(error, path)
-    elif kind == "required":
-        for key in error.validator_value:
-            if key not in error.instance:
-                yield Problem(join_path(path, key), "is missing", _allowed(error.schema["properties"][key]))
-    elif kind == "dependentRequired":
-        for key, needed in error.validator_value.items():
-            for other in needed:
-                if key in error.instance and other not in error.instance:
-                    yield Problem(
-                        join_path(path, other), f"is missing, although {key} is set", f"{other} together with {key}"
-                    )
-    elif kind == "anyOf":
-        yield from _best_branch(error, base, path)
-    elif kind in ("minLength", "minItems"):
-        yield Problem(path, "is empty", _allowed(error.schema))
-    else:
-        yield Problem(path, f"is {_value(error.instance, path)}", _allowed(error.schema))
-
-
-def _value(value: Any, path: str) -> str:
-    return "not acceptable" if isinstance(value, str) and is_secret(path) else shown(value)
-
-
-def _unknown_keys(error: Any, path: str) -> Iterator[Problem]:
-    known = list(error.schema["properties"])
-    for key in sorted(set(error.instance) - set(known)):
-        nearest = nearest_name(key, known)
-        hint = f"; did you mean {nearest}?" if nearest else ""
-        yield Problem(
-            join_path(path, key),
-            f"is unknown{hint}",
-            "one of " + ", ".join(sorted(known)) if len(known) < 30 else "a variable of the collection's documentation",
-        )
-
-
 def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
     """The known name that a misspelt one most likely means."""
     found = difflib.get_close_matches(name, sorted(known), 1, cutoff)
     return found[0] if found else None
-
-
-def _best_branch(error: Any, base: str, path: str) -> Iterator[Problem]:
-    """Of alternatives the one of the value's own type speaks; if none has it, all are named."""
-    depth = len(error.absolute_path)
-    branches: dict[int, list[Any]] = {}
-    for inner in error.context:
-        branches.setdefault(inner.schema_path[0], []).append(inner)
-    for inner_errors in branches.values():
-        if not any(inner.validator == "type" and len(inner.absolute_path) == depth for inner in inner_errors):
-            for inner in inner_errors:
-                yield from _explain(inner, base)
-            return
-    yield Problem(path, f"is {_value(error.instance, path)}", _allowed(error.schema))
-
-
-def _allowed(schema: Mapping[str, Any]) -> str:
-    """A schema in words."""
-    if "x-allowed" in schema:
-        return str(schema["x-allowed"])
-    if "enum" in schema:
-        words = [str(choice) for choice in schema["enum"]]
-        return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
-    if "format" in schema:
-        return FORMS[schema["format"]].allowed
-    kinds = schema.get("type", "string")
-    words_of_type = " or ".join(TYPE_WORDS[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds))
-    bounds = [words.format(schema[key]) for key, words in BOUNDS.items() if key in schema]
-    empty = ", not empty" if schema.get("minLength") or schema.get("minItems") else ""
-    return words_of_type + (", " + " and ".join(bounds) if bounds else "") + empty

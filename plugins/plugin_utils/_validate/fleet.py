@@ -23,7 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import Version, version
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import app_problems, app_warnings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft, draft
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, schema_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, value_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import layered
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import without_rigels
@@ -35,7 +35,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot impor
     robot_problems,
     robot_warnings,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import host_schema
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import of_host
 
 IMPLICIT_HOST = "localhost"
 
@@ -67,8 +67,8 @@ def check_fleet(given: Any) -> Report:
     problems += _name_problems(groups)
     problems += _node_problems(hosts)
     problems += _group_problems(groups, hosts)
-    schema = host_schema()
-    wrong = [problem for name in hosts for problem in schema_problems(hosts[name], schema, f"hosts.{name}")]
+    kind = of_host()
+    wrong = [problem for name in hosts for problem in value_problems(hosts[name], kind, f"hosts.{name}")]
     problems += wrong
     problems += _token_problems(groups, modes, hosts)
     problems += _version_problems(groups, modes, hosts)
@@ -117,7 +117,7 @@ def _shape_problems(value: Mapping[str, Any]) -> Iterator[Problem]:
 def _name_problems(groups: Mapping[str, Any]) -> Iterator[Problem]:
     """Names become Kubernetes nodes, labels and namespaces: lower case, and apart from each other there."""
     robots, taken = members(groups, "robots"), dict[str, str]()
-    for form, hosts in (("robot-name", robots), ("host-name", members(groups, "edge"))):
+    for form, hosts in (("robot-name", robots), ("dns-name", members(groups, "edge"))):
         for host in hosts:
             if not FORMS[form].test(host):
                 group = "robots" if hosts is robots else "edge"

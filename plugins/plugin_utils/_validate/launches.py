@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import named
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import App, File, Launch, env_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, File, Launch, env_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launch_file import LaunchFile, Node, is_known, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.single_nodes import why_single
@@ -22,14 +22,14 @@ def launch_problems(app: App, launch: Launch, namespace: str, path: str) -> Iter
     args = {name: str(env_value(value)) for name, value in launch.args.items()}
     # roslaunch takes no argument without a value from its command line
     given = {name: value for name, value in args.items() if value.strip()}
-    texts = [item for file in launch.files if (item := written(app.files, launch.package, file))]
+    texts = [item for file in launch.file if (item := written(app.files, launch.package, file))]
     files = [read(item.path, item.content, given, namespace) for item in texts]
     nodes = [node for file in files for node in file.nodes if is_known(node.name)]
     found = [*(problem for file in files for problem in file.problems), *_twice(nodes)]
-    if not found and len(files) == len(launch.files):
+    if not found and len(files) == len(launch.file):
         found += _unknown_args(launch, files)
     if not found and app.handoff == "overlap":
-        whole = len(files) == len(launch.files) and all(map(_is_whole, files))
+        whole = len(files) == len(launch.file) and all(map(_is_whole, files))
         found += [*(_unknown_nodes(launch, nodes) if whole else ()), *_verdicts(launch, nodes, whole)]
     for problem in found:
         yield problem._replace(path=f"{join_path(path, 'launch')}.{problem.path}")

@@ -1,219 +1,88 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""JSON Schema (2020-12) of the variables: keys, types and choices from the argument specs, and forms from here.
-
-Every mapping is closed: a key that nobody reads is a mistake that nobody would see. `x-allowed` holds the words for an
-operator where the schema's own would not be understood.
-"""
+"""The kinds of the variables: of apps and volumes their types (`_model/app.py`), of the others keys, types and choices
+from the argument specs, and forms from here."""
 
 from __future__ import annotations
 
 import functools
+import math
+import re
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import MISSING
+from types import NoneType
+from typing import Annotated, Any, Literal, Union
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LEAST
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import (
+    NODE_PORT,
+    SIZE,
+    App,
+    AppName,
+    Condition,
+    Filled,
+    Quantities,
+    Volume,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form, words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, either, kind_of, text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
-
-Schema = Mapping[str, Any]
-
-
-def text(form: str | None = None) -> Schema:
-    """A text, of a form (formats.FORMS) where one is named."""
-    return {"type": "string", "format": form} if form else {"type": "string", "minLength": 1}
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import OPEN
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import APPS, LAYERS
 
 
-def table(keys: str, values: Schema) -> Schema:
-    """A mapping of free keys of one form."""
-    return {"type": "object", "propertyNames": {"format": keys}, "additionalProperties": values}
+def or_empty(form: str) -> Kind:
+    """A text of a form; empty is the roles' default and says the same as leaving it out."""
+    known = KNOWN[form]
+    return either("text", Annotated[str, Form(lambda value: not value or known.test(value), known.allowed)])
 
 
-def either(allowed: str, *schemas: Schema) -> Schema:
-    """One of several schemas, with words for all of them."""
-    return {"anyOf": list(schemas), "x-allowed": allowed}
-
-
-def number(low: float, above: bool = False) -> Schema:
-    """A number from `low` on, or above it."""
-    return {"type": "number", "exclusiveMinimum" if above else "minimum": low}
-
-
-def numeral(allowed: str, schema: Schema, pattern: str) -> Schema:
+def numeral(allowed: str, of: type, pattern: str, least: float = -math.inf) -> Kind:
     """A number, or the text of one."""
-    return either(allowed, schema, {"type": "string", "pattern": pattern, "x-allowed": allowed})
+    number = Kind(of, (), (Form(lambda value: value >= least, allowed),))
+    return Kind(Union, (number, Kind(str, (), (Form(re.compile(pattern).search, allowed),))), (words(allowed),))
 
-
-def whole(low: int, high: int = 86400) -> Schema:
-    """A whole number; a day is the longest time that makes sense in seconds."""
-    return {"type": "integer", "minimum": low, "maximum": high}
-
-
-def named(**properties: Schema) -> Schema:
-    """A graph name, alone or in a mapping with conditions on it."""
-    closed = {"type": "object", "required": ["name"], "additionalProperties": False}
-    mapping = {**closed, "properties": {"name": text("graph-name"), **properties}}
-    return either("a ROS name or a mapping with the key name", text("graph-name"), mapping)
-
-
-FLAG: Schema = {"type": "boolean"}
-QUANTITIES: Schema = table(
-    "resource-name",
-    either("a Kubernetes quantity such as 500m, 256Mi or 2", text("quantity"), number(0)),
-)
-SIZE: Schema = either("a Kubernetes quantity above zero such as 500Mi or 1Gi", text("size"), number(0, above=True))
-NODE_PORT: Schema = whole(30000, 32767)
-COMMAND: Schema = either(
-    "a command as text, or as a list of texts",
-    text(),
-    {"type": "array", "items": {"type": "string"}, "minItems": 1},
-)
 
 # An empty answer of AWX's survey is nothing to ansible-core.
-NAMES: Schema = either(
-    "a list of names, also as a text such as 'camera, lidar'",
-    {"type": "array", "items": {"type": "string"}},
-    {"type": ["string", "null"]},
-)
-
-# What messages must say; the rest of it is for `when`.
-VALUE: Schema = {
-    "type": "object",
-    "required": ["topic"],
-    "additionalProperties": False,
-    "properties": {
-        "topic": text("graph-name"),
-        "field": text(),
-        "equals": {"type": ["string", "number", "boolean"]},
-        "above": {"type": "number"},
-        "below": {"type": "number"},
-        "quiet": number(0, above=True),
-        "still": number(0, above=True),
-        "tolerance": number(0),
-    },
-}
+NAMES = either("a list of names, also as a text such as 'camera, lidar'", tuple[str, ...], str, NoneType)
+LIMITS = ("default", "defaultRequest", "max", "min", "maxLimitRequestRatio")
+LOGIN = ("registry", "username", "password")
 
 # Variables that are no role's.
-OWN: dict[str, Schema] = {
+OWN = {
     "fleet_name": text("dns-name"),
-    "fleet_kubeconfig_dir": text(),
-    "robot_mode": {"enum": ["agent", "standalone"]},
+    "fleet_kubeconfig_dir": kind_of(Filled),
+    "robot_mode": kind_of(Literal["agent", "standalone"]),
 }
 
-# What an argument spec cannot say, by the path of the value. With a type of its own a form stands for what the spec
-# says, else it adds to that.
-FORMS: dict[str, Schema] = {
-    **{f"{layer}[]": {"required": ["name"], "properties": {"name": text("app-name")}} for layer in LAYERS},
-    "ros_apps[].name": text("app-name"),
-    "ros_apps[].image": text("image"),
-    "ros_apps[].command": {"minItems": 1},
-    "ros_apps[].launch.package": text("package-name"),
-    "ros_apps[].launch.file": either(
-        "a launch file's name, or a list of them",
-        text("launch-file"),
-        {"type": "array", "items": text("launch-file"), "minItems": 1},
-    ),
-    "ros_apps[].launch.replace[]": text("node-path"),
-    "ros_apps[].launch.overlap[]": text("node-path"),
-    "ros_apps[].launch.args": table("launch-arg", {"type": ["string", "number", "boolean"]}),
-    "ros_apps[].env": table(
-        "env-name",
-        either(
-            "a text, a number, true, false, or a mapping with secret and key",
-            {"type": ["string", "number", "boolean"]},
-            {
-                "type": "object",
-                "required": ["secret", "key"],
-                "additionalProperties": False,
-                "properties": {"secret": text("dns-name"), "key": text("secret-key")},
-            },
-        ),
-    ),
-    "ros_apps[].params": table("param-name", {}),
-    "ros_apps[].keep_params[]": text("param-name"),
-    "ros_apps[].ports[].name": text("port-name"),
-    "ros_apps[].ports[].port": whole(1, 65535),
-    "ros_apps[].ports[].host_port": whole(1, 65535),
-    "ros_apps[].ports[].node_port": NODE_PORT,
-    "ros_apps[].files[].path": text("mount-path"),
-    "ros_apps[].files[].content": text("unicode"),
-    "ros_apps[].files[].secret": text("dns-name"),
-    "ros_apps[].files[].key": text("secret-key"),
-    "ros_apps[].files[].mode": text("file-mode"),
-    "ros_apps[].node_name": text("node-name"),
-    "ros_apps[].private_names[]": text("private-name"),
-    "ros_apps[].volumes[].name": text("volume-name"),
-    "ros_apps[].volumes[].mount_path": text("mount-path"),
-    "ros_apps[].readiness.command": COMMAND,
-    "ros_apps[].readiness.topics[].name": text("graph-name"),
-    "ros_apps[].readiness.topics[].type": text("ros-type"),
-    "ros_apps[].readiness.topics[].publishers": whole(0),
-    "ros_apps[].readiness.topics[].subscribers": whole(0),
-    "ros_apps[].readiness.topics[].min_rate": number(0, above=True),
-    "ros_apps[].readiness.services[]": named(),
-    "ros_apps[].readiness.actions[]": named(state={"enum": ["up", "idle"]}),
-    "ros_apps[].readiness.absent[]": text("graph-name"),
-    "ros_apps[].readiness.timeout": number(0, above=True),
-    "ros_apps[].readiness.interval": number(0, above=True),
-    "ros_apps[].readiness.consecutive": whole(1, 1000),
-    "ros_apps[].depends_on[]": text("app-name"),
-    "ros_apps[].update.group": text("app-name"),
-    "ros_apps[].update.idle[]": text("graph-name"),
-    "ros_apps[].update.when[]": VALUE,
-    "collect_claims": NAMES,
-    "collect_match": NAMES,
-    "collect_robots": NAMES,
-    "update_apps": NAMES,
-    "update_remove_apps": NAMES,
-    "update_to": {"type": ["string", "number", "null"]},
-    "update_when[]": VALUE,
-    "update_windows[].days": {"minItems": 1},
+# What an argument spec cannot say, by the path of the value. A kind stands for what the spec says, a note adds to that.
+FORMS: dict[str, Any] = {
+    **{f"{layer}[]": Kind(dict, {"name": Key(kind_of(AppName), MISSING)}, (OPEN,)) for layer in LAYERS},
+    APPS: kind_of(tuple[App, ...]),
+    **dict.fromkeys(("collect_claims", "collect_match", "collect_robots", "update_apps", "update_remove_apps"), NAMES),
+    "update_to": kind_of(str | float | None),
+    "update_when[]": kind_of(Condition),
+    "update_windows[].days": FILLED,
     "update_windows[].from": text("time-of-day"),
     "update_windows[].to": text("time-of-day"),
     "update_timezone": text("time-zone"),
-    "ros_apps[].update.ignore[]": text("graph-pattern"),
-    "ros_apps[].update.renamed": table("graph-name", text("graph-name")),
-    "ros_apps[].update.rates": table("graph-pattern", number(0)),
-    "ros_apps[].liveness_timeout": {
-        **whole(0),
-        "not": {"exclusiveMinimum": 0, "exclusiveMaximum": LEAST},
-        "x-allowed": f"0 for never, or {LEAST} seconds and more",
-    },
-    "ros_apps[].drain_deadline": whole(0),
-    "ros_apps[].termination_grace_period": whole(1),
-    "ros_apps[].resources.requests": QUANTITIES,
-    "ros_apps[].resources.limits": QUANTITIES,
-    "ros_apps[].devices[]": text("device"),
-    "ros_apps[].host_paths[].path": text("host-path"),
-    "ros_apps[].host_paths[].mount_path": text("mount-path"),
-    "persistent_storage.volumes[].name": text("volume-name"),
-    "persistent_storage.volumes[].size": SIZE,
-    "persistent_storage.volumes[].storage_class": text("dns-name"),
-    "persistent_storage.volumes[].mountPath": text("mount-path"),
+    "persistent_storage.volumes": kind_of(tuple[Volume, ...]),
     "k3s_version": text("k3s-version"),
-    "k3s_node_ip": either("an IP address, or one of each family", text("addresses"), {"const": ""}),
+    "k3s_node_ip": or_empty("addresses"),
     "ros_master_image": text("image"),
-    # empty is the roles' default and says the same as leaving it out
-    "ros_master_uri": either("http://<host>:<port>", text("master-uri"), {"const": ""}),
-    "ros_master_placement": {"x-allowed": "local or remote"},
-    "ros_master_goal_forwarding": FLAG,
-    "node_labels": table("label-name", text("label-value")),
+    "ros_master_uri": or_empty("master-uri"),
+    "ros_master_placement": words("local or remote"),
+    "ros_master_goal_forwarding": kind_of(bool),
+    "node_labels": kind_of(Mapping[Annotated[str, KNOWN["label-name"]], Annotated[str, KNOWN["label-value"]]]),
     "node_taints[].key": text("label-name"),
     "node_taints[].value": text("label-value"),
-    "robot_namespace_quota": QUANTITIES,
-    **dict.fromkeys(
-        [
-            f"robot_namespace_limits.{key}"
-            for key in ("default", "defaultRequest", "max", "min", "maxLimitRequestRatio")
-        ],
-        QUANTITIES,
-    ),
-    "robot_namespace_pull_secrets[]": {
-        "dependentRequired": {"registry": ["username", "password"], "username": ["registry"], "password": ["registry"]}
-    },
+    "robot_namespace_quota": kind_of(Quantities),
+    **dict.fromkeys([f"robot_namespace_limits.{key}" for key in LIMITS], kind_of(Quantities)),
+    # which keys need which others
+    "robot_namespace_pull_secrets[]": {"registry": LOGIN[1:], "username": LOGIN[:1], "password": LOGIN[:1]},
     "robot_namespace_pull_secrets[].name": text("dns-name"),
-    **dict.fromkeys([f"robot_namespace_pull_secrets[].{key}" for key in ("registry", "username", "password")], text()),
+    **dict.fromkeys([f"robot_namespace_pull_secrets[].{key}" for key in LOGIN], kind_of(Filled)),
     **dict.fromkeys(
         (
             "observability.prometheus.scrape_interval",
@@ -241,7 +110,8 @@ FORMS: dict[str, Schema] = {
         SIZE,
     ),
     **dict.fromkeys(
-        ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port"), NODE_PORT
+        ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port"),
+        kind_of(Annotated[int, NODE_PORT]),
     ),
     **dict.fromkeys(
         [
@@ -252,53 +122,48 @@ FORMS: dict[str, Schema] = {
         ],
         text("image"),
     ),
-    "observability_hub_url": either(
-        "http://<host> or https://<host>, without a port and a path", text("hub-url"), {"const": ""}
-    ),
+    "observability_hub_url": or_empty("hub-url"),
     "observability_allowed_networks[]": text("network"),
-    "observability_log_shipper": {"x-allowed": "otelcol, which took promtail's place and its labels, or none"},
+    "observability_log_shipper": words("otelcol, which took promtail's place and its labels, or none"),
 }  # fmt: skip
 
 # What is inside a mapping has the type that YAML gave it.
-STRICT: dict[str, Schema] = {
-    "str": {"type": "string"},
-    "path": {"type": "string"},
-    "raw": {},
-    "int": {"type": "integer"},
-    "float": {"type": "number"},
-    "bool": FLAG,
-}
+STRICT: dict[str, Any] = {"str": str, "path": str, "raw": Any, "int": int, "float": float, "bool": bool}
 # A variable that `-e name=value` gives is a text, so Ansible's own conversions are followed.
-LENIENT: dict[str, Schema] = {
-    **STRICT,
-    "str": {"type": ["string", "number"]},
-    "int": numeral("a whole number", {"type": "integer"}, "^-?[0-9]+$"),
-    "float": numeral("a number", {"type": "number"}, r"^-?[0-9]+(\.[0-9]+)?$"),
-    "bool": either("true or false", FLAG, {"enum": ["true", "false", "yes", "no", "on", "off", "1", "0", 1, 0]}),
+BOOLEANS = ("true", "false", "yes", "no", "on", "off", "1", "0", 1, 0)
+LENIENT = {
+    **{name: kind_of(hint) for name, hint in STRICT.items()},
+    "str": kind_of(str | float),
+    "int": numeral("a whole number", int, "^-?[0-9]+$"),
+    "float": numeral("a number", float, r"^-?[0-9]+(\.[0-9]+)?$"),
+    "bool": Kind(Literal, BOOLEANS),
 }
 # Of times in seconds.
-SECONDS: dict[str, Schema] = {
-    "int": numeral("a whole number, 0 or more", {"type": "integer", "minimum": 0}, "^[0-9]+$"),
-    "float": numeral("a number, 0 or more", number(0), r"^[0-9]+(\.[0-9]+)?$"),
+SECONDS = {
+    "int": numeral("a whole number, 0 or more", int, "^[0-9]+$", 0),
+    "float": numeral("a number, 0 or more", float, r"^[0-9]+(\.[0-9]+)?$", 0),
 }
 TIMES = ("_timeout", "_seconds")
 
 
 @functools.cache
-def variables() -> dict[str, Schema]:
-    """The schema of each of the fleet's variables."""
-    return {**{name: schema_of(option, name) for name, option in all_options().items()}, **OWN}
+def variables() -> dict[str, Kind]:
+    """The kind of each of the fleet's variables."""
+    return {**{name: kind_of_option(option, name) for name, option in all_options().items()}, **OWN}
 
 
-def host_schema() -> Schema:
-    """The schema of one host's variables."""
-    return {"type": "object", "properties": variables(), "additionalProperties": False}
+def of_host() -> Kind:
+    """The kind of one host's variables."""
+    return Kind(dict, {name: Key(kind) for name, kind in variables().items()})
 
 
-def schema_of(option: Option, path: str) -> Schema:
-    """An option of an argument spec as JSON Schema, with the forms at and below its path."""
-    form = FORMS.get(path, {})
-    return form if {"type", "anyOf"} & set(form) else {**_plain_schema(option, path), **form}
+def kind_of_option(option: Option, path: str) -> Kind:
+    """The kind of an argument spec's option, with the forms at and below its path."""
+    form = FORMS.get(path)
+    if isinstance(form, Kind):
+        return form
+    kind = _plain(option, path)
+    return kind._replace(notes=(*kind.notes, form)) if form else kind
 
 
 def needed(name: str) -> bool:
@@ -310,22 +175,23 @@ def needed(name: str) -> bool:
     )
 
 
-def _plain_schema(option: Option, path: str) -> Schema:
+def _plain(option: Option, path: str) -> Kind:
     kind = option.get("type", "str")
     if kind == "list":
-        return {"type": "array", "items": schema_of({**option, "type": option.get("elements", "raw")}, f"{path}[]")}
+        return Kind(tuple, (kind_of_option({**option, "type": option.get("elements", "raw")}, f"{path}[]"),))
     if "choices" in option:
-        return {"enum": list(option["choices"])}
+        return Kind(Literal, tuple(option["choices"]))
     if kind != "dict":
         if "." not in path and path.endswith(TIMES):
             return SECONDS[kind]
         # YAML takes 007 for a number; a secret has to be written as the text it is
-        return (STRICT if "." in path or option.get("no_log") else LENIENT)[kind]
+        return kind_of(STRICT[kind]) if "." in path or option.get("no_log") else LENIENT[kind]
     if "options" not in option:
-        return {"type": "object"}
-    return {
-        "type": "object",
-        "properties": {name: schema_of(inner, f"{path}.{name}") for name, inner in option["options"].items()},
-        "required": [name for name, inner in option["options"].items() if inner.get("required")],
-        "additionalProperties": False,
-    }
+        return kind_of(Mapping[str, Any])
+    return Kind(
+        dict,
+        {
+            name: Key(kind_of_option(inner, f"{path}.{name}"), MISSING if inner.get("required") else None)
+            for name, inner in option["options"].items()
+        },
+    )

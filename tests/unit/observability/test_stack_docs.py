@@ -1,14 +1,16 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The page about observability, and the dissertation's keys in defaults, argument spec and schema."""
+"""The page about observability, and the dissertation's keys in defaults, argument spec and validation."""
 
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Kind
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -28,11 +30,11 @@ tool = _tool()
 ROLE: dict[str, Any] = yaml.safe_load(tool.DEFAULTS.read_text("utf-8"))
 
 
-def leaves(schema: Any, path: str) -> list[str]:
-    """The keys of a mapping's schema that are no mappings themselves."""
-    if "properties" not in schema:
+def leaves(kind: Kind, path: str) -> list[str]:
+    """The keys of a mapping that are no mappings themselves."""
+    if not isinstance(kind.inner, Mapping):
         return [path]
-    return [leaf for name, inner in schema["properties"].items() for leaf in leaves(inner, f"{path}.{name}")]
+    return [leaf for name, key in kind.inner.items() for leaf in leaves(key.kind, f"{path}.{name}")]
 
 
 def test_the_page_is_up_to_date() -> None:

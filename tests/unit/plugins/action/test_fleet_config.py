@@ -17,7 +17,6 @@ from ansible.vars.hostvars import HostVars
 from ansible.vars.manager import VariableManager
 from ansible_collections.rosops.fleet.plugins.action import fleet_config
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate import explain
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 from ansible_collections.rosops.fleet.tests.unit.plugins.action import actions
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import docker
@@ -215,13 +214,6 @@ def test_near_misses_are_warned_of(name: str, meant: str, tmp_path: Path) -> Non
     assert result["valid"]
     assert (told in result["warnings"]) == bool(meant)
     assert len(result["warnings"]) == bool(meant)
-
-
-def test_without_jsonschema_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(explain, "jsonschema", None)
-    result = run(tmp_path, GOOD)
-    assert result["failed"]
-    assert "`pip install jsonschema`" in result["msg"]
 
 
 def archived(tmp_path: Path, place: str, **more: Any) -> dict[str, Any]:

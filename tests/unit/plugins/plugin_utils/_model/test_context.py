@@ -11,15 +11,8 @@ from typing import Any
 
 import pytest
 import yaml
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import (
-    App,
-    File,
-    Master,
-    Port,
-    Robot,
-    UpdateSettings,
-    Volume,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, File, Port, UpdateSettings, Volume
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Master, Robot
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 CASES = {
@@ -94,7 +87,7 @@ def test_a_robot_of_nothing_but_defaults() -> None:
     assert (made.namespace, made.mode) == ("robot-robot1", "agent")
     assert made.master == Master("robot", "ros:noetic-ros-core", "", "local", {})
     assert made.volumes == (Volume("v", "/mnt/data/v", "1Gi", None, "ReadWriteOnce"),)
-    assert made.apps == (App("talker", "example.org/talker:1.0", "replace", "talker"),)
+    assert made.apps == (App(**APP, handoff="replace", node_name="talker"),)
     assert made.apps[0].update == UpdateSettings(None, (), None)
     assert robot(master={"mode": "shared"}).master.placement == "remote"
 

@@ -12,8 +12,10 @@ from typing import Any
 
 import pytest
 import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import keys
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
@@ -212,15 +214,15 @@ def test_no_value_anywhere_makes_it_crash(oddity: Any) -> None:
     check_fleet({**good, "hosts": {"robot1": oddity}})
     for variable in variables():
         check_fleet({**good, "hosts": {"robot1": {**good["hosts"]["robot1"], variable: oddity}}})
-    for key in variables()["ros_apps"]["items"]["properties"]:
+    for key in keys(App):
         for value in (oddity, [oddity], {"spec": oddity}, {"topics": oddity}, {"requests": oddity}):
             check(copy.deepcopy({key: value}) if not isinstance(oddity, type(object())) else {key: value})
 
 
 def _places(value: Any) -> list[tuple[Any, Any]]:
     """Every (container, key) in a structure."""
-    keys = list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else []
-    return [(value, key) for key in keys] + [place for key in keys for place in _places(value[key])]
+    there = list(value) if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else []
+    return [(value, key) for key in there] + [place for key in there for place in _places(value[key])]
 
 
 def test_mutated_cases_are_refused_or_can_be_built() -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import File
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import File
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import written
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table

@@ -8,16 +8,18 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import VALUE_ARGS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Condition
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, keys, kind_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import all_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import schema_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import value_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import (
     FORMS,
     OWN,
-    VALUE,
-    host_schema,
+    kind_of_option,
     needed,
-    schema_of,
+    of_host,
     variables,
 )
 
@@ -33,12 +35,14 @@ def paths(option: Any, path: str) -> set[str]:
     return found
 
 
-def formats(schema: Any) -> set[str]:
-    """The formats that a schema names."""
-    if isinstance(schema, dict):
-        own = {schema["format"]} if isinstance(schema.get("format"), str) else set()
-        return own.union(*(formats(value) for value in schema.values()))
-    return set().union(*(formats(item) for item in schema)) if isinstance(schema, list) else set()
+def forms(found: Any) -> set[Form]:
+    """The forms in a kind."""
+    if isinstance(found, Form):
+        return {found}
+    if isinstance(found, Kind):
+        return forms(found.inner) | forms(found.notes)
+    inner = found.values() if isinstance(found, dict) else found if isinstance(found, tuple) else ()
+    return set().union(*(forms(one.kind if isinstance(one, Key) else one) for one in inner))
 
 
 def test_every_form_is_of_a_value_that_there_is() -> None:
@@ -47,20 +51,22 @@ def test_every_form_is_of_a_value_that_there_is() -> None:
     assert set(OWN).isdisjoint(all_options())
 
 
-def test_every_format_is_known_and_used() -> None:
-    used = formats(host_schema())
-    assert used <= set(KNOWN)
-    assert set(KNOWN) - used == {"robot-name", "host-name"}  # of the groups' hosts, which are no variables
+def test_every_format_is_used() -> None:
+    used = {form.allowed for form in forms(of_host())}
+    unused = {name for name, form in KNOWN.items() if form.allowed not in used}
+    assert unused == {"robot-name"}  # of a group's hosts, which are no variables
 
 
 def test_what_messages_must_say_is_written_as_the_module_takes_it() -> None:
     options = VALUE_ARGS["values"]["options"]
-    assert set(VALUE["properties"]) == set(options)
-    assert VALUE["required"] == [name for name, option in options.items() if option.get("required")]
+    assert set(keys(Condition)) == set(options)
+    assert {name for name, key in keys(Condition).items() if key.required} == {
+        name for name, option in options.items() if option.get("required")
+    }
 
 
 def wrong(name: str, value: Any) -> bool:
-    return bool(schema_problems({name: value}, host_schema(), "h"))
+    return bool(value_problems({name: value}, of_host(), "h"))
 
 
 @pytest.mark.parametrize(
@@ -90,10 +96,8 @@ def test_types_of_a_variable(name: str, good: list[Any], bad: list[Any]) -> None
 
 def test_a_form_adds_to_the_spec_or_stands_in_its_place() -> None:
     option = {"type": "list", "elements": "str"}
-    assert schema_of(option, "ros_apps[].command") == {
-        "type": "array", "items": {"type": "string"}, "minItems": 1,
-    }  # fmt: skip
-    assert schema_of({"type": "raw"}, "ros_master_image") == FORMS["ros_master_image"]
+    assert kind_of_option(option, "update_windows[].days") == Kind(tuple, (kind_of(str),), (FILLED,))
+    assert kind_of_option({"type": "raw"}, "ros_master_image") == FORMS["ros_master_image"]
 
 
 @pytest.mark.parametrize("name", ["ros_apps", "robot_mode", "ros_master_mode", "node_taints", "observability_hub_url"])
