@@ -1,45 +1,47 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the playbook rehearse: a robot's apps before and after the change, with stand-ins for all that is not changed."""
+"""For the playbook update_test: a robot's apps as they are and as they are to be, with stand-ins for all that stays."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.cast import Stage, cast
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.files import load
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import APPS, LAYERS, layered
+from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.cast import cast, changed
+from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording import parts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import write
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import APPS, layered
 
 
 class ActionModule(FleetAction):
-    """`apps` are the robot's, `model` and `own` the layers over them.
-
-    `image` and `command` are the stand-ins'; without an image they have the ROS master's.
-    """
+    """`now` and `next` are the layers of ros_apps. `dest` gets the files now.json and next.json: ros_apps, each."""
 
     _requires_connection = False
     ARGUMENTS: ClassVar = {
-        "recording": {"type": "str", "required": True},
-        "apps": {"type": "list", "elements": "dict", "required": True},
-        "model": {"type": "list", "elements": "dict", "default": []},
-        "own": {"type": "list", "elements": "dict", "default": []},
-        "change": {"type": "dict", "required": True},
-        "image": {"type": "str", "default": ""},
-        "command": {"type": "list", "elements": "str", "default": ["/ros_entrypoint.sh"]},
+        "recording": {"type": "path", "required": True},
+        "now": {"type": "dict", "required": True},
+        "next": {"type": "dict", "required": True},
+        "dest": {"type": "path", "required": True},
     }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        robot = Fleet.from_vars(known).robots[known["inventory_hostname"]]
-        recording = load(placed(params["recording"]) or Path())
-        stage = Stage(params["image"] or robot.master.image, tuple(params["command"]))
-        layers = dict(zip((APPS, *LAYERS), (params["apps"], params["model"], params["own"]), strict=True))
-        apps = layered(layers, "", [])[APPS]  # what is wrong with them the validation has said
-        found = cast(recording, apps, params["change"], stage)
-        self.say(known)(f"{recording.robot} is played; changed: {', '.join(params['change'])}")
-        return {"changed": False, "before": list(found.before), "after": list(found.after)}
+        recorded = Path(params["recording"])
+        try:
+            played = parts(json.loads(recorded.read_text("utf-8")), str(recorded))
+        except OSError as error:
+            raise SpecError(f"the recording {recorded} cannot be read: {error.strerror}") from error
+        except ValueError as error:
+            raise SpecError(f"{recorded} is no JSON: {error}") from error
+        image = Fleet.from_vars(known).robots[known["inventory_hostname"]].master.image
+        apps = {key: layered(params[key], "", [])[APPS] for key in ("now", "next")}  # the validation says what is wrong
+        real = changed(apps["now"], apps["next"])
+        for key, items in apps.items():
+            write(Path(params["dest"]) / f"{key}.json", json.dumps(cast(played, items, real, image)))
+        self.say(known)(f"{recorded.name} is played; for real: {', '.join(real)}")
+        return {"changed": False}

@@ -59,6 +59,10 @@ options:
     description: Ask a publisher of each topic for its message type's md5sum, which takes one more connection each.
     type: bool
     default: false
+  definitions:
+    description: Return with each md5sum that O(md5sums) asks for the text that defines the type, too.
+    type: bool
+    default: false
   launch_hosts:
     description:
       - Addresses of pods that are there. What launch files have started in them is read, too, where none of their nodes
@@ -133,7 +137,8 @@ graph:
           was held up does not count.
         - C(latched) lists the publishers that latch, of those that were asked for an md5sum or whose rate was measured.
           A message that had been sent before anybody listened is in no rate.
-        - C(md5sum) is null where it was not asked for, or no publisher answers.
+        - C(md5sum) is null where it was not asked for, or no publisher answers. Where one does, and O(definitions) is
+          set, C(definition) is the text of the type and of those within it.
       type: dict
       sample:
         /chatter:
@@ -222,6 +227,7 @@ INFO_ARGS = {
     "rate_nodes": {"type": "list", "elements": "str", "default": []},
     "rate_seconds": {"type": "float", "default": 2.0},
     "md5sums": {"type": "bool", "default": False},
+    "definitions": {"type": "bool", "default": False},
     "launch_hosts": {"type": "list", "elements": "str", "default": []},
     "service_connections": {"type": "bool", "default": False},
 }
@@ -238,7 +244,11 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
         ros.handshakes(graph, publishers) if params["md5sums"] else {},
         sockets.count(graph) if sockets else {},
     )
-    return {**graph.as_dict(extras), "launched": launched(ros, graph, params)}
+    found = graph.as_dict(extras)
+    if params["definitions"]:
+        for topic, said in extras.handshakes.items():
+            found["topics"][topic]["definition"] = said.definition
+    return {**found, "launched": launched(ros, graph, params)}
 
 
 def launched(ros: Ros1Client, graph: Graph, params: dict[str, Any]) -> list[dict[str, Any]]:

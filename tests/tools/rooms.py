@@ -44,12 +44,12 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_update": ("_model", "_kube", "_images", "_objects", "_observability"),
     # what actions share: how they run modules on the host at hand, and what an update calls the ways in which they fail
     "_action": ("_upstream", "_model", "_kube", "_images", "_update"),
-    "_rehearsal": ("_model",),
+    "_rehearsal": (),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
 POD_ROOMS = ("_common", "_ros", "_step", "_pod")  # all that goes into app pods, where nothing of Ansible's is
 # What runs on the Python of an image's own ROS has that at hand, too, beside the standard library.
-ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_pod/stand_in": ("rospy",)}
+ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_pod/stand_in": ("rospy", "genpy")}
 # Part of a room -> the only file of it that the rest of the room may import.
 FENCED = {"_pod/forwarding": "calls"}
 

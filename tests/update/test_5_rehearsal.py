@@ -71,25 +71,24 @@ def recording(fleet: Fleet, tmp_path: Path) -> Iterator[Path]:
 
 def test_rehearsal_and_reality_agree(fleet: Fleet, recording: Path, tmp_path: Path) -> None:
     recorded = json.loads(recording.read_text())
-    assert set(recorded["apps"]) == apps(fleet, REAL)
-    assert recorded["topics"][TOPIC]["publishers"][TOPIC]["rate"] == pytest.approx(500, rel=0.1)
-    report = tmp_path / "rehearsal.json"
+    assert {app["name"] for app in recorded["apps"]} == apps(fleet, REAL)
+    assert recorded["graph"]["topics"][TOPIC]["rate"] == pytest.approx(500, rel=0.1)
+    now, then = tmp_path / "now.yml", tmp_path / "next.yml"
+    now.write_text(json.dumps({**fleet.variables, **PATIENCE}))
+    settings: dict[str, Any] = {
+        "update_test_stage": True,
+        "update_test_recording": str(recording),
+        "update_test_vars": [str(now)],
+        "update_test_next": [str(then)],
+    }
     for version, (change, outcome, word) in VERSIONS.items():
-        settings: dict[str, Any] = {
-            **fleet.variables,
-            **PATIENCE,
-            "rehearse_stage": True,
-            "rehearse_file": str(recording),
-            "rehearse_change": {APP: change},
-            "rehearse_report": str(report),
-        }
-        rehearsed = fleet.playbooks.run("rehearse", settings, *limit(STAGE))
-        assert rehearsed.outcomes == {STAGE: outcome}, (version, rehearsed)
-        told = json.loads(report.read_text())
-        assert (told["outcome"], told["recorded"]) == (outcome, REAL), (version, told)
-        assert word in told["reason"], (version, told)
-        [seen] = [one for one in told["received"] if one["topic"] == TOPIC]
-        assert (seen["messages"] > 0, seen["missing"]) == (True, 0), (version, told)
+        then.write_text(json.dumps(fleet.changed(STAGE, APP, **change)))
+        rehearsed = fleet.playbooks.run("update_test", settings, *limit(STAGE))
+        said = " ".join(rehearsed.output.split())
+        assert "lost 0" in said, (version, rehearsed)
+        assert rehearsed.status == 0 or f"update ended with 2: {STAGE} {outcome}: " in said, (version, rehearsed)
+        assert (rehearsed.status == 0) == (outcome == "updated"), (version, rehearsed)
+        assert word in said, (version, rehearsed)
 
         watch = fleet.watch()
         wanted = fleet.changed(REAL, APP, **change)
@@ -97,6 +96,4 @@ def test_rehearsal_and_reality_agree(fleet: Fleet, recording: Path, tmp_path: Pa
         assert run.outcomes == {REAL: outcome}, (version, run)
         assert word in run.host(REAL)["reason"], (version, run)
         watch.assert_nothing_lost(REAL, goals=False)
-        fleet.figures.append(
-            f"{version}: {outcome}, rehearsed in {told['seconds']:.0f} s, {seen['twice']} messages twice"
-        )
+        fleet.figures.append(f"{version}: {outcome}, rehearsed in {rehearsed.ended - rehearsed.began:.0f} s")

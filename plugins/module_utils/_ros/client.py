@@ -144,18 +144,14 @@ class Ros1Client(Master):
         for topic in (graph.topics[name] for name in topics if name in graph.topics):
             alive = [name for name in topic.publishers if graph.nodes[name].reachable]
             sources += [(topic.name, name) for name in sorted(alive, key=is_keeper)[:1]]
-        return {name: said for (name, _publisher), said in self.greeted(graph, sources).items()}
-
-    def greeted(self, graph: Graph, sources: Sequence[tuple[str, str]]) -> dict[tuple[str, str], Handshake]:
-        """What these (topic, publisher) say, but for those that do not answer."""
         found = {}
-        for (topic, publisher), stream in self._open(graph, sources).items():
+        for (topic_name, publisher), stream in self._open(graph, sources).items():
             if not isinstance(stream, str):
                 sock, header = stream
                 sock.close()
                 definition = header.get("message_definition", "")
                 latching = header.get("latching") == "1"
-                found[topic, publisher] = Handshake(publisher, header.get("md5sum", ""), latching, definition)
+                found[topic_name] = Handshake(publisher, header.get("md5sum", ""), latching, definition)
         return found
 
     def rates(

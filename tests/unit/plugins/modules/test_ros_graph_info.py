@@ -50,7 +50,11 @@ class FakeMaster:
         }
 
     def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
-        return {name: Handshake("/talker_a", "99", name == "/chatter") for name in topics if name in graph.topics}
+        return {
+            name: Handshake("/talker_a", "99", name == "/chatter", "string data")
+            for name in topics
+            if name in graph.topics
+        }
 
 
 class FakeSockets:
@@ -149,7 +153,13 @@ def test_rates_by_counters_subscribe_to_nothing(
 def test_md5sums(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     topics = run(monkeypatch, capsys, md5sums=True)["graph"]["topics"]
     assert {topic["md5sum"] for topic in topics.values()} == {"99"}
+    assert not any("definition" in topic for topic in topics.values())
     assert {name: topic["latched"] for name, topic in topics.items() if topic["latched"]} == {"/chatter": ["/talker_a"]}
+
+
+def test_definitions(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    topics = run(monkeypatch, capsys, md5sums=True, definitions=True)["graph"]["topics"]
+    assert {topic["definition"] for topic in topics.values()} == {"string data"}
 
 
 def test_service_connections(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,113 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What record.yml has kept of a robot -> what the stand-in of each of its apps plays (`_pod/stand_in.py`). Pure.
+
+Left out is what the contract of an update leaves out, too: tools that somebody has open, the keeper, /rosout, the
+services of loggers, and nodes that do not answer. Names are those that hold for every version.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import stable
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import LOGGERS, is_tool, known
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
+
+KIND, VERSION = "rosops.fleet/recording", 1
+OTHERS = "rehearsal-others"  # plays the nodes that are no app's
+LOG_NODE, LOG_TOPICS = "/rosout", ("/rosout", "/rosout_agg")
+# Of an action, in Hz, whoever listens. A goal of zeros would begin work in a server, and nobody asked for it.
+RATES = {"goal": 0.0, "cancel": 0.0, "status": 5.0}
+
+
+@dataclass(frozen=True)
+class Published:
+    """`rate`: messages per second; 0 sends none, or, where it is latched, one."""
+
+    name: str
+    type: str
+    definition: str
+    latched: bool
+    rate: float
+
+
+@dataclass(frozen=True)
+class Called:
+    """A topic that a node subscribes to, or a service that it has."""
+
+    name: str
+    type: str
+    md5sum: str
+
+
+@dataclass(frozen=True)
+class Node:
+    name: str
+    publishes: tuple[Published, ...]
+    subscribes: tuple[Called, ...]
+    services: tuple[Called, ...]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one stand-in plays, and where."""
+
+    placement: str
+    nodes: tuple[Node, ...]
+
+
+def parts(data: Any, where: str) -> dict[str, Part]:
+    """App -> its part, `OTHERS` for the nodes of no app; SpecError, in which `where` says what was read."""
+    if not isinstance(data, Mapping) or data.get("kind") != KIND:
+        raise SpecError(f"{where} is no recording of a robot's graph: rosops.fleet.record makes one")
+    if data.get("version") != VERSION:
+        raise SpecError(f"{where} is of version {data.get('version')}, not {VERSION}: record the robot again")
+    try:
+        return _parts(data["apps"], data["graph"])
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        told = f"{type(error).__name__}: {error}"
+        raise SpecError(f"{where} is damaged ({told}): record the robot again") from error
+
+
+def _parts(apps: list[Mapping[str, Any]], graph: Mapping[str, Any]) -> dict[str, Part]:
+    at: dict[str, list[str]] = {}
+    for app in apps:
+        for address in app["addresses"]:
+            at.setdefault(address, []).append(app["name"])
+    nodes: dict[str, dict[str, Node]] = {}
+    for name, node in sorted(graph["nodes"].items()):
+        if node["reachable"] and name != LOG_NODE and not is_tool(name):
+            owners = at.get(host_of(node["uri"]), [])  # several share the address of a host, which tells nothing
+            own = nodes.setdefault(owners[0] if len(owners) == 1 else OTHERS, {})
+            own[stable(name)] = _node(graph, name)
+    placements = {app["name"]: str(app["placement"]) for app in apps}
+    return {app: Part(placements.get(app, "local"), tuple(own.values())) for app, own in sorted(nodes.items())}
+
+
+def _node(graph: Mapping[str, Any], node: str) -> Node:
+    topics = {name: topic for name, topic in sorted(graph["topics"].items()) if name not in LOG_TOPICS}
+    subscribes = (_called(name, topic) for name, topic in topics.items() if node in topic["subscribers"])
+    services = (
+        _called(name, one)
+        for name, one in sorted(graph["services"].items())
+        if one["up"] and one["provider"] == node and not name.endswith(LOGGERS)
+    )
+    return Node(stable(node), tuple(_published(graph, topics, node)), tuple(subscribes), tuple(services))
+
+
+def _published(graph: Mapping[str, Any], topics: Mapping[str, Any], node: str) -> Iterator[Published]:
+    """A topic's publishers have an even share of its rate. One whose type nobody told cannot be played."""
+    fixed = {f"{action}/{word}": hz for action in graph["actions"] for word, hz in RATES.items()}
+    for name, topic in topics.items():
+        if node in topic["publishers"] and known(topic["type"]) and known(topic["md5sum"]):
+            rate = fixed.get(name, float(topic["rate"] or 0) / len(topic["publishers"]))
+            yield Published(stable(name), topic["type"], str(topic["definition"]), bool(topic["latched"]), rate)
+
+
+def _called(name: str, one: Mapping[str, Any]) -> Called:
+    return Called(stable(name), known(one["type"]), known(one["md5sum"]))
