@@ -12,7 +12,7 @@ from cluster import running
 from fleet import Fleet
 from runs import wait_until
 
-SENSOR, SERVER = "temperature", "prime-factors"
+SENSOR, SERVER, CLIENT = "temperature", "prime-factors", "prime-factors-client"
 
 
 @pytest.mark.promise("a node that hangs is begun anew, and no goal is lost")
@@ -21,6 +21,7 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
     changes = usual
     for app in (SENSOR, SERVER):
         changes = fleet.changed("robot1", app, on=changes, liveness_timeout=30)
+    changes = fleet.changed("robot1", CLIENT, on=changes, env={"GOAL_TIMEOUT": 240})  # it waits for its server
     run = fleet.update(changes, "--limit", "robot1,edge1")
     assert run.status == 0, run
     fleet.wait_settled()
@@ -36,9 +37,9 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
             hung = [one for one in fleet.cluster.events("robot1", "NodeHung") if one.startswith(sensor.name)]
             return bool(hung), spared in fleet.cluster.keeper_log("robot1")
 
-        wait_until(judged, all, 60, "the keeper's judgement of both nodes that hang", pause=1)
+        wait_until(judged, all, 150, "the keeper's judgement of both nodes that hang", pause=1)
         assert [pod.uid for pod in fleet.cluster.pods("robot1")[SERVER]] == [server.uid]
-    finally:  # before the client's own patience is over
+    finally:
         fleet.hosts.signal("robot1", server.uid, signal.SIGCONT)
     fleet.wait_settled()
     (said,) = [one for one in fleet.cluster.events("robot1", "NodeHung") if one.startswith(sensor.name)]
