@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import res
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, repeated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import plain_keeper
@@ -55,10 +55,9 @@ def _pod_security(draft: Draft) -> Iterator[Problem]:
 
 def _pull_secrets(draft: Draft) -> Iterator[Problem]:
     """Two of one name are one Secret, and only the last login would be in it."""
-    for index, name in enumerate(draft.robot.pull_secrets):
-        if name in draft.robot.pull_secrets[:index]:
-            where = f"{draft.path}.robot_namespace_pull_secrets[{index}].name"
-            yield Problem(where, f"is '{name}' for the second time", "a name of its own")
+    for index, name in repeated(draft.robot.pull_secrets):
+        where = f"{draft.path}.robot_namespace_pull_secrets[{index}].name"
+        yield Problem(where, f"is '{name}' for the second time", "a name of its own")
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
