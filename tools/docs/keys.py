@@ -37,12 +37,16 @@ def options(of: type) -> dict[str, dict[str, Any]]:
     """The keys of a type as options of an argument spec."""
     said, found = words(of), {}
     for name, key in keys(of).items():
-        paragraphs = [" ".join(part.split()) for part in said[name].split("\n\n")]
-        found[name] = {"description": paragraphs[0] if len(paragraphs) == 1 else paragraphs, **_typed(key.kind)}
+        found[name] = _typed(key.kind)
+        inner = found[name].pop("options", None)
         if key.required:
             found[name]["required"] = True
         elif isinstance(key.default, (str, int, float)) and key.default != "":
             found[name]["default"] = key.default
+        paragraphs = [" ".join(part.split()) for part in said[name].split("\n\n")]
+        found[name]["description"] = paragraphs if len(paragraphs) > 1 else paragraphs[0]
+        if inner:
+            found[name]["options"] = inner
     return found
 
 
@@ -73,12 +77,14 @@ def _typed(kind: Kind) -> dict[str, Any]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """What fits into a line is one; lists are indented."""
+    """A row for each key, but for those with keys of their own or more than one paragraph; lists are indented."""
 
     def represent_data(self, data: Any) -> yaml.Node:
         node = super().represent_data(data)
-        if isinstance(node, yaml.CollectionNode):
-            node.flow_style = len(yaml.safe_dump(data, default_flow_style=True, width=9999)) < WIDTH - 40
+        if isinstance(node, yaml.MappingNode):
+            node.flow_style = isinstance(data.get("description"), str) and "options" not in data
+        elif isinstance(node, yaml.SequenceNode):
+            node.flow_style = max(map(len, data)) < WIDTH / 4
         return node
 
     def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:  # noqa: ARG002

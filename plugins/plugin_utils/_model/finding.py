@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+T = TypeVar("T")
 
 
 class Problem(NamedTuple):
@@ -18,6 +20,10 @@ class Problem(NamedTuple):
     path: str
     problem: str
     allowed: str = ""
+
+    def below(self, path: str) -> Problem:
+        """The finding in what is at `path`."""
+        return self._replace(path=join_path(path, self.path))
 
     def as_dict(self) -> dict[str, str]:
         """Shape of an item of fleet_config's `errors`."""
@@ -33,6 +39,11 @@ def join_path(path: str, *parts: str | int) -> str:
     for part in parts:
         path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
     return path
+
+
+def repeated(items: Sequence[T]) -> Iterator[tuple[int, T]]:
+    """The items that stand there before, and where they do so again."""
+    return ((index, item) for index, item in enumerate(items) if item in items[:index])
 
 
 def unique(problems: Iterable[Problem]) -> list[Problem]:

@@ -1,14 +1,15 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks of one app that no schema can make: what its parts say about each other and about its robot.
+"""Checks of one app that no type can make: what its parts say about each other and about its robot.
 
-Every check takes the completed app, the app as the operator wrote it, the robot's draft and the app's path.
+Every check takes the completed app, the app as the operator wrote it, and the robot's draft. Paths are the app's own.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -17,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import P
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import STOP_MARGIN, App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, repeated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
@@ -26,7 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides i
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
 
 Raw = Mapping[str, Any]
-Check = Callable[[App, Raw, Draft, str], Iterator[Problem]]
+Check = Callable[[App, Raw, Draft], Iterator[Problem]]
 
 BEFORE = "command, or hooks: sidecar"
 PRIVATE_TO_NOBODY = "is private to a node, and the app names its nodes itself"
@@ -38,101 +39,106 @@ LAUNCHES = "roslaunch names its nodes itself"
 _SHELLS = ("sh", "bash", "dash")
 # What a `sh -c` script reads the appended ROS node name from.
 _NAME_READERS = re.compile(r"\$\{?(?:@|\*|0|1|" + names.NODE_NAME_ENV + r")")
+_GRACE = ("spec", "template", "spec", "terminationGracePeriodSeconds")
 
 
-def app_problems(app: App, raw: Raw, draft: Draft, path: str) -> list[Problem]:
-    """All problems of one app that passed the schema."""
-    return [problem for check in CHECKS for problem in check(app, raw, draft, path)]
+def app_problems(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
+    """All problems of one app whose keys have the types that they have to have."""
+    return itertools.chain.from_iterable(check(app, raw, draft) for check in CHECKS)
 
 
-def app_warnings(app: App, raw: Raw, path: str) -> Iterator[Problem]:
+def app_warnings(app: App, raw: Raw) -> Iterator[Problem]:
     """What is allowed but seldom meant."""
     if moving_tag(app.image):
-        yield Problem(f"{path}.image", f"{app.image} may mean another image tomorrow; name a version or a digest")
+        yield Problem("image", f"{app.image} may mean another image tomorrow; name a version or a digest")
     if app.devices:
-        told = "the container runs privileged, as Kubernetes has no other plain way to a device"
-        yield Problem(f"{path}.devices", told)
+        yield Problem("devices", "the container runs privileged, as Kubernetes has no other plain way to a device")
     if app.command and app.command[0] in _ROS_TOOLS:
         told = f"{app.command[0]} is found once the image's entry point has run, which a command replaces"
-        yield Problem(f"{path}.command[0]", f"{told}; begin it with /ros_entrypoint.sh")
+        yield Problem("command[0]", f"{told}; begin it with /ros_entrypoint.sh")
     if raw.get("private_names") and app.handoff != "overlap":
-        yield Problem(f"{path}.private_names", f"has no effect with the handoff {app.handoff}")
+        yield Problem("private_names", f"has no effect with the handoff {app.handoff}")
 
 
-def _name(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _name(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
     taken = {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}
     if app.name in taken:
-        yield Problem(f"{path}.name", f"is {app.name}, the name of {taken[app.name]}", "any other name")
+        yield Problem("name", f"is {app.name}, the name of {taken[app.name]}", "any other name")
 
 
-def _second_master(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _words(app: App) -> Iterator[tuple[str, str]]:
+    """The words of its command line, each with its place."""
+    for key, words in (("command", app.command), ("args", app.args)):
+        yield from ((f"{key}[{index}]", word) for index, word in enumerate(words))
+
+
+def _second_master(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
     """Two masters in one namespace share no graph; one of them serves nobody."""
-    if draft.robot.master.mode == "external":
-        return
-    for key in ("command", "args"):
-        for index, word in enumerate(getattr(app, key)):
-            if _MASTER.search(word):
-                allowed = "an app without roscore; the collection runs the master (ros_master_mode)"
-                yield Problem(f"{path}.{key}[{index}]", "starts a second ROS master", allowed)
+    allowed = "an app without roscore; the collection runs the master (ros_master_mode)"
+    for place, word in _words(app) if draft.robot.master.mode != "external" else ():
+        if _MASTER.search(word):
+            yield Problem(place, "starts a second ROS master", allowed)
 
 
-def _command(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _command(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
     if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
-            f"{path}.command",
+            "command",
             "is missing, as is args",
             "args: [], where the image's own entry point hands its arguments on: the ROS node name is appended, and "
             "they replace the image's; or what is to run, as command and args",
         )
 
 
-def _launch(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _own_command(inside: Contents | None) -> str:
+    """How an app says what its image runs by itself; nothing where that is not known."""
+    runs = {"command": inside.entrypoint, "args": inside.cmd} if inside else {}
+    said = {key: [*words] for key, words in runs.items() if words}
+    told = yaml.safe_dump(said, default_flow_style=True, sort_keys=False, width=1000).strip()[1:-1]
+    return f"; its own is {told}" if said else ""
+
+
+def _launch(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
     launch = app.launch
     if not launch:
         return
     if "args" in raw:
-        yield Problem(f"{path}.args", "is beside launch, which makes the arguments", "launch.args, or args alone")
+        yield Problem("args", "is beside launch, which makes the arguments", "launch.args, or args alone")
     if app.readiness.nodes:
-        yield Problem(f"{path}.readiness.nodes", f"is true, but {LAUNCHES}", "leave it out")
+        yield Problem("readiness.nodes", f"is true, but {LAUNCHES}", "leave it out")
     for file in launch.file:
         if not launch.package and not file.startswith("/"):
             found = f"is missing, and {file} is no whole path"
-            yield Problem(f"{path}.launch.package", found, "a package, or /the/whole/path")
+            yield Problem("launch.package", found, "a package, or /the/whole/path")
     if app.hooks == "none":
-        yield Problem(f"{path}.hooks", "is none, but what starts the launch file is part of them", "app, or sidecar")
+        yield Problem("hooks", "is none, but what starts the launch file is part of them", "app, or sidecar")
     for key, said in (("replace", launch.replace), ("overlap", launch.overlap)):
         if said and app.handoff != "overlap":
             found = f"has no effect: handoff is {app.handoff}, so all its nodes are replaced together"
-            yield Problem(f"{path}.launch.{key}", found, "pattern: pubsub, or leave it out")
-        for index, node in enumerate(said):
-            where = join_path(path, "launch", key, index)
-            if node in said[:index]:
-                yield Problem(where, f"names {node} for the second time", "each node once")
-            if key == "overlap" and node in launch.replace:
-                yield Problem(where, f"is {node}, which launch.replace names, too", "one of the two")
+            yield Problem(f"launch.{key}", found, "pattern: pubsub, or leave it out")
+        for index, node in repeated(said):
+            yield Problem(f"launch.{key}[{index}]", f"names {node} for the second time", "each node once")
+    for index, node in enumerate(launch.overlap):
+        if node in launch.replace:
+            yield Problem(f"launch.overlap[{index}]", f"is {node}, which launch.replace names, too", "one of the two")
     for name in app.private_names:
         found = f"names {name}, but a launch file's private names are found on the graph"
-        yield Problem(f"{path}.private_names", found, "leave it out")
+        yield Problem("private_names", found, "leave it out")
+    yield from launch_problems(app, launch, context.graph_namespace(app, draft.robot))
 
 
-def _launch_file(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
-    if app.launch:
-        yield from launch_problems(app, app.launch, context.graph_namespace(app, draft.robot), path)
-
-
-def _node_name(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _node_name(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
     """Some commands drop the name that is appended; their nodes are then not where the gate looks for them."""
     reason = name_is_lost([*app.command, *app.args])
-    if reason == LAUNCHES and app.handoff == "overlap":
-        allowed = "launch: {package, file, args} instead of the command, or handoff: replace"
-        yield Problem(f"{path}.handoff", f"is overlap, but {reason}", allowed)
-    elif reason and app.handoff == "overlap":
+    if reason and app.handoff == "overlap":
         allowed = "handoff: replace, or a command that takes __name:= from its last argument"
-        yield Problem(f"{path}.handoff", f"is overlap, but {reason}", allowed)
+        if reason == LAUNCHES:
+            allowed = "launch: {package, file, args} instead of the command, or handoff: replace"
+        yield Problem("handoff", f"is overlap, but {reason}", allowed)
     if reason and app.readiness.nodes:
         allowed = "readiness.nodes: false, with what the app offers under topics, services or actions"
-        yield Problem(f"{path}.readiness.nodes", f"is true, but {reason}", allowed)
+        yield Problem("readiness.nodes", f"is true, but {reason}", allowed)
 
 
 def name_is_lost(words: list[str]) -> str:
@@ -150,95 +156,84 @@ def name_is_lost(words: list[str]) -> str:
     return ""
 
 
-def _handoff(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _handoff(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
     if app.pattern == "action" and app.handoff == "overlap":
-        yield Problem(
-            f"{path}.handoff", "is overlap for the pattern action: two action servers lose goals", "drain or replace"
-        )
+        found = "is overlap for the pattern action: two action servers lose goals"
+        yield Problem("handoff", found, "drain or replace")
     for reason in app.alone() if app.handoff == "overlap" else ():
-        yield Problem(f"{path}.handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
+        yield Problem("handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
 
 
-def _placement(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _placement(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
     if draft.robot.mode == "standalone" and app.placement == "remote":
-        default = "" if "placement" in raw else " (the default)"
-        yield Problem(
-            f"{path}.placement", f"is remote{default}, but a standalone robot has no edge host in its cluster", "local"
-        )
-
-
-def _devices(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
-    """A remote pod may be placed on any edge host, of which nobody knows what is plugged in."""
+        found = f"is remote{_by_default(raw)}, but a standalone robot has no edge host in its cluster"
+        yield Problem("placement", found, "local")
+    # a remote pod may be placed on any edge host, of which nobody knows what is plugged in
     if app.devices and app.placement == "remote":
-        yield Problem(f"{path}.placement", "is remote, but devices are the robot's", "local, or leave it out")
+        yield Problem("placement", "is remote, but devices are the robot's", "local, or leave it out")
 
 
-def _namespace(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _by_default(raw: Raw) -> str:
+    return "" if "placement" in raw else " (the default)"
+
+
+def _namespace(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
     """Robots that share a master are kept apart by their namespaces; and where nodes are has to be known."""
     space, said = context.robot_space(app, draft.robot), context.said_namespace(app)
     if said and space != "/" and not f"{said}/".startswith(f"{space}/"):
         where = "env.ROS_NAMESPACE" if "ROS_NAMESPACE" in app.env else "args"
         found = f"takes the app to {said}, out of the namespace {space} that keeps robots on one master apart"
-        yield Problem(f"{path}.{where}", found, f"leave it out, or a namespace below {space}")
-    for key in ("command", "args"):
-        for index, word in enumerate(getattr(app, key)):
-            if "ROS_NAMESPACE=" in word and app.readiness.nodes:
-                found = "sets ROS_NAMESPACE within the command, so that nobody knows where its node is"
-                yield Problem(f"{path}.{key}[{index}]", found, "env: {ROS_NAMESPACE: ...}, or __ns:= in args")
+        yield Problem(where, found, f"leave it out, or a namespace below {space}")
+    for place, word in _words(app):
+        if "ROS_NAMESPACE=" in word and app.readiness.nodes:
+            found = "sets ROS_NAMESPACE within the command, so that nobody knows where its node is"
+            yield Problem(place, found, "env: {ROS_NAMESPACE: ...}, or __ns:= in args")
 
 
-def _scope(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _scope(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
     if app.scope != "fleet":
         return
     if draft.robot.master.mode == "robot":
         allowed = "scope: robot, or ros_master_mode shared or external"
-        yield Problem(f"{path}.scope", "is fleet, but each robot has a ROS master of its own", allowed)
+        yield Problem("scope", "is fleet, but each robot has a ROS master of its own", allowed)
     if app.placement == "local":
-        yield Problem(f"{path}.placement", "is local for an app of the whole fleet", "remote")
+        yield Problem("placement", "is local for an app of the whole fleet", "remote")
 
 
-def _grace(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _grace(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
     """Kubernetes kills the pod when the grace period ends, drained or not."""
     drains, least = app.handoff == "drain" or "drain_deadline" in raw, app.drain_deadline + STOP_MARGIN
-    spec = ("spec", "template", "spec", "terminationGracePeriodSeconds")
     for where, grace in (
         ("termination_grace_period", app.termination_grace_period),
-        (join_path("overrides", *spec), functools.reduce(_inside, spec, app.overrides)),
+        (join_path("overrides", *_GRACE), functools.reduce(_inside, _GRACE, app.overrides)),
     ):
         if drains and isinstance(grace, int) and grace < least:
-            yield Problem(
-                f"{path}.{where}",
-                f"is {grace} s, less than the drain deadline of {app.drain_deadline} s and {STOP_MARGIN} s to end",
-                f"{least} or more, or a shorter drain_deadline",
-            )
+            found = f"is {grace} s, less than the drain deadline of {app.drain_deadline} s and {STOP_MARGIN} s to end"
+            yield Problem(where, found, f"{least} or more, or a shorter drain_deadline")
 
 
 def _inside(value: Any, key: str) -> Any:
     return value.get(key) if isinstance(value, Mapping) else None
 
 
-def _volumes(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _volumes(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
     declared = [name for name in draft.declared_volumes if isinstance(name, str)]
     modes = {volume.name: volume.access_mode for volume in draft.robot.volumes}
-    seen: set[str] = set()
     for index, mount in enumerate(app.volumes):
-        where, name = join_path(path, "volumes", index), mount.name
+        where, name = f"volumes[{index}]", mount.name
         if name not in declared:
-            known = " or ".join(declared) or "none is declared"
-            yield Problem(
-                f"{where}.name", f"is '{name}', an unknown volume", f"a volume of persistent_storage.volumes: {known}"
-            )
-        if name in seen:
+            allowed = f"a volume of persistent_storage.volumes: {' or '.join(declared) or 'none is declared'}"
+            yield Problem(f"{where}.name", f"is '{name}', an unknown volume", allowed)
+        if name in [other.name for other in app.volumes[:index]]:
             yield Problem(f"{where}.name", f"is '{name}' for the second time", "each volume once per app")
         if modes.get(name) == "ReadOnlyMany" and not mount.read_only:
             yield Problem(f"{where}.read_only", "is false, but the volume is ReadOnlyMany", "true")
-        seen.add(name)
 
 
-def _files(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _files(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
     form = FORMS["secret-key"]
     for index, (given, item) in enumerate(zip(raw.get("files") or (), app.files, strict=True)):
-        where = join_path(path, "files", index)
+        where = f"files[{index}]"
         if ("content" in given) == ("secret" in given):
             found = "has both content and secret" if item.secret else "has neither content nor secret"
             yield Problem(where, found, "content with the file's text, or the name of a secret that is there")
@@ -249,18 +244,18 @@ def _files(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
     size = sum(len(item.content.encode()) for item in app.files)
     if size > FILES_BYTES:
         allowed = f"at most {FILES_BYTES} bytes in one app; larger ones belong into its image or on a volume"
-        yield Problem(f"{path}.files", f"hold {size} bytes", allowed)
+        yield Problem("files", f"hold {size} bytes", allowed)
 
 
-def _params(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _params(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
     """They are set before the app starts, and who reads one that is everybody's is everybody's business."""
     if not app.params:
         return
     if lacks := _nothing_before(app):
-        yield Problem(f"{path}.params", f"cannot be set before the app starts, as it has {lacks}", BEFORE)
+        yield Problem("params", f"cannot be set before the app starts, as it has {lacks}", BEFORE)
     space = context.robot_space(app, draft.robot).rstrip("/")
     for name, value in app.params.items():
-        where = join_path(path, "params", name)
+        where = f"params.{name}"
         if not name.startswith("/"):
             if not app.readiness.nodes:
                 yield Problem(where, PRIVATE_TO_NOBODY, f"/<node>/{name}")
@@ -273,15 +268,14 @@ def _params(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
         yield from _value_problems(value, where)
 
 
-def _keep_params(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _keep_params(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
     """What the node has set by itself may be kept, too; what is everybody's stays without that."""
     if not app.keep_params:
         return
     if lacks := _nothing_before(app):
-        found = f"cannot be looked up before the app starts, as it has {lacks}"
-        yield Problem(f"{path}.keep_params", found, BEFORE)
+        yield Problem("keep_params", f"cannot be looked up before the app starts, as it has {lacks}", BEFORE)
     for index, name in enumerate(app.keep_params):
-        where = join_path(path, "keep_params", index)
+        where = f"keep_params[{index}]"
         if name in app.keep_params[:index]:
             yield Problem(where, f"is {name} for the second time", "each name once")
         elif not name.startswith("/"):
@@ -314,134 +308,100 @@ def _value_problems(value: Any, path: str) -> Iterator[Problem]:
         yield Problem(path, "is empty (null)", "a text, a number, true, false, a list or a mapping")
 
 
-def _ports(app: App, raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _ports(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
     for index, port in enumerate(app.ports):
-        where, before = join_path(path, "ports", index), app.ports[:index]
+        where, before = f"ports[{index}]", app.ports[:index]
         if port.name in [one.name for one in before]:
             yield Problem(f"{where}.name", f"is {port.name} for the second time", "a name of its own")
         if (port.port, port.protocol) in [(one.port, one.protocol) for one in before]:
             yield Problem(f"{where}.port", f"is {port.port} for the second time", "each port once per app")
         if port.host_port and app.placement == "remote":
-            default = "" if "placement" in raw else " (the default)"
-            found = f"is one edge host's, and placement is remote{default}, so nobody knows whose"
+            found = f"is one edge host's, and placement is remote{_by_default(raw)}, so nobody knows whose"
             yield Problem(f"{where}.host_port", found, "node_port, which every host has, or placement: local")
         if port.host_port and app.host_network:
             found = f"has no effect, as host_network gives it the host's port {port.port}"
             yield Problem(f"{where}.host_port", found, "leave it out")
 
 
-def _mounts(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _mounts(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
     """Kubernetes refuses two mounts at one path, long after validation."""
     places: dict[str, str] = {names.CODE_DIR: "the collection's own code"} if app.hooks == "app" else {}
     for key, field, targets in (
-        ("volumes", "mount_path", [mount.mount_path for mount in app.volumes]),
-        ("files", "path", [item.path for item in app.files]),
+        ("volumes", ".mount_path", [mount.mount_path for mount in app.volumes]),
+        ("files", ".path", [item.path for item in app.files]),
         ("devices", "", app.devices),
-        ("host_paths", "mount_path", [mount.mount_path for mount in app.host_paths]),
+        ("host_paths", ".mount_path", [mount.mount_path for mount in app.host_paths]),
     ):
         for index, target in enumerate(targets):
-            where, bare = join_path(path, key, index, *([field] if field else [])), target.rstrip("/")
-            if bare in places:
-                yield Problem(where, f"is {bare}, where {places[bare]} is mounted already", "a path of its own")
-            places.setdefault(bare, join_path("", key, index))
+            place, bare = f"{key}[{index}]", target.rstrip("/")
+            if (other := places.setdefault(bare, place)) != place:
+                yield Problem(place + field, f"is {bare}, where {other} is mounted already", "a path of its own")
 
 
-def _hooks(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
-    """The kubelet asks a sidecar by the pod's address."""
-    if app.hooks != "sidecar":
-        return
-    if app.host_network:
+def _hooks(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
+    """The kubelet asks a sidecar by the pod's address. The default needs a Python in the image."""
+    if app.hooks == "sidecar" and app.host_network:
         found = "is sidecar, but with host_network its port is the host's, and another app's sidecar has the same"
-        yield Problem(f"{path}.hooks", found, "app, or none, or leave host_network out")
-    for index, port in enumerate(app.ports):
+        yield Problem("hooks", found, "app, or none, or leave host_network out")
+    for index, port in enumerate(app.ports if app.hooks == "sidecar" else ()):
         if port.port == SIDECAR_PORT and port.protocol == "TCP":
-            found = f"is {port.port}, the port of the hooks' sidecar"
-            yield Problem(join_path(path, "ports", index, "port"), found, "any other port")
+            yield Problem(f"ports[{index}].port", f"is {port.port}, the port of the hooks' sidecar", "any other port")
+    if not raw.get("hooks") and app.hooks == "app" and (lacks := no_python(app, draft.inside)):
+        allowed = "hooks: none, as host_network forbids sidecar, or hooks: app where it gets one in another way"
+        yield Problem("hooks", f"is missing, and {lacks}", allowed)
 
 
-def _resources(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _resources(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
     requests, limits = app.resources.get("requests") or {}, app.resources.get("limits") or {}
-    for name in requests:
-        request, limit = quantity_value(str(requests[name])), quantity_value(str(limits.get(name)))
+    for name, asked in requests.items():
+        request, limit = quantity_value(str(asked)), quantity_value(str(limits.get(name)))
         if request is not None and limit is not None and request > limit:
-            yield Problem(
-                f"{path}.resources.requests.{name}",
-                f"is {requests[name]}, above the limit of {limits[name]}",
-                f"at most {limits[name]}",
-            )
+            found = f"is {asked}, above the limit of {limits[name]}"
+            yield Problem(f"resources.requests.{name}", found, f"at most {limits[name]}")
 
 
-def _environment(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
+def _environment(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
     for key in (names.NODE_NAME_ENV, names.SETTINGS_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
         if key in app.env:
             reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
-            yield Problem(f"{path}.env.{key}", reason, "leave it out")
+            yield Problem(f"env.{key}", reason, "leave it out")
     if isinstance(app.env.get("ROS_NAMESPACE"), Mapping):
         found = "is in a Secret, so that nobody knows where its node is"
-        yield Problem(f"{path}.env.ROS_NAMESPACE", found, "the namespace as a text")
+        yield Problem("env.ROS_NAMESPACE", found, "the namespace as a text")
 
 
-def _readiness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _readiness(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
     ready = app.readiness
     if ready.interval > ready.timeout:
         found = f"is {ready.interval} s, longer than the timeout of {ready.timeout} s"
-        yield Problem(f"{path}.readiness.interval", found, f"at most {ready.timeout}")
-    own = context.graph_node(app, draft.robot)
-    namespace = context.graph_namespace(app, draft.robot)
-    for index, name in enumerate(ready.absent):
-        if ready.nodes and resolve(name, namespace, own) == own:
-            yield Problem(
-                join_path(path, "readiness", "absent", index), "is the app's own node", "nodes that must be gone"
-            )
-    for kind in ("topics", "services", "actions"):
-        listed = [
-            item["name"] if isinstance(item, Mapping) else item for item in (raw.get("readiness") or {}).get(kind, [])
-        ]
-        for index, name in enumerate(listed):
-            if name in listed[:index]:
-                where = join_path(path, "readiness", kind, index)
-                yield Problem(where, f"names {name} for the second time", "each name once, with all its conditions")
+        yield Problem("readiness.interval", found, f"at most {ready.timeout}")
+    own, namespace = context.graph_node(app, draft.robot), context.graph_namespace(app, draft.robot)
+    for index, name in enumerate(ready.absent if ready.nodes else ()):
+        if resolve(name, namespace, own) == own:
+            yield Problem(f"readiness.absent[{index}]", "is the app's own node", "nodes that must be gone")
+    for kind, items in (("topics", ready.topics), ("services", ready.services), ("actions", ready.actions)):
+        for index, name in repeated([item["name"] for item in items]):
+            found = f"names {name} for the second time"
+            yield Problem(f"readiness.{kind}[{index}]", found, "each name once, with all its conditions")
 
 
-def _liveness(app: App, raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _liveness(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
     if raw.get("liveness_timeout") and draft.robot.master.mode == "external":
         found = f"is {app.liveness_timeout}, but an external master has no keeper that would begin a pod anew"
-        yield Problem(f"{path}.liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
+        yield Problem("liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
 
 
-def _when(app: App, _raw: Raw, _draft: Draft, path: str) -> Iterator[Problem]:
-    yield from when_problems(app.update.when, f"{path}.update.when")
+def _when(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+    yield from when_problems(app.update.when, "update.when")
 
 
-def _overrides(app: App, _raw: Raw, draft: Draft, path: str) -> Iterator[Problem]:
+def _overrides(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
     plain = plain_deployment(app, draft.robot)
-    yield from override_problems(plain, app.overrides, names.APP_CONTAINER, f"{path}.overrides")
+    yield from override_problems(plain, app.overrides, names.APP_CONTAINER, "overrides")
 
 
 CHECKS: tuple[Check, ...] = (
-    _name,
-    _second_master,
-    _command,
-    _launch,
-    _launch_file,
-    _node_name,
-    _handoff,
-    _placement,
-    _devices,
-    _namespace,
-    _scope,
-    _grace,
-    _volumes,
-    _params,
-    _keep_params,
-    _files,
-    _ports,
-    _mounts,
-    _hooks,
-    _resources,
-    _environment,
-    _readiness,
-    _liveness,
-    _when,
+    _name, _second_master, _command, _launch, _node_name, _handoff, _placement, _namespace, _scope, _grace, _volumes,
+    _params, _keep_params, _files, _ports, _mounts, _hooks, _resources, _environment, _readiness, _liveness, _when,
     _overrides,
-)
+)  # fmt: skip

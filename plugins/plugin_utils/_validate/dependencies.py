@@ -11,7 +11,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import circle
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import did_you_mean
 
 
 def dependency_problems(draft: Draft) -> Iterator[Problem]:
@@ -24,11 +24,8 @@ def dependency_problems(draft: Draft) -> Iterator[Problem]:
             if other == app.name:
                 yield Problem(where, "is the app itself", "other apps of this robot")
             elif other not in declared:
-                nearest = nearest_name(other, declared)
-                hint = f"; did you mean {nearest}?" if nearest else ""
-                yield Problem(
-                    where, f"is '{other}', an unknown app{hint}", f"an app of this robot: {', '.join(declared)}"
-                )
+                found = f"is '{other}', an unknown app{did_you_mean(other, declared)}"
+                yield Problem(where, found, f"an app of this robot: {', '.join(declared)}")
     yield from _circles(apps)
 
 

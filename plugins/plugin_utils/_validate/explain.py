@@ -83,12 +83,10 @@ def _keys(value: Mapping[str, Any], kind: Kind, path: str) -> Iterator[Problem]:
         if key.required and name not in value:
             yield Problem(join_path(path, name), "is missing", allowed(key.kind))
     for name in sorted(set(value) - set(known)) if OPEN not in kind.notes else ():
-        nearest = nearest_name(name, known)
-        hint = f"; did you mean {nearest}?" if nearest else ""
-        told = (
-            "one of " + ", ".join(sorted(known)) if len(known) < 30 else "a variable of the collection's documentation"
-        )
-        yield Problem(join_path(path, name), f"is unknown{hint}", told)
+        told = "a variable of the collection's documentation"
+        if len(known) < 30:
+            told = "one of " + ", ".join(sorted(known))
+        yield Problem(join_path(path, name), f"is unknown{did_you_mean(name, known)}", told)
     needs = next((note for note in kind.notes if isinstance(note, Mapping)), {})
     for name, others in needs.items():
         for other in others if name in value else ():
@@ -142,3 +140,9 @@ def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | 
     """The known name that a misspelt one most likely means."""
     found = difflib.get_close_matches(name, sorted(known), 1, cutoff)
     return found[0] if found else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The end of a finding about a name that nobody knows."""
+    nearest = nearest_name(name, known)
+    return f"; did you mean {nearest}?" if nearest else ""

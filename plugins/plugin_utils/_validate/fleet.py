@@ -80,8 +80,8 @@ def check_fleet(given: Any) -> Report:
     for item in drafts:
         problems += robot_problems(item, edge_count)
         for path, app, raw in item.apps():
-            problems += app_problems(app, raw, item, path)
-            warnings += app_warnings(app, raw, path)
+            problems += [problem.below(path) for problem in app_problems(app, raw, item)]
+            warnings += [warning.below(path) for warning in app_warnings(app, raw)]
         problems += master_problems(item, hosts.get(item.robot.name, {}))
         warnings += robot_warnings(item)
     problems += [*fleet_app_problems(drafts), *port_problems(drafts)]

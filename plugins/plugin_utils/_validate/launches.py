@@ -12,13 +12,13 @@ from collections.abc import Iterator, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import named
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, File, Launch, env_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launch_file import LaunchFile, Node, is_known, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.single_nodes import why_single
 
 
-def launch_problems(app: App, launch: Launch, namespace: str, path: str) -> Iterator[Problem]:
-    """Problems of the launch files that can be read; `namespace` is where their nodes are, `path` the app's."""
+def launch_problems(app: App, launch: Launch, namespace: str) -> Iterator[Problem]:
+    """Problems of the launch files that can be read; `namespace` is where their nodes are."""
     args = {name: str(env_value(value)) for name, value in launch.args.items()}
     # roslaunch takes no argument without a value from its command line
     given = {name: value for name, value in args.items() if value.strip()}
@@ -31,8 +31,7 @@ def launch_problems(app: App, launch: Launch, namespace: str, path: str) -> Iter
     if not found and app.handoff == "overlap":
         whole = len(files) == len(launch.file) and all(map(_is_whole, files))
         found += [*(_unknown_nodes(launch, nodes) if whole else ()), *_verdicts(launch, nodes, whole)]
-    for problem in found:
-        yield problem._replace(path=f"{join_path(path, 'launch')}.{problem.path}")
+    return (problem.below("launch") for problem in found)
 
 
 def written(files: Sequence[File], package: str, name: str) -> File | None:

@@ -9,7 +9,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, kind_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge, merge_key
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import OPEN, value_problems
 
 # The collection finds its objects by these; a Deployment's selector cannot be changed after its creation anyway.
 FIXED = (
@@ -23,19 +26,27 @@ FIXED = (
 
 # The shapes of the fields that overrides are used for most (Kubernetes API reference, PodSpec and Container). The API
 # checks the rest; these are checked here because the collection reads them itself, or because they are easily mistaken.
-POD_ENTRIES = ("volumes", "tolerations", "imagePullSecrets", "hostAliases", "topologySpreadConstraints")
-POD_MAPPINGS = ("nodeSelector", "affinity", "securityContext", "dnsConfig")
-CONTAINER_LISTS = ("containers", "initContainers")
-CONTAINER_ENTRIES = ("env", "envFrom", "ports", "volumeMounts", "volumeDevices")
-CONTAINER_TEXTS = ("command", "args")
-CONTAINER_MAPPINGS = (
-    "lifecycle",
-    "livenessProbe",
-    "readinessProbe",
-    "resources",
-    "securityContext",
-    "startupProbe",
-)
+
+
+def _list_of(kind: Kind, allowed: str) -> Kind:
+    return Kind(tuple, (kind._replace(notes=(*kind.notes, words(allowed))),), (words(allowed),))
+
+
+_MAPPING = kind_of(Mapping[str, Any])
+_ENTRIES = _list_of(_MAPPING, "a list of mappings")
+_CONTAINER = {
+    **dict.fromkeys(("env", "envFrom", "ports", "volumeMounts", "volumeDevices"), Key(_ENTRIES)),
+    **dict.fromkeys(("command", "args"), Key(_list_of(kind_of(str), "a list of texts"))),
+    **dict.fromkeys(("lifecycle", "livenessProbe", "readinessProbe", "startupProbe"), Key(_MAPPING)),
+    **dict.fromkeys(("resources", "securityContext"), Key(_MAPPING)),
+}
+_CONTAINERS = _list_of(Kind(dict, _CONTAINER, (OPEN,)), "a list of mappings")
+_POD = {
+    **dict.fromkeys(("volumes", "tolerations", "imagePullSecrets", "hostAliases"), Key(_ENTRIES)),
+    "topologySpreadConstraints": Key(_ENTRIES),
+    **dict.fromkeys(("nodeSelector", "affinity", "securityContext", "dnsConfig"), Key(_MAPPING)),
+    **dict.fromkeys(("containers", "initContainers"), Key(_CONTAINERS)),
+}
 
 
 def override_problems(
@@ -82,39 +93,12 @@ def _pod_problems(plain: Mapping[str, Any], merged: Mapping[str, Any], container
 
 def _spec_problems(spec: Mapping[str, Any], path: str) -> Iterator[Problem]:
     """Fields of a pod's specification and of its containers that are of another shape than the API's."""
-    for key in (*POD_ENTRIES, *CONTAINER_LISTS):
-        yield from _listing_problems(spec, key, path, Mapping, "a list of mappings")
-    for key in POD_MAPPINGS:
-        if not isinstance(spec.get(key, {}), Mapping):
-            yield Problem(join_path(path, key), f"is {shown(spec[key])}", "a mapping")
-    for key in CONTAINER_LISTS:
-        listed = spec.get(key, [])
-        for index, container in enumerate(listed if isinstance(listed, list) else []):
-            if isinstance(container, Mapping):
-                yield from _container_problems(container, join_path(path, key, index))
-
-
-def _container_problems(container: Mapping[str, Any], path: str) -> Iterator[Problem]:
-    for key in ("name", "image"):
-        if not isinstance(container.get(key), str) or not container[key]:
-            yield Problem(join_path(path, key), "is missing or no text", "text")
-    for key in CONTAINER_ENTRIES:
-        yield from _listing_problems(container, key, path, Mapping, "a list of mappings")
-    for key in CONTAINER_TEXTS:
-        yield from _listing_problems(container, key, path, str, "a list of texts")
-    for key in CONTAINER_MAPPINGS:
-        if not isinstance(container.get(key, {}), Mapping):
-            yield Problem(join_path(path, key), f"is {shown(container[key])}", "a mapping")
-
-
-def _listing_problems(parent: Mapping[str, Any], key: str, path: str, kind: type, allowed: str) -> Iterator[Problem]:
-    value = parent.get(key, [])
-    if not isinstance(value, list):
-        yield Problem(join_path(path, key), f"is {shown(value)}", allowed)
-        return
-    for index, item in enumerate(value):
-        if not isinstance(item, kind):
-            yield Problem(join_path(path, key, index), f"is {shown(item)}", allowed)
+    yield from value_problems(spec, Kind(dict, _POD, (OPEN,)), path)
+    for listed in ("containers", "initContainers"):
+        for index, container in enumerate(spec.get(listed) or () if isinstance(spec.get(listed), list) else ()):
+            for key in ("name", "image") if isinstance(container, Mapping) else ():
+                if not isinstance(container.get(key), str) or not container[key]:
+                    yield Problem(join_path(path, listed, index, key), "is missing or no text", "text")
 
 
 def _shape_problems(plain: Any, overrides: Any, path: str) -> Iterator[Problem]:

@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import res
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, repeated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import plain_keeper
@@ -55,10 +55,9 @@ def _pod_security(draft: Draft) -> Iterator[Problem]:
 
 def _pull_secrets(draft: Draft) -> Iterator[Problem]:
     """Two of one name are one Secret, and only the last login would be in it."""
-    for index, name in enumerate(draft.robot.pull_secrets):
-        if name in draft.robot.pull_secrets[:index]:
-            where = f"{draft.path}.robot_namespace_pull_secrets[{index}].name"
-            yield Problem(where, f"is '{name}' for the second time", "a name of its own")
+    for index, name in repeated(draft.robot.pull_secrets):
+        where = f"{draft.path}.robot_namespace_pull_secrets[{index}].name"
+        yield Problem(where, f"is '{name}' for the second time", "a name of its own")
 
 
 def _same_names(draft: Draft) -> Iterator[Problem]:
@@ -108,33 +107,21 @@ def _volume_users(draft: Draft, edge_count: int) -> Iterator[Problem]:
             for index, mount in enumerate(app.volumes)
             if mount.name == name
         ]
-        if mode == "ReadWriteOncePod":
-            for path, _app, _mount in users[1:]:
-                yield Problem(
-                    path,
-                    f"mounts {name}, a ReadWriteOncePod volume of {users[0][0]}",
-                    "one app per ReadWriteOncePod volume",
-                )
-        if mode == "ReadWriteOnce" and len({app.placement for _path, app, _mount in users}) > 1:
-            others = [path for path, app, _mount in users if app.placement != users[0][1].placement]
-            yield Problem(
-                others[0],
-                f"mounts the ReadWriteOnce volume {name} on another node than {users[0][0]} does",
-                "apps of one placement, or access_mode: ReadWriteMany",
-            )
+        for path, _app, _mount in users[1:] if mode == "ReadWriteOncePod" else ():
+            found = f"mounts {name}, a ReadWriteOncePod volume of {users[0][0]}"
+            yield Problem(path, found, "one app per ReadWriteOncePod volume")
+        others = [path for path, app, _mount in users if app.placement != users[0][1].placement]
+        if mode == "ReadWriteOnce" and others:
+            found = f"mounts the ReadWriteOnce volume {name} on another node than {users[0][0]} does"
+            yield Problem(others[0], found, "apps of one placement, or access_mode: ReadWriteMany")
         for path, app, mount in users:
             if app.handoff == "overlap" and not _same_node(volume, app, edge_count):
-                yield Problem(
-                    path,
-                    f"mounts the {mode} volume {name}, which two overlapping revisions cannot both have",
-                    "handoff: replace or drain, another access_mode, or ReadWriteOnce on one node",
-                )
-            elif app.handoff == "overlap" and mount.alone(volume):
-                yield Problem(
-                    path,
-                    f"cannot be two overlapping revisions': {mount.alone(volume)}",
-                    "handoff: replace or drain, read_only: true, or shared: true where several may write at once",
-                )
+                found = f"mounts the {mode} volume {name}, which two overlapping revisions cannot both have"
+                allowed = "handoff: replace or drain, another access_mode, or ReadWriteOnce on one node"
+                yield Problem(path, found, allowed)
+            elif app.handoff == "overlap" and (why := mount.alone(volume)):
+                allowed = "handoff: replace or drain, read_only: true, or shared: true where several may write at once"
+                yield Problem(path, f"cannot be two overlapping revisions': {why}", allowed)
 
 
 def _same_node(volume: Volume, app: App, edge_count: int) -> bool:
@@ -171,37 +158,30 @@ def robot_warnings(draft: Draft) -> Iterator[Problem]:
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
 
 
-def master_problems(draft: Draft, variables: Mapping[str, Any]) -> list[Problem]:
+def master_problems(draft: Draft, variables: Mapping[str, Any]) -> Iterator[Problem]:
     """Problems of the robot's ROS master; `variables` are the host's as the operator wrote them."""
-    robot, master, base = draft.robot, draft.robot.master, draft.path
+    robot, master, base = draft.robot, draft.robot.master, f"{draft.path}.ros_master_"
     uri = variables.get("ros_master_uri", "")
-    problems = []
     if master.mode == "external" and not uri:
-        problems.append(
-            Problem(f"{base}.ros_master_uri", "is missing for ros_master_mode external", "http://<host>:<port>")
-        )
+        yield Problem(f"{base}uri", "is missing for ros_master_mode external", "http://<host>:<port>")
     if master.mode != "external" and uri:
         found = f"is set, but ros_master_mode is {master.mode}"
-        problems.append(Problem(f"{base}.ros_master_uri", found, "leave it out, or ros_master_mode: external"))
+        yield Problem(f"{base}uri", found, "leave it out, or ros_master_mode: external")
     if robot.mode == "standalone" and master.mode == "shared":
-        found = "is shared, but a standalone robot is a cluster of its own"
-        problems.append(Problem(f"{base}.ros_master_mode", found, "robot or external"))
+        yield Problem(f"{base}mode", "is shared, but a standalone robot is a cluster of its own", "robot or external")
     elif robot.mode == "standalone" and master.mode == "robot" and master.placement == "remote":
-        found = "is remote, but a standalone robot has no edge host in its cluster"
-        problems.append(Problem(f"{base}.ros_master_placement", found, "local"))
+        yield Problem(f"{base}placement", "is remote, but a standalone robot has no edge host in its cluster", "local")
     if master.mode == "shared" and master.placement == "local":
-        problems.append(
-            Problem(f"{base}.ros_master_placement", "is local for a master that all robots share", "remote")
-        )
+        yield Problem(f"{base}placement", "is local for a master that all robots share", "remote")
     if master.mode != "robot" and not FORMS["node-name"].test(names.ros_name(robot.name)):
         found = "begins with a digit, but robots that share a master get a ROS namespace of their name"
-        problems.append(Problem(f"groups.robots.{robot.name}", found, "a name that begins with a letter"))
-    if master.mode != "external":
-        path = f"{base}.ros_master_overrides"
-        problems += override_problems(plain_master(robot), master.overrides, names.MASTER_CONTAINER, path)
-        path = f"{base}.ros_master_keeper_overrides"
-        problems += override_problems(plain_keeper(robot), master.keeper_overrides, names.KEEPER_NAME, path)
-    return problems
+        yield Problem(f"groups.robots.{robot.name}", found, "a name that begins with a letter")
+    for key, plain, overrides, container in (
+        ("overrides", plain_master, master.overrides, names.MASTER_CONTAINER),
+        ("keeper_overrides", plain_keeper, master.keeper_overrides, names.KEEPER_NAME),
+    ):
+        if master.mode != "external":
+            yield from override_problems(plain(robot), overrides, container, base + key)
 
 
 def port_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
@@ -215,14 +195,11 @@ def port_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
                 where = join_path(path, "ports", index)
                 # the fleet's one app comes out of every robot's variables
                 owner = f"{app.name} {index}" if app.scope == "fleet" else where
-                for key, place, number in (
-                    ("host_port", robot.name, port.host_port),
-                    ("node_port", cluster, port.node_port),
-                ):
-                    if number:
-                        other = taken.setdefault((key, place, number, port.protocol), (owner, where))
-                        if other[0] != owner:
-                            yield Problem(f"{where}.{key}", f"is {number} as that of {other[1]}", f"a {key} of its own")
+                of_both = (("host_port", robot.name, port.host_port), ("node_port", cluster, port.node_port))
+                for key, place, number in of_both:
+                    other = taken.setdefault((key, place, number or 0, port.protocol), (owner, where))
+                    if number and other[0] != owner:
+                        yield Problem(f"{where}.{key}", f"is {number} as that of {other[1]}", f"a {key} of its own")
 
 
 def fleet_app_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
@@ -241,9 +218,8 @@ def fleet_app_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
                 continue
             known_path, known_app = known.setdefault(app.name, (path, app))
             if app != known_app:
-                yield Problem(
-                    path, f"differs from {known_path}, but scope fleet means one app for all", "one definition"
-                )
+                found = f"differs from {known_path}, but scope fleet means one app for all"
+                yield Problem(path, found, "one definition")
             node_path, node_app = nodes.setdefault(app.node_name, (path, app))
             if node_app.name != app.name and not node_path.startswith(f"{draft.path}."):
                 yield Problem(f"{path}.node_name", f"is the ROS node name of {node_path} too", "a node name of its own")
