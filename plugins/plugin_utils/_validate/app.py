@@ -91,14 +91,6 @@ def _command(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
         )
 
 
-def _own_command(inside: Contents | None) -> str:
-    """How an app says what its image runs by itself; nothing where that is not known."""
-    runs = {"command": inside.entrypoint, "args": inside.cmd} if inside else {}
-    said = {key: [*words] for key, words in runs.items() if words}
-    told = yaml.safe_dump(said, default_flow_style=True, sort_keys=False, width=1000).strip()[1:-1]
-    return f"; its own is {told}" if said else ""
-
-
 def _launch(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
     launch = app.launch
     if not launch:
@@ -346,9 +338,6 @@ def _hooks(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
     for index, port in enumerate(app.ports if app.hooks == "sidecar" else ()):
         if port.port == SIDECAR_PORT and port.protocol == "TCP":
             yield Problem(f"ports[{index}].port", f"is {port.port}, the port of the hooks' sidecar", "any other port")
-    if not raw.get("hooks") and app.hooks == "app" and (lacks := no_python(app, draft.inside)):
-        allowed = "hooks: none, as host_network forbids sidecar, or hooks: app where it gets one in another way"
-        yield Problem("hooks", f"is missing, and {lacks}", allowed)
 
 
 def _resources(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
