@@ -87,7 +87,7 @@ class K3sExchange:
         self._ask("proven", start=self._start)
 
     def _ask(self, state: str, **more: Any) -> dict[str, Any]:
-        found = self._host.module("rosops.fleet.k3s_change", {"role": self._role, "state": state, **more})
+        found = self._host.job("k3s_change", {"role": self._role, "state": state, **more})
         if found.get("failed"):
             raise FleetError(str(found.get("msg")))
         return found

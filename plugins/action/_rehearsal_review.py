@@ -18,7 +18,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import 
 
 
 class ActionModule(FleetAction):
-    """`before` and `after` are recordings of the stage, `outcome` is what robot_update returned."""
+    """`before` and `after` are recordings of the stage, `outcome` is what _robot_update returned."""
 
     _requires_connection = False
     ARGUMENTS: ClassVar = {

@@ -20,8 +20,8 @@ options:
     default: ""
   apps:
     description:
-      - The apps of the fleet, as M(rosops.fleet.fleet_info) returns them. By their pods' addresses nodes are found to
-        be an app's, and their names are recorded without the revision.
+      - The fleet's apps, each with C(name), C(robot), C(placement) and C(addresses), those of its pods. By them nodes
+        are found to be an app's, and their names are recorded without the revision.
     type: list
     elements: dict
     default: []
@@ -40,7 +40,6 @@ extends_documentation_fragment:
   - rosops.fleet._attributes.read_only
 seealso:
   - module: rosops.fleet.ros_graph_info
-  - module: rosops.fleet.fleet_info
 author:
   - rosops.fleet contributors (@rosops)
 """

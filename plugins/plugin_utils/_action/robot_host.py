@@ -29,7 +29,7 @@ class RobotHost(ActionHost):
             self.plugin._low_level_execute_command("true", sudoable=False)
 
     def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
-        with self._told(name):
+        with self._told(args.get("job", name)):
             return super().module(name, args, secret)
 
     def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:

@@ -20,7 +20,7 @@ def server_addresses(variables: Mapping[str, Any], host: str, hostvars: Mapping[
 
 
 def look(variables: Mapping[str, Any], servers: Sequence[str]) -> dict[str, Any]:
-    """The options of preflight_info. A server talks to the others' etcd, too; one that is alone has none."""
+    """The arguments of the job `facts`. A server talks to the others' etcd, too; one that is alone has none."""
     role, alone = variables["preflight_role"], not servers
     return {
         "ports": [one for one in variables[f"preflight_{role}_ports"] if not (alone and one["port"] in ETCD)],

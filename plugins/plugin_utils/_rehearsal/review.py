@@ -127,7 +127,7 @@ def review(  # noqa: PLR0913 - all that was seen, by name
     before: Accounts,
     after: Accounts,
 ) -> Review:
-    """Of a robot; `outcome` is what robot_update says of it."""
+    """Of a robot; `outcome` is what _robot_update says of it."""
     steps = tuple(outcome.get("steps") or ())
     own = {node for app in change if app in recording.apps for node in recording.apps[app].nodes}
     topics = [name for name, topic in recording.topics.items() if own & set(topic.publishers)]

@@ -142,13 +142,13 @@ def test_declared_outcomes(fact: dict[str, Any], counts: dict[str, int], expecte
 
 def test_an_update_says_its_outcome_itself() -> None:
     busy = {"outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE", "steps": [{"name": "dock"}]}}
-    for action in ("robot_update", "other"):
+    for action in ("_robot_update", "other"):
         report = started()
         report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)
         report.ok("t2", "robot1", {**busy, "ansible_facts": {"fleet_outcome": "splendid"}}, 2.0)
-        word = "deferred-busy" if action == "robot_update" else "unchanged"
+        word = "deferred-busy" if action == "_robot_update" else "unchanged"
         assert outcome(report, OK)[0] == word
-        assert bool(row(report)["steps"]) == (action == "robot_update")
+        assert bool(row(report)["steps"]) == (action == "_robot_update")
 
 
 def test_the_verdict_of_ros_ready() -> None:

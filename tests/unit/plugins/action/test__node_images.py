@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from ansible.playbook.task import Task
-from ansible_collections.rosops.fleet.plugins.action import node_images
+from ansible_collections.rosops.fleet.plugins.action import _node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
     DIRECTORY,
@@ -46,7 +46,7 @@ def action(check_mode: bool = False, missing: str = "ansible.posix.synchronize")
         _shell=SimpleNamespace(tmpdir="/unused"), has_option=options.__contains__, get_option=options.__getitem__
     )
     context = SimpleNamespace(copy=str, become=True, become_pass="")
-    made = node_images.ActionModule(task, connection, context, None, None)
+    made = _node_images.ActionModule(task, connection, context, None, None)
     made._shared_loader_obj = loaders
     made.ran = []
 

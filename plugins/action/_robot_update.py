@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The update of one robot: the engine in the process of the action, with the real world handed in.
+"""For the role update: one robot. The engine in the process of the action, with the real world handed in.
 
 The strategy imports this file once, in the process that forks the workers. So what is imported here is loaded once per
 run, and not once per robot.
