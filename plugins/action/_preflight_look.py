@@ -10,22 +10,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.pythons import too_old
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import clock_offset
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import look, server_addresses
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
+    PART,
+    look,
+    server_addresses,
+)
 
 
 class ActionModule(FleetAction):
     """The host's clock is measured by the call itself: the task's own start and end have the slowest host between."""
 
-    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        variables, name = role_variables("preflight", self._templar, known), known["inventory_hostname"]
-        arguments = look(variables, server_addresses(variables, name, known["hostvars"]))
+    ARGUMENTS: ClassVar = PART
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        name = known["inventory_hostname"]
+        arguments = look(params["role"], server_addresses(params["servers"], name, known["hostvars"]))
         sent = time.time()
         result = ActionHost(self, known).job("facts", arguments)
         received = time.time()

@@ -69,7 +69,7 @@ class Host:
         variables = {
             "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"], "k3s_node_name": "robot1",
             "k3s_install_source": "airgap", "k3s_kubeconfig_path": "", "k3s_start_timeout": 5,
-            "k3s_failure_budget": "0", "fleet": NO_ROBOTS, **more,
+            "fleet": NO_ROBOTS, **more,
         }  # fmt: skip
         return run(_k3s_change, {"plan": plan}, variables, check_mode)
 

@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import A
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import pythons
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
-KNOWN = {"preflight_role": "agent", "preflight_server_hosts": ["edge1"], "hostvars": {"edge1": {}}}
+PART = {"role": "agent", "servers": ["edge1"]}
 THEIRS = "ansible-core requires a minimum of Python version 3.9. Current version: 3.8.10 (default, ...)"
 
 
@@ -34,7 +34,7 @@ def looked(
     monkeypatch.setattr(pythons, "OLDEST", (3, 9))
     monkeypatch.setattr(ActionHost, "job", job)
     monkeypatch.setattr(_preflight_look.ActionModule, "_low_level_execute_command", shell)
-    return run(_preflight_look, {}, KNOWN), asked
+    return run(_preflight_look, PART, {"hostvars": {"edge1": {}}}), asked
 
 
 def test_the_clock_is_measured_by_the_call(monkeypatch: pytest.MonkeyPatch) -> None:
