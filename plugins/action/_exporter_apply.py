@@ -13,7 +13,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import (
+    STORAGE,
+    Settings,
+    exporter_objects,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import live_in
 
@@ -21,10 +25,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster impor
 class ActionModule(ClusterAction):
     """No app needs the exporter, so a changed exporter is restarted at once, without a gate."""
 
-    ARGUMENTS: ClassVar = {
-        "statistics": {"type": "bool", "default": False},
-        "claims_path": {"type": "str", "default": ""},
-    }
+    ARGUMENTS: ClassVar = {"statistics": {"type": "bool", "default": False}}
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         with self.cluster(params, known) as kube:
@@ -37,5 +38,7 @@ class ActionModule(ClusterAction):
 
 
 def _objects(params: Mapping[str, Any], robot: Robot) -> list[Object]:
-    settings = Settings(statistics=params["statistics"], claims_path=params["claims_path"])
+    # a directory of the host is more than these levels allow
+    closed = robot.pod_security in ("baseline", "restricted")
+    settings = Settings(statistics=params["statistics"], claims_path="" if closed else STORAGE)
     return exporter_objects(robot, exporter_files(), settings)

@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import Turns, begin, come_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.guarding import Guarding
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import change_variables, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
@@ -73,14 +73,15 @@ class ActionModule(ClusterAction):
     }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        variables, name = role_variables("guarded", self._templar, known), known["inventory_hostname"]
+        name = known["inventory_hostname"]
+        variables = role_variables("guarded", self._templar, known) | change_variables(self._templar, known)
         batch = known.get("ansible_play_batch") or [name]
         ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(batch[0]), LEDGER)
         if params["line"]:
             told = come_back(params["line"], params["failure"])
         else:
             hosts = len(known.get("ansible_play_hosts_all") or batch)
-            refusal = ledger.refusal(variables["guarded_failure_budget"], hosts)
+            refusal = ledger.refusal(variables["update_failure_budget"], hosts)
             if refusal:
                 return _outcome(UNCHANGED, refusal)
             told = begin(lambda turns: self._guarded(turns, params, variables, known))
@@ -99,14 +100,13 @@ class ActionModule(ClusterAction):
         self, turns: Turns, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]
     ) -> dict[str, Any]:
         """What became of it, from the process beside."""
-        name = variables["guarded_name"] or Path(variables["guarded_tasks"]).stem
-        change = UsersTasks(name, turns, bool(variables["guarded_undo"]))
+        change = UsersTasks(Path(variables["guarded_tasks"]).stem, turns, bool(variables["guarded_undo"]))
         node = Fleet.from_vars(known).hosts[known["inventory_hostname"]].node
         limits = Limits(
-            on_busy=variables["guarded_on_busy"],
-            busy_timeout=variables["guarded_busy_timeout"],
+            on_busy=variables["update_on_busy"],
+            busy_timeout=variables["update_busy_timeout"],
             ready_timeout=variables["guarded_ready_timeout"],
-            look=look_seconds(variables["guarded_busy_timeout"], params["since"] is not None),
+            look=look_seconds(variables["update_busy_timeout"], params["since"] is not None),
             since=params["since"],
             check=bool(self._task.check_mode),
         )

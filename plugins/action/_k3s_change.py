@@ -19,7 +19,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.guarding import Guarding
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import (
+    change_variables,
+    plain,
+    role_variables,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import refusal, restarts_pods
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
@@ -87,7 +91,7 @@ class K3sExchange:
         self._ask("proven", start=self._start)
 
     def _ask(self, state: str, **more: Any) -> dict[str, Any]:
-        found = self._host.module("rosops.fleet.k3s_change", {"role": self._role, "state": state, **more})
+        found = self._host.job("k3s_change", {"role": self._role, "state": state, **more})
         if found.get("failed"):
             raise FleetError(str(found.get("msg")))
         return found
@@ -104,14 +108,15 @@ class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}, "since": {"type": "float"}}
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        variables, name = role_variables("k3s", self._templar, known), known["inventory_hostname"]
+        name = known["inventory_hostname"]
+        variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
         batch = known.get("ansible_play_batch") or [name]
         # the shared cluster's servers come before everybody else's waves, and are none of theirs
         shared = (variables["k3s_role"], variables["k3s_cluster"]) == ("server", EDGE_CLUSTER)
         ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(batch[0]), SERVERS_LEDGER if shared else LEDGER)
         hosts = len(known.get("ansible_play_hosts_all") or batch)
         try:
-            refusal = ledger.refusal("0" if shared else variables["k3s_failure_budget"], hosts)
+            refusal = ledger.refusal("0" if shared else variables["update_failure_budget"], hosts)
             if refusal:
                 if shared:  # they hold one datastore: what one did not take, none is given
                     refusal = "not begun: another server of its cluster failed"
@@ -161,10 +166,10 @@ class ActionModule(ClusterAction):
 
     def _limits(self, variables: Mapping[str, Any], since: float | None) -> Limits:
         return Limits(
-            on_busy=variables["k3s_on_busy"],
-            busy_timeout=variables["k3s_busy_timeout"],
+            on_busy=variables["update_on_busy"],
+            busy_timeout=variables["update_busy_timeout"],
             ready_timeout=variables["k3s_start_timeout"],
-            look=look_seconds(variables["k3s_busy_timeout"], since is not None),
+            look=look_seconds(variables["update_busy_timeout"], since is not None),
             since=since,
             check=bool(self._task.check_mode),
         )

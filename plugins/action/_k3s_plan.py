@@ -17,7 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import P
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import change_variables, role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import old_archives, plan
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals, unheard_refusal
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import source
@@ -32,7 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses impo
 
 class ActionModule(FleetAction):
     def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        variables = role_variables("k3s", self._templar, known)
+        variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
         now = host.module("rosops.fleet.k3s_info", _look(variables, part, known["hostvars"]))

@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
 
 
 class ActionModule(FleetAction):
-    """`outcome` is the host's, as robot_update has it, or empty. `check`: check mode fails for it, too."""
+    """`outcome` is the host's, as _robot_update has it, or empty. `check`: check mode fails for it, too."""
 
     _requires_connection = False
     ARGUMENTS: ClassVar = {

@@ -17,6 +17,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
@@ -27,32 +28,33 @@ Files = Mapping[str, Any]
 
 class ActionModule(ClusterAction):
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        spec, files, variables = self._given(known)
+        spec, files = self._given(known)
         check = self._task.check_mode
         with self.cluster(params, known) as kube:
             admin = {"password": "", "version": ""}
             if stack.has_grafana(spec):
                 there = kube.get(ref_of(stack.ADMIN_SECRET))
                 fresh = secrets.token_hex(20)
-                admin = stack.grafana_admin(there, variables["observability_grafana_admin_password"], fresh)
+                admin = stack.grafana_admin(there, spec["grafana"]["admin_password"], fresh)
             objects = stack.stack_objects(spec, files, admin["version"])
             namespace, *rest = objects
             done = kube.apply([namespace, *stack.stack_secrets(spec, admin), *rest], check)
             done += kube.delete([ref_of(one) for one in stack.leftovers(spec)], check)
             if not check:  # it made nothing that could be waited for
-                self._wait(kube, objects, Settings(variables["observability_ready_timeout"], say=self.say(known)))
+                self._wait(kube, objects, Settings(spec["ready_timeout"], say=self.say(known)))
         return written(done)
 
     def foresee(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        spec, files, _variables = self._given(known)
+        spec, files = self._given(known)
         return foreseen(stack.stack_objects(spec, files))
 
-    def _given(self, known: Mapping[str, Any]) -> tuple[Spec, Files, dict[str, Any]]:
+    def _given(self, known: Mapping[str, Any]) -> tuple[Spec, Files]:
+        fleet, host = Fleet.from_vars(known), known["inventory_hostname"]
+        robot = host if host in fleet.robots else ""
         variables = role_variables("observability", self._templar, known)
-        spec = spec_of(variables)
+        spec = spec_of(variables, robot, () if robot else fleet.edge_nodes)
         base = str(known.get("inventory_dir") or "")
-        files = stack_files(variables["observability_dashboards"], base, spec["grafana"]["default_dashboards"])
-        return spec, files, variables
+        return spec, stack_files(spec["dashboards"], base, spec["grafana"]["default_dashboards"])
 
     def _wait(self, kube: Kube, objects: list[dict[str, Any]], settings: Settings) -> None:
         off = nodes_off(kube.nodes())

@@ -1,21 +1,48 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the role preflight: the facts of this host, with the ports that its part in the cluster makes it need."""
+"""For the role preflight: the facts of this host, with the ports that its part in the cluster makes it need.
+
+Where the host's Python is too old for modules, that is said: no module can, and Ansible's own words name no way out.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import look, server_addresses
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.pythons import too_old
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import clock_offset
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
+    PART,
+    look,
+    server_addresses,
+)
 
 
 class ActionModule(FleetAction):
-    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        variables = role_variables("preflight", self._templar, known)
-        servers = server_addresses(variables, known["inventory_hostname"], known["hostvars"])
-        return ActionHost(self, known).action("rosops.fleet.preflight_info", look(variables, servers))
+    """The host's clock is measured by the call itself: the task's own start and end have the slowest host between."""
+
+    ARGUMENTS: ClassVar = PART
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        name = known["inventory_hostname"]
+        arguments = look(params["role"], server_addresses(params["servers"], name, known["hostvars"]))
+        sent = time.time()
+        result = ActionHost(self, known).job("facts", arguments)
+        received = time.time()
+        if "facts" in result:
+            clock = result["facts"]["clock"]
+            result["facts"]["clock"] = clock_offset(sent, clock["began"], clock["ended"], received)
+        elif old := self._python_too_old():
+            result["msg"] = f"{name} {old}"
+        return result
+
+    def _python_too_old(self) -> str:
+        """Asked without a module, by the interpreter that was to run it; empty where it is new enough."""
+        program = (self._used_interpreter or "python3").lstrip("#!")
+        asked = self._low_level_execute_command(f"{program} -c 'import sys; print(sys.version_info[:2])'")
+        return too_old(asked["stdout"]) if asked["rc"] == 0 else ""

@@ -12,6 +12,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import judge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
+    PART,
     requirements,
     server_addresses,
 )
@@ -21,14 +22,20 @@ class ActionModule(FleetAction):
     """`registered` names the variable in which every host keeps its own facts."""
 
     _requires_connection = False
-    ARGUMENTS: ClassVar = {"registered": {"type": "str", "required": True}}
+    ARGUMENTS: ClassVar = {
+        **PART,
+        "registered": {"type": "str", "required": True},
+        "node_name": {"type": "str", "required": True},
+        "k3s_version": {"type": "str", "default": ""},
+        "interface": {"type": "str", "default": ""},
+    }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
         name, host, hostvars = params["registered"], known["inventory_hostname"], known["hostvars"]
         if "facts" not in hostvars[host][name]:
             return {"changed": False, "skipped": True, "msg": "it could not be reached"}
         variables = role_variables("preflight", self._templar, known)
-        wanted = requirements(variables, server_addresses(variables, host, hostvars))
+        wanted = requirements(params, variables, server_addresses(params["servers"], host, hostvars))
         # every host of the play that answered: names and MTUs are compared across them
         looks = {other: hostvars[other][name] for other in known["ansible_play_hosts"]}
         fleet = {other: look["facts"] for other, look in looks.items() if "facts" in look}

@@ -16,9 +16,9 @@ description:
   - "A host's outcome is one of V(updated) (something was changed), V(unchanged), V(failed), V(deferred-offline)
     (unreachable), and V(deferred-busy) or V(rolled-back), which a play declares itself. On screen, check mode says
     C(would change) and C(would not change); in the file C(check_mode) is true."
-  - M(rosops.fleet.robot_update) says the outcome of a robot. A play declares one with M(ansible.builtin.set_fact) of
-    C(fleet_outcome), a word or C({outcome, reason, steps}). A failure outweighs it, unless the word itself is one of
-    C(failed), C(rolled-back), C(deferred-busy), C(deferred-offline).
+  - The role P(rosops.fleet.update#role) says the outcome of a robot. A play declares one with
+    M(ansible.builtin.set_fact) of C(fleet_outcome), a word or C({outcome, reason, steps}). A failure outweighs it,
+    unless the word itself is one of C(failed), C(rolled-back), C(deferred-busy), C(deferred-offline).
   - What a host's tasks did on another one (C(delegate_to)) counts for that host. A C(run_once) task that fails ends the
     run for all hosts of its play, so all of them are C(failed).
   - Where nothing is printed for 15 seconds, says which task goes on, and of an update where it stands, as tools that

@@ -125,7 +125,7 @@ answering:
   elements: str
 change:
   description:
-    - What M(rosops.fleet.k3s_change) did last, C(unproven) (nobody has proven it) and C(version) (the one before).
+    - Of the last exchange, C(unproven) (nobody has proven it) and C(version) (the one before).
   returned: success
   type: dict
 kubeconfig_sha256:

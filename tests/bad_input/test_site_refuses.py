@@ -26,7 +26,7 @@ TABLE = CHECKOUT / "tests" / "unit" / "bad_input" / "table.py"
 NOWHERE = {"ansible_port": 1, "ansible_connection": "ssh"}
 TASK = re.compile(r"^TASK \[(?P<name>.*?)\]", re.MULTILINE)
 PLAY = re.compile(r"^PLAY \[(?P<name>.*?)\]", re.MULTILINE)
-VALIDATION = "rosops.fleet.fleet_config"
+VALIDATION = "rosops.fleet._fleet_config"
 IMPORT = "ansible.builtin.import_tasks"
 
 

@@ -106,10 +106,10 @@ def test_galaxys_importer_has_nothing_to_say_against_it(package: Path, tmp_path:
 
 
 def test_what_is_installed_documents_itself(elsewhere: Elsewhere) -> None:
-    module = elsewhere.run("ansible-doc", "--json", "rosops.fleet.robot_update")
+    module = elsewhere.run("ansible-doc", "--json", "rosops.fleet.ros_ready")
     assert module.returncode == 0, module.stderr
-    shown = json.loads(module.stdout)["rosops.fleet.robot_update"]["doc"]
-    assert shown["filename"] == str(elsewhere.collection / "plugins" / "modules" / "robot_update.py")
+    shown = json.loads(module.stdout)["rosops.fleet.ros_ready"]["doc"]
+    assert shown["filename"] == str(elsewhere.collection / "plugins" / "modules" / "ros_ready.py")
     role = elsewhere.run("ansible-doc", "--type", "role", "rosops.fleet.update")
     assert role.returncode == 0, role.stderr
     assert "update_failure_budget" in role.stdout

@@ -27,7 +27,7 @@ from watchers import Loki
 PROFILES: dict[str, dict[str, Any]] = {
     "standalone": {"remote_nodes": ["edge1"]},
     "hub": {"profile": "hub", "remote_nodes": ["edge1"]},
-    "robot": {"profile": "robot", "robot": "robot2", "hub": {"url": "http://127.0.0.1"}},
+    "robot": {"profile": "robot", "robot": "robot2", "hub_url": "http://127.0.0.1"},
 }
 GATE = "--feature-gates=stanza.synchronousLogEmitter"
 PARTS = 3  # of a long line

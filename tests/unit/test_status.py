@@ -26,7 +26,7 @@ def test_nobody_begins_to_publish_because_somebody_looks() -> None:
 def test_a_page_on_the_control_node_is_no_change_of_a_host() -> None:
     """Else the report of a look says of a host that it was updated."""
     tasks = [one for play in yaml.safe_load(PLAYBOOK.read_text()) for one in play.get("tasks", ())]
-    assert [one["changed_when"] for one in tasks if "rosops.fleet.fleet_status" in one] == [False]
+    assert [one["changed_when"] for one in tasks if "rosops.fleet._fleet_status" in one] == [False]
 
 
 def test_measuring_the_volumes_ends() -> None:

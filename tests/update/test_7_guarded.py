@@ -77,7 +77,7 @@ def test_tasks_wait_for_a_robot_at_work_and_what_fails_is_taken_back(fleet: Flee
     watch, pods = fleet.watch(), fleet.running()
     wait_for_new_goal(fleet, "robot1")
     # a goal of robot1 takes half a minute; those of robot2 are short, and there is time between them
-    run = guarded(fleet, tasks(DONE), guarded_busy_timeout=8, **ALL_AT_ONCE)
+    run = guarded(fleet, tasks(DONE), update_busy_timeout=8, **ALL_AT_ONCE)
     assert (run.status, run.outcomes) == (2, {"robot1": "deferred-busy", "robot2": "updated"}), run
     assert marked(fleet) == ["robot2"]
 

@@ -38,8 +38,8 @@ def roles() -> Iterator[tuple[Path, str]]:
 
 
 def plugins() -> Iterator[tuple[Path, str]]:
-    """Modules, and the callback."""
-    for path in [*sorted(CHECKOUT.glob("plugins/modules/*.py")), *sorted(CHECKOUT.glob("plugins/callback/*.py"))]:
+    """Modules but for the private one, and the callback."""
+    for path in [*sorted(CHECKOUT.glob("plugins/modules/[!_]*.py")), *sorted(CHECKOUT.glob("plugins/callback/*.py"))]:
         for node in ast.parse(path.read_text("utf-8")).body:
             if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "DOCUMENTATION":
                 yield path, yaml.safe_load(ast.literal_eval(node.value))["short_description"]

@@ -27,7 +27,8 @@ UDP_UNCONNECTED = "07"
 UNIT_CGROUP = re.compile(r"/k3s(-agent)?\.service(/|$)", re.MULTILINE)
 UNITS = ("k3s.service", "k3s-agent.service")
 UNIT_DIRECTORY = "/etc/systemd/system"
-DATA = "/var/lib/rancher/k3s"
+PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
+DATA = f"{PARENT}/k3s"
 SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
 
@@ -259,15 +260,15 @@ def reach(targets: list[str], timeout: float) -> list[dict[str, Any]]:
     return [{"outcome": "timeout", **target} for target in found]
 
 
-def collect(host: Host, ports: list[dict[str, Any]], targets: list[str], options: dict[str, Any]) -> dict[str, Any]:
+def collect(host: Host, ports: list[dict[str, Any]], targets: list[str], timeout: float) -> dict[str, Any]:
     """Everything the verdicts of `_preflight` need, in one go."""
     return {
         **system(host),
         "cgroup": cgroup(host),
         "memory_mb": memory_mb(host),
-        "disk": disk(host, str(options["data_dir"])),
+        "disk": disk(host, PARENT),
         "routes": routes(host),
-        "listening": listening(host, [(str(port["protocol"]), int(port["port"])) for port in ports]),
-        "reach": reach(targets, float(options["timeout"])),
+        "listening": listening(host, [(port["protocol"], port["port"]) for port in ports]),
+        "reach": reach(targets, timeout),
         "k3s": k3s_leftovers(host),
     }

@@ -30,7 +30,7 @@ class RobotHost(ActionHost):
             ansible_core.run_command(self.plugin, "true")
 
     def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> dict[str, Any]:
-        with self._told(name):
+        with self._told(args.get("job", name)):
             return super().module(name, args, secret)
 
     def copy(self, src: str, dest: str, rate_limit: str = "") -> dict[str, Any]:

@@ -16,10 +16,22 @@ from ansible.module_utils.common.arg_spec import ArgumentSpecValidator
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 
+# How long a robot that works is waited for, and how many hosts may fail: the same for whatever is changed on a host.
+OF_EVERY_CHANGE = ("update_on_busy", "update_busy_timeout", "update_failure_budget")
+
+
+def change_variables(templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the role update that count for every change of a host; as `role_variables`."""
+    return _checked("update", {name: role_options("update")[name] for name in OF_EVERY_CHANGE}, templar, task_vars)
+
 
 def role_variables(role: str, templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
     """Every variable of the role by its name, templated, of its spec's type; SpecError names all that have another."""
-    options = copy.deepcopy(role_options(role))  # Ansible's validator writes into the defaults
+    return _checked(role, role_options(role), templar, task_vars)
+
+
+def _checked(role: str, given_options: Mapping[str, Any], templar: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
+    options = copy.deepcopy(dict(given_options))  # Ansible's validator writes into the defaults
     given = templar.template({name: task_vars[name] for name in options if name in task_vars})
     checked = ArgumentSpecValidator(options).validate(plain(given))
     if checked.error_messages:

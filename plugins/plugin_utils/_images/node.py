@@ -76,7 +76,6 @@ class NodeImages:
     def __init__(
         self,
         host: Host,
-        directory: str = DIRECTORY,
         rate_limit: str = "",
         say: Callable[[str], None] = lambda _text: None,
         logins: Sequence[Mapping[str, Any]] = (),
@@ -84,7 +83,6 @@ class NodeImages:
         """`logins` are credentials for registries, `{registry, username, password}`."""
         self.host = host
         self.logins = logins
-        self.directory = directory
         self.rate_limit = rate_limit
         self.say = say
 
@@ -156,7 +154,7 @@ class NodeImages:
     def _load(self, path: str, file: Path) -> Result:
         """Copy and import a file. Never more than one lies on the node beside the images that come out of it."""
         place, sizes = self._place(path), [f"{one.stat().st_size / 1e6:.1f} MB" for one in (file, Path(path))]
-        self._run("ansible.builtin.file", {"path": self.directory, "state": "directory", "mode": "0700"})
+        self._run("ansible.builtin.file", {"path": DIRECTORY, "state": "directory", "mode": "0700"})
         self.say(f"copying {' of '.join(dict.fromkeys(sizes))}: {path}")
         _require(self.host.copy(str(file), place, self.rate_limit), f"{path} could not be copied")
         self.say(f"importing {path}")
@@ -189,7 +187,7 @@ class NodeImages:
 
     def _place(self, path: str) -> str:
         """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""
-        return f"{self.directory}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
+        return f"{DIRECTORY}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
 
     def _run(self, name: str, args: Mapping[str, Any]) -> None:
         what = " ".join(args["argv"]) if "argv" in args else str(args["path"])

@@ -53,10 +53,10 @@ def unheard_refusal(seen: Mapping[str, Any], plan: Mapping[str, Any], variables:
 
     `seen` is what k3s_ready found. A unit that keeps ending is down, and what nobody has proven is to be taken back.
     """
-    if seen["verdict"] != WAIT or plan["unproven"] or variables["k3s_on_busy"] == "force":
+    if seen["verdict"] != WAIT or plan["unproven"] or variables["update_on_busy"] == "force":
         return ""
     return (
         f"Its k3s is up and does not serve: {seen['observed']}, for {seen['elapsed']:.0f} s (k3s_start_timeout). What "
         "it has started may well be at work, and cannot be asked. Mend it and run again, or stop it on the host "
-        "(systemctl stop) where nothing is at work; k3s_on_busy=force changes it as it is."
+        "(systemctl stop) where nothing is at work; update_on_busy=force changes it as it is."
     )

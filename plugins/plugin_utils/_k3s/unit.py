@@ -49,12 +49,11 @@ def unit_text(role: str, service: str, started_with: Sequence[str], variables: M
         # in system.slice it would be a weight against other services, and not against pods, which are beside that
         "Slice": "-.slice" if weight else "",
         "CPUWeight": weight,
-        "LimitNOFILE": variables["k3s_limit_nofile"],
-        "LimitNPROC": variables["k3s_limit_nproc"],
+        # as k3s' own unit has them
+        "LimitNOFILE": "1048576",
+        "LimitNPROC": "infinity",
         "LimitCORE": "infinity",
-        "TasksMax": variables["k3s_limit_tasks"],
-        "MemoryHigh": variables["k3s_memory_high"],
-        "MemoryMax": variables["k3s_memory_max"],
+        "TasksMax": "infinity",
     }
     return HEADER + UNIT.format(
         role=role,

@@ -122,7 +122,7 @@ def _config(variables: Mapping[str, Any], joining: Mapping[str, Any], own_addres
         ]
         config |= {
             "write-kubeconfig-mode": "0600",
-            "disable": variables["k3s_disable"],
+            "disable": ["traefik", "servicelb"],
             "tls-san": list(dict.fromkeys(name for name in names if name)),
             "token-file": f"{CONFIG_DIR}/token",
         }

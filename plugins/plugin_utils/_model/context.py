@@ -65,7 +65,7 @@ class Robot:
     def from_variables(cls, variables: Mapping[str, Any], name: str) -> Robot:
         """The robot of an inventory host from its Ansible variables; null and the empty text stand for the default.
 
-        Raises KeyError, TypeError or AttributeError for what fleet_config refuses.
+        Raises KeyError, TypeError or AttributeError for what the validation refuses.
         """
 
         def variable(key: str) -> Any:

@@ -26,7 +26,7 @@ class Problem(NamedTuple):
         return self._replace(path=join_path(path, self.path))
 
     def as_dict(self) -> dict[str, str]:
-        """Shape of an item of fleet_config's `errors`."""
+        """Shape of an item of the validation's `errors`."""
         return {"path": self.path, "problem": self.problem, "allowed": self.allowed}
 
     def line(self) -> str:

@@ -36,6 +36,13 @@ def role_options(role: str) -> dict[str, Option]:
     }
 
 
+def completed(option: Option, value: Any) -> Any:
+    """The value of an option, with the defaults of what a mapping leaves out; None for what has none."""
+    if "options" not in option or option.get("type") != "dict":
+        return option.get("default") if value is None else value
+    return {name: completed(inner, (value or {}).get(name)) for name, inner in option["options"].items()}
+
+
 def all_options() -> dict[str, Option]:
     """The options of all roles, by variable."""
     roles = sorted(path.name for path in ROLES.iterdir() if path.is_dir()) if ROLES.is_dir() else []

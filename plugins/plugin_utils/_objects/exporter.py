@@ -33,6 +33,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
 NAME = "ros-exporter"
 CODE_DIR = "/opt/rosops-fleet/exporter"
 UPDATES_MAP, UPDATES_DIR = "robot-updates", "/etc/rosops-fleet/updates"
+STORAGE = "/var/lib/rancher/k3s/storage"  # where k3s' class local-path has its volumes
 CLAIMS_DIR = "/var/lib/rosops-fleet/claims"
 # Only with claims, mounted read-only: apps' directories may be closed to others. Not DAC_READ_SEARCH, which sounds like
 # less but opens files by handle, those outside of the mount, too.

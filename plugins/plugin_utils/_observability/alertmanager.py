@@ -18,13 +18,11 @@ Spec = Mapping[str, Any]
 
 CONFIG_DIR = "/etc/alertmanager"
 NOBODY = 65534
-# Alerts are grouped and shown, and nobody is told: who is, only the fleet's owner knows.
-QUIET = {"route": {"receiver": "nobody", "group_by": ["alertname", "robot"]}, "receivers": [{"name": "nobody"}]}
 
 
 def alertmanager_secret(spec: Spec) -> dict[str, Any]:
     """The configuration as a Secret."""
-    text = yaml_text(spec["alertmanager"]["config"] or QUIET)
+    text = yaml_text(spec["alertmanager_config"])
     return {
         "apiVersion": "v1",
         "kind": "Secret",
@@ -56,4 +54,4 @@ def alertmanager_objects(spec: Spec) -> list[dict[str, Any]]:
     )
     volumes = [{"name": "config", "secret": {"secretName": name}}, workload.data_volume(name, False)]
     pod = pod_spec([container], volumes, securityContext=workload.as_user(NOBODY))
-    return [workload.workload(name, spec, pod, spec["alertmanager"]["config"]), workload.service(name, spec)]
+    return [workload.workload(name, spec, pod, spec["alertmanager_config"]), workload.service(name, spec)]

@@ -66,7 +66,7 @@ def grafana_objects(spec: Spec, dashboards: Mapping[str, Mapping[str, str]], adm
         for folder, found in dashboards.items()
         for file, text in sorted(found.items())
     ]
-    open_port = grafana["node_port"] if grafana["service_type"] == "NodePort" else None
+    open_port = spec["grafana_node_port"] if grafana["service_type"] == "NodePort" else None
     return [
         workload.config_map(name, name, spec, files),
         *maps,

@@ -64,6 +64,6 @@ def loki_objects(spec: Spec, rules: Mapping[str, str]) -> list[dict[str, Any]]:
         workload.config_map(RULES_MAP, name, spec, rules),
         *([workload.claim(name, spec, spec["loki"]["persistence"]["size"])] if persistent else []),
         workload.workload(name, spec, pod, [config, dict(rules)]),
-        workload.service(name, spec, spec["hub"]["logs_port"] if hub else None),
+        workload.service(name, spec, spec["hub_logs_port"] if hub else None),
         *(workload.allow_list(name, spec) if hub else []),
     ]

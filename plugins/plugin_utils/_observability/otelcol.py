@@ -22,7 +22,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_la
     ROBOT_OF_NAMESPACE,
     anchored,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import bytes_of
 
 Spec = Mapping[str, Any]
 
@@ -30,6 +29,7 @@ STATE_DIR = "/var/lib/rosops-fleet/log-shipper"
 NODE_ENV = "NODE_NAME"
 FEATURE_GATE = "stanza.synchronousLogEmitter"  # off, up to 100 ms of lines are marked as read before they are queued
 MEMORY_LIMIT_MIB = 48
+QUEUE_SIZE = 256 * 2**20  # a full queue loses nothing yet: lines then wait in the containers' own files
 # Loki would keep with each line when it was read: no two lines would have the same labels then, and a line that is read
 # again after a kill would not be known for the same.
 NOT_WHEN_READ = "set(log.observed_time_unix_nano, 0)"
@@ -47,7 +47,7 @@ def otelcol_config(spec: Spec, loki_url: str) -> dict[str, Any]:
             "memory_limiter": {"check_interval": "1s", "limit_mib": MEMORY_LIMIT_MIB, "spike_limit_mib": 12},
             "transform": {"log_statements": [{"context": "log", "statements": [NOT_WHEN_READ]}]},
         },
-        "exporters": {"otlphttp": _loki(spec, loki_url)},
+        "exporters": {"otlphttp": _loki(loki_url)},
         "service": {
             "extensions": ["file_storage/checkpoints", "file_storage/queue"],
             "pipelines": {
@@ -133,7 +133,7 @@ def _parse(field: str, regex: str) -> dict[str, Any]:
     return {"type": "regex_parser", "parse_from": field, "parse_to": "resource", "regex": regex, "cache": {"size": 64}}
 
 
-def _loki(spec: Spec, loki_url: str) -> dict[str, Any]:
+def _loki(loki_url: str) -> dict[str, Any]:
     return {
         "logs_endpoint": f"{loki_url}/otlp/v1/logs",
         "compression": "gzip",
@@ -148,7 +148,7 @@ def _loki(spec: Spec, loki_url: str) -> dict[str, Any]:
             "enabled": True,
             "storage": "file_storage/queue",
             "sizer": "bytes",
-            "queue_size": bytes_of(spec["log_queue_size"]),
+            "queue_size": QUEUE_SIZE,
             "num_consumers": 1,  # in order
             "batch": {"flush_timeout": "1s", "min_size": 64 * 1024, "max_size": 512 * 1024},
         },

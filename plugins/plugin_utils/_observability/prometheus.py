@@ -41,7 +41,7 @@ def prometheus_objects(spec: Spec, rules: Mapping[str, str]) -> list[Object]:
         f"--config.file={CONFIG_DIR}/prometheus.yml",
         f"--storage.tsdb.path={DATA_DIR}",
         f"--storage.tsdb.retention.time={spec['prometheus']['retention']}",
-        f"--storage.tsdb.retention.size={retention_size(spec['prometheus']['size'])}",
+        f"--storage.tsdb.retention.size={retention_size(spec['prometheus_size'])}",
         "--log.level=warn",
     ]
     hub = spec["profile"] == obs.HUB
@@ -71,9 +71,9 @@ def prometheus_objects(spec: Spec, rules: Mapping[str, str]) -> list[Object]:
         *discovery_access(name, spec),
         workload.config_map(name, name, spec, {"prometheus.yml": config}),
         workload.config_map(RULES_MAP, name, spec, rules),
-        workload.claim(name, spec, spec["prometheus"]["size"]),
+        workload.claim(name, spec, spec["prometheus_size"]),
         workload.workload(name, spec, pod, [config, dict(rules)]),
-        workload.service(name, spec, spec["hub"]["metrics_port"] if hub else None),
+        workload.service(name, spec, spec["hub_metrics_port"] if hub else None),
         *(workload.allow_list(name, spec) if hub else []),
     ]
 
@@ -85,9 +85,9 @@ def vmagent_objects(spec: Spec) -> list[Object]:
     args = [
         f"-promscrape.config={CONFIG_DIR}/prometheus.yml",
         f"-httpListenAddr=:{obs.PORTS[name]}",
-        f"-remoteWrite.url={hub_url(spec, 'metrics_port')}/api/v1/write",
+        f"-remoteWrite.url={hub_url(spec, 'hub_metrics_port')}/api/v1/write",
         f"-remoteWrite.tmpDataPath={VMAGENT_DATA}",
-        f"-remoteWrite.maxDiskUsagePerURL={store_size(spec['store']['size'])}",
+        f"-remoteWrite.maxDiskUsagePerURL={store_size(spec['store_size'])}",
         "-remoteWrite.queues=1",  # in order, and one connection's memory
         "-memory.allowedBytes=16MB",
         "-loggerLevel=WARN",
@@ -109,7 +109,7 @@ def vmagent_objects(spec: Spec) -> list[Object]:
     return [
         *discovery_access(name, spec),
         workload.config_map(name, name, spec, {"prometheus.yml": config}),
-        workload.claim(name, spec, spec["store"]["size"]),
+        workload.claim(name, spec, spec["store_size"]),
         workload.workload(name, spec, pod, config),
         workload.service(name, spec),
     ]

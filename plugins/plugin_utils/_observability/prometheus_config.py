@@ -54,7 +54,7 @@ def prometheus_config(spec: Spec) -> dict[str, Any]:
         config["alerting"] = {"alertmanagers": [{"static_configs": [{"targets": [target]}]}]}
     if spec["profile"] == obs.HUB:
         # robots send what they kept while their link was down
-        config["storage"] = {"tsdb": {"out_of_order_time_window": spec["hub"]["window"]}}
+        config["storage"] = {"tsdb": {"out_of_order_time_window": spec["out_of_order_window"]}}
     parts = (obs.PROMETHEUS, obs.LOKI, obs.GRAFANA, obs.ALERTMANAGER)
     config["scrape_configs"] = [*_own_jobs(spec, parts), *_pod_jobs(spec, LABELS), *_node_jobs(spec), _apis(spec)]
     return config

@@ -36,7 +36,7 @@ SECURITY = {
 def shipper_objects(spec: Spec) -> list[dict[str, Any]]:
     """DaemonSet and ConfigMap of the collector; its state lies on the host and outlives the pod."""
     name = obs.SHIPPER
-    loki = hub_url(spec, "logs_port") if spec["profile"] == obs.ROBOT else obs.url(obs.LOKI)
+    loki = hub_url(spec, "hub_logs_port") if spec["profile"] == obs.ROBOT else obs.url(obs.LOKI)
     config = yaml_text(otelcol_config(spec, loki))
     container = workload.container(
         name,

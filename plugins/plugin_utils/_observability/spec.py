@@ -5,67 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import completed, role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 
 Spec = Mapping[str, Any]
-
-# What the parts of the stack read, and the role's variable that it comes from, without `observability_`. Its default is
-# the role's own.
-VARIABLES: dict[str, Any] = {
-    "profile": "profile",
-    "robot": "robot",  # the robot whose own cluster this is; empty: the shared one
-    "remote_nodes": "remote_nodes",
-    "node_exporter": "node_exporter",
-    "log_shipper": "log_shipper",
-    "log_queue_size": "log_queue_size",
-    "storage_class": "storage_class",
-    "allowed_networks": "allowed_networks",
-    "overrides": "overrides",
-    "prometheus": {
-        "enabled": "prometheus_enabled",
-        "scrape_interval": "scrape_interval",
-        "evaluation_interval": "evaluation_interval",
-        "retention": "prometheus_retention",
-        "size": "prometheus_size",
-    },
-    "loki": {
-        "enabled": "loki_enabled",
-        "retention": "loki_retention",
-        "persistence": {"enabled": "loki_persistence", "size": "loki_size"},
-    },
-    "grafana": {
-        "enabled": "grafana_enabled",
-        "default_dashboards": "default_dashboards",
-        "service_type": "grafana_service_type",
-        "node_port": "grafana_node_port",
-        "persistence": {"enabled": "grafana_persistence", "size": "grafana_size"},
-    },
-    "alertmanager": {"enabled": "alertmanager_enabled", "config": "alertmanager_config"},
-    "hub": {
-        "url": "hub_url",
-        "metrics_port": "hub_metrics_port",
-        "logs_port": "hub_logs_port",
-        "window": "out_of_order_window",
-    },
-    "store": {"size": "store_size"},
-    "images": {
-        name: f"{name}_image"
-        for name in (
-            "prometheus",
-            "loki",
-            "grafana",
-            "alertmanager",
-            "node_exporter",
-            "otelcol",
-            "vmagent",
-        )
-    },
-}
 
 # Blocks are dropped when they would exceed this part of the claim. The rest is for what is not counted among them: the
 # write-ahead log of the last three hours, and the copy that a compaction makes.
@@ -74,12 +22,16 @@ RETENTION_PART = 0.8
 STORE_PART = 0.9
 
 
-def spec_of(variables: Mapping[str, Any], part: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The role's variables, all of them and of their specs' types, as the one input of what follows."""
-    return {
-        key: spec_of(variables, name) if isinstance(name, Mapping) else variables[f"observability_{name}"]
-        for key, name in (VARIABLES if part is None else part).items()
-    }
+def spec_of(variables: Mapping[str, Any], robot: str = "", remote_nodes: Collection[str] = ()) -> dict[str, Any]:
+    """The role's variables, all of them and of their specs' types, as the one input of what follows.
+
+    Keys are those of the mapping `observability`, and the other variables' names without `observability_`. `robot` is
+    the one whose own cluster it is, empty for the shared cluster; `remote_nodes` are that one's edge nodes.
+    """
+    whole = {name: completed(option, variables[name]) for name, option in role_options("observability").items()}
+    seed = whole.pop("observability")
+    own = {name.removeprefix("observability_"): value for name, value in whole.items()}
+    return {**own, **seed, "robot": robot, "remote_nodes": list(remote_nodes)}
 
 
 def runs(spec: Spec) -> dict[str, bool]:
@@ -91,7 +43,7 @@ def runs(spec: Spec) -> dict[str, bool]:
         obs.PROMETHEUS: prometheus,
         obs.LOKI: loki,
         obs.GRAFANA: not robot and spec["grafana"]["enabled"],
-        obs.ALERTMANAGER: prometheus and spec["alertmanager"]["enabled"],
+        obs.ALERTMANAGER: prometheus and bool(spec["alertmanager_config"]),
         obs.VMAGENT: robot,
         obs.NODE_EXPORTER: spec["node_exporter"],
         # lines that nobody takes would fill the hosts' disks
@@ -133,7 +85,7 @@ def _mebibytes(size: str) -> float:
 
 def hub_url(spec: Spec, port: str) -> str:
     """The hub's address for metrics or for logs: `http://192.0.2.10` and one of its two ports."""
-    url = str(spec["hub"]["url"]).rstrip("/")
+    url = str(spec["hub_url"]).rstrip("/")
     if not url:
         raise SpecError("the profile robot needs observability_hub_url, the hub's address")
-    return f"{url}:{spec['hub'][port]}"
+    return f"{url}:{spec[port]}"

@@ -30,6 +30,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.network im
 
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
 ANSWERS = ("open", "refused")
+MINIMUM_MTU = 1280  # IPv6 needs it
 LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
 # overlayfs cannot have these as its upper layer, and containerd's snapshots are overlays
 UNFIT_FILESYSTEMS = ("overlay", "nfs", "nfs4", "cifs", "vfat", "exfat", "ntfs", "tmpfs", "ramfs", "squashfs")
@@ -238,16 +239,16 @@ def _clock(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
     yield (error if certain > limits["maximum"] else warning)(what, "clock", fix)
 
 
-def _network(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _network(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
     if not facts["routes"]:
         yield error(
             "there is no default route, without which k3s does not start",
             "/proc/net/route",
             "add one, be it to a dummy interface: ip route add default via GATEWAY",
         )
-    elif route_mtu(facts) < requirements["minimum_mtu"]:
+    elif route_mtu(facts) < MINIMUM_MTU:
         yield error(
-            f"the MTU is {route_mtu(facts)}, at least {requirements['minimum_mtu']} are needed",
+            f"the MTU is {route_mtu(facts)}, at least {MINIMUM_MTU} are needed",
             f"interface {facts['routes'][0]['interface']}",
             "raise it: ip link set dev INTERFACE mtu SIZE",
         )

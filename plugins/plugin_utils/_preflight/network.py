@@ -27,7 +27,7 @@ WITHOUT = {
 
 
 def network_findings(facts: Mapping[str, Any], requirements: Mapping[str, Any]) -> Iterable[Finding]:
-    """`facts` are preflight_info's; warnings only: what a firewall lets through is not seen from here."""
+    """`facts` are the host's; warnings only: what a firewall lets through is not seen from here."""
     network, role = facts["network"], requirements["role"]
     for firewall in network["firewalls"]:
         yield warning(

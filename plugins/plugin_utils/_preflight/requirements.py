@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is asked of a host, from the variables of the role preflight. Pure."""
+"""What a host's part in its cluster makes it need, and the limits of the role preflight's variables. Pure."""
 
 from __future__ import annotations
 
@@ -12,35 +12,42 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses impo
 
 API = 6443
 ETCD = (2379, 2380)
+# what k3s takes on its host: API, load balancer of the agent part, etcd, kubelet, flannel's VXLAN
+PORTS = {
+    "server": (("tcp", API), ("tcp", 6444), *(("tcp", port) for port in ETCD), ("tcp", 10250), ("udp", 8472)),
+    "agent": (("tcp", 6444), ("tcp", 10250), ("udp", 8472)),
+}
+# the options of an action that say a host's part
+PART = {
+    "role": {"type": "str", "choices": [*PORTS], "required": True},
+    "servers": {"type": "list", "elements": "str", "required": True},
+}
+TIMEOUT = 3.0  # seconds for the answer of a server
 
 
-def server_addresses(variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any]) -> list[str]:
+def server_addresses(servers: Sequence[str], host: str, hostvars: Mapping[str, Any]) -> list[str]:
     """Where the cluster's other servers are."""
-    return [address(server, hostvars) for server in variables["preflight_server_hosts"] if server != host]
+    return [address(server, hostvars) for server in servers if server != host]
 
 
-def look(variables: Mapping[str, Any], servers: Sequence[str]) -> dict[str, Any]:
-    """The options of preflight_info. A server talks to the others' etcd, too; one that is alone has none."""
-    role, alone = variables["preflight_role"], not servers
+def look(role: str, others: Sequence[str]) -> dict[str, Any]:
+    """The arguments of the job `facts`. A server talks to the others' etcd, too; one that is alone has none."""
+    etcd = ETCD if role == "server" else ()
     return {
-        "ports": [one for one in variables[f"preflight_{role}_ports"] if not (alone and one["port"] in ETCD)],
-        "reach": [f"{server}:{port}" for server in servers for port in (API, *(ETCD if role == "server" else ()))],
-        "timeout": variables["preflight_timeout"],
+        "ports": [{"port": port, "protocol": protocol} for protocol, port in PORTS[role] if others or port not in ETCD],
+        "reach": [f"{server}:{port}" for server in others for port in (API, *etcd)],
+        "timeout": TIMEOUT,
     }
 
 
-def requirements(variables: Mapping[str, Any], servers: Sequence[str]) -> dict[str, Any]:
-    """What findings are measured by."""
+def requirements(part: Mapping[str, Any], variables: Mapping[str, Any], others: Sequence[str]) -> dict[str, Any]:
+    """What findings are measured by; `part` are `role`, `node_name`, `k3s_version` and `interface`."""
     return {
-        "role": variables["preflight_role"],
-        "node_name": variables["preflight_node_name"],
+        **{key: part[key] for key in ("role", "node_name", "k3s_version", "interface")},
         "systems": variables["preflight_systems"],
-        "memory_mb": variables[f"preflight_{variables['preflight_role']}_memory_mb"],
+        "memory_mb": variables[f"preflight_{part['role']}_memory_mb"],
         "disk_mb": variables["preflight_disk_mb"],
         "disk_percent": variables["preflight_disk_percent"],
-        "k3s_version": variables["preflight_k3s_version"],
         "clock_offset": variables["preflight_clock_offset"],
-        "minimum_mtu": variables["preflight_minimum_mtu"],
-        "interface": variables["preflight_interface"],
-        "server_urls": [f"https://{server}:{API}" for server in servers],
+        "server_urls": [f"https://{server}:{API}" for server in others],
     }

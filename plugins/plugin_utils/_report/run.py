@@ -160,7 +160,7 @@ def _rollout_of(result: Mapping[str, Any]) -> dict[str, Any]:
 def _declared_of(action: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """An outcome that an action of ours says, or that a play decided itself, with `set_fact: fleet_outcome`."""
     facts = result.get("ansible_facts")
-    if action in ("robot_update", "_update_trial", "_guarded"):
+    if action in ("_robot_update", "_update_trial", "_guarded"):
         return declared_in(result.get("outcome"))
     told = [declared_in(facts.get(name)) for name in FACTS] if isinstance(facts, Mapping) else []
     return next(filter(None, told), {})
@@ -259,7 +259,7 @@ class RunReport:
         if declared:
             self.host(host).declared = declared
         self._apis.update(result.get("apis") or {})
-        if action in ("ros_ready", "robot_update") and "verdict" in result:
+        if action in ("ros_ready", "_robot_update") and "verdict" in result:
             self.host(host).ready = _ready_of(result)
         if action == "rollout_ready" and "objects" in result:
             self.host(host).rollout = _rollout_of(result)

@@ -80,7 +80,7 @@ def _second_master(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
             yield Problem(place, "starts a second ROS master", allowed)
 
 
-def _command(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _command(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
     if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
@@ -330,8 +330,8 @@ def _mounts(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
                 yield Problem(place + field, f"is {bare}, where {other} is mounted already", "a path of its own")
 
 
-def _hooks(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
-    """The kubelet asks a sidecar by the pod's address. The default needs a Python in the image."""
+def _hooks(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+    """The kubelet asks a sidecar by the pod's address."""
     if app.hooks == "sidecar" and app.host_network:
         found = "is sidecar, but with host_network its port is the host's, and another app's sidecar has the same"
         yield Problem("hooks", found, "app, or none, or leave host_network out")

@@ -26,7 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, value_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import layered
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import without_rigels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.refused import without_refused
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
     answer_warnings,
     fleet_app_problems,
@@ -93,7 +93,7 @@ def check_fleet(given: Any) -> Report:
 
 
 def _variables(said: Any, path: str, problems: list[Problem]) -> dict[str, Any]:
-    return layered(without_rigels(said, path, problems), path, problems) if isinstance(said, dict) else {}
+    return layered(without_refused(said, path, problems), path, problems) if isinstance(said, dict) else {}
 
 
 def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:

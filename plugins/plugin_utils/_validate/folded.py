@@ -25,7 +25,7 @@ class Folded(NamedTuple):
     app: str
 
     def as_dict(self) -> dict[str, Any]:
-        """Shape of an item of fleet_config's `errors`."""
+        """Shape of an item of the validation's `errors`."""
         return {**self.problem.as_dict(), "hosts": list(self.hosts), "app": self.app}
 
     def line(self) -> str:

@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.rigel import INSTEAD
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.refused import INSTEAD
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import needed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
 

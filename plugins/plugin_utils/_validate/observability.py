@@ -18,7 +18,6 @@ Hosts = Mapping[str, Mapping[str, Any]]
 LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
 DAY = 86400
 _SECONDS = {"ms": 0.001, "s": 1, "m": 60, "h": 3600, "d": DAY, "w": 7 * DAY, "y": 365 * DAY}
-_NO = (False, "false", "no", "off", "0", 0, None)
 
 
 def observability_problems(
@@ -31,17 +30,16 @@ def observability_problems(
         given = {
             name: value
             for name, value in hosts.get(host, {}).items()
-            if not any(path.startswith(f"hosts.{host}.{name}") for path in bad)
+            if not any(re.match(rf"hosts\.{re.escape(host)}\.{name}([.[]|$)", path) for path in bad)
         }
         if enabled(given):
             yield from _of_cluster(f"hosts.{host}", given, host in alone)
 
 
 def enabled(variables: Mapping[str, Any]) -> bool:
-    """Whether the inventory switches the stack on, in one of its two ways."""
+    """Whether the inventory switches the stack on."""
     mapping = variables.get("observability")
-    default = mapping.get("enabled", False) if isinstance(mapping, Mapping) else False
-    return variables.get("observability_enabled", default) not in _NO
+    return isinstance(mapping, Mapping) and bool(mapping.get("enabled"))
 
 
 def seconds(duration: str) -> float:
@@ -67,19 +65,11 @@ def _of_cluster(path: str, given: Mapping[str, Any], alone: bool) -> Iterator[Pr
     store = quantity_value(str(given.get("observability_store_size", LEAST_STORE)))
     if store is not None and store < (quantity_value(LEAST_STORE) or 0):
         yield Problem(f"{path}.observability_store_size", "is too small for a queue", f"{LEAST_STORE} or more")
-    yield from _retention(path, given)
+    retention = ((given.get("observability") or {}).get("loki") or {}).get("retention", "24h")
+    if seconds(retention) < DAY:
+        path_of_it = f"{path}.observability.loki.retention"
+        yield Problem(path_of_it, f"is '{retention}'", "24h or more: Loki keeps its index by the day")
     yield from _ports(path, given)
-
-
-def _retention(path: str, given: Mapping[str, Any]) -> Iterator[Problem]:
-    mapping = given.get("observability")
-    default = (mapping.get("loki") or {}).get("retention") if isinstance(mapping, Mapping) else None
-    for name, value in (
-        ("observability_loki_retention", given.get("observability_loki_retention")),
-        ("observability.loki.retention", default),
-    ):
-        if isinstance(value, str) and seconds(value) < DAY:
-            yield Problem(f"{path}.{name}", f"is '{value}'", "24h or more: Loki keeps its index by the day")
 
 
 def _ports(path: str, given: Mapping[str, Any]) -> Iterator[Problem]:

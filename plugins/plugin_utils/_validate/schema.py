@@ -89,10 +89,6 @@ FORMS: dict[str, Any] = {
             "observability.prometheus.evaluation_interval",
             "observability.prometheus.retention",
             "observability.loki.retention",
-            "observability_scrape_interval",
-            "observability_evaluation_interval",
-            "observability_prometheus_retention",
-            "observability_loki_retention",
             "observability_out_of_order_window",
         ),
         text("retention"),
@@ -102,10 +98,7 @@ FORMS: dict[str, Any] = {
             "observability.grafana.persistence.size",
             "observability.loki.persistence.size",
             "observability_prometheus_size",
-            "observability_loki_size",
-            "observability_grafana_size",
             "observability_store_size",
-            "observability_log_queue_size",
         ),
         SIZE,
     ),
@@ -113,15 +106,7 @@ FORMS: dict[str, Any] = {
         ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port"),
         kind_of(Annotated[int, NODE_PORT]),
     ),
-    **dict.fromkeys(
-        [
-            f"observability_{part}_image"
-            for part in (
-                "prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent",
-            )
-        ],
-        text("image"),
-    ),
+    **{f"observability_images.{part}": text("image") for part in all_options()["observability_images"]["options"]},
     "observability_hub_url": or_empty("hub-url"),
     "observability_allowed_networks[]": text("network"),
     "observability_log_shipper": words("otelcol, which took promtail's place and its labels, or none"),

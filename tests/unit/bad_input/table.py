@@ -21,7 +21,7 @@ def load_cases() -> list[dict[str, Any]]:
 
 
 def fleet_of(case: dict[str, Any]) -> dict[str, Any]:
-    """fleet_config's option `fleet` of a case: `{groups: {..}, hosts: {..}}`."""
+    """The input of a case: `{groups: {..}, hosts: {..}}`."""
     groups = {**(case.get("groups") or GROUPS)}
     listed = [host for group in groups.values() if isinstance(group, list) for host in group]
     groups.setdefault("all", list(dict.fromkeys(listed)))

@@ -25,9 +25,10 @@ FILES = {
     "loki_rules": {},
     "dashboards": {"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}},
 }
+ALERTS = {"route": {"receiver": "nobody", "group_by": ["alertname", "robot"]}, "receivers": [{"name": "nobody"}]}
 SPECS: dict[str, dict[str, Any]] = {
-    "standalone": {"remote_nodes": ["edge1"], "alertmanager": {"enabled": True}},
-    "robot": {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}},
+    "standalone": {"remote_nodes": ["edge1"], "alertmanager_config": ALERTS},
+    "robot": {"profile": "robot", "robot": "robot2", "hub_url": "http://192.0.2.10"},
     "hub": {"profile": "hub", "remote_nodes": ["edge1"], "allowed_networks": ["192.0.2.0/24"]},
     "no-shipper": {
         "log_shipper": "none",

@@ -8,20 +8,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import VARIABLES, spec_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import spec_of
 
 
 def full(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """`{"prometheus": {"size": "1Gi"}}` and the rest."""
-    defaults = {name: option.get("default") for name, option in role_options("observability").items()}
-    return spec_of({**defaults, **_variables(settings, VARIABLES)})
-
-
-def _variables(settings: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in settings.items():
-        if isinstance(part[key], str):
-            found[f"observability_{part[key]}"] = value
+    """`{"store_size": "1Gi", "loki": {"enabled": False}}` and the rest, by the spec's own keys."""
+    options = role_options("observability")
+    variables = {name: option.get("default") for name, option in options.items()}
+    place, mapping = dict[str, Any](), dict[str, Any]()
+    for name, value in settings.items():
+        if name in ("robot", "remote_nodes"):
+            place[name] = value
+        elif name in options["observability"]["options"]:
+            mapping[name] = value
         else:
-            found |= _variables(value, part[key])
-    return found
+            assert f"observability_{name}" in options
+            variables[f"observability_{name}"] = value
+    return spec_of({**variables, "observability": mapping}, **place)

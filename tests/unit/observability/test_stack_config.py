@@ -31,7 +31,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.promet
 )
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
-ROBOT = {"profile": "robot", "robot": "robot2", "hub": {"url": "http://192.0.2.10"}}
+ROBOT = {"profile": "robot", "robot": "robot2", "hub_url": "http://192.0.2.10"}
+ALERTS = {"route": {"receiver": "nobody"}}
 LOKI = "http://loki.observability:3100"
 
 
@@ -93,7 +94,7 @@ WHOSE = {
 }
 
 
-@pytest.mark.parametrize("spec", [{}, {"profile": "hub", "alertmanager": {"enabled": True}}, ROBOT])
+@pytest.mark.parametrize("spec", [{}, {"profile": "hub", "alertmanager_config": ALERTS}, ROBOT])
 def test_every_file_parses(spec: dict[str, Any]) -> None:
     found = maps(spec)
     assert found
@@ -101,7 +102,7 @@ def test_every_file_parses(spec: dict[str, Any]) -> None:
 
 
 def test_intervals_and_jobs() -> None:
-    config = prometheus_config(full({"alertmanager": {"enabled": True}}))
+    config = prometheus_config(full({"alertmanager_config": ALERTS}))
     assert config["global"] == {"scrape_interval": "10s", "evaluation_interval": "10s"}
     names = [one["job_name"] for one in config["scrape_configs"]]
     assert len(names) == len(set(names))
@@ -302,7 +303,7 @@ def test_loki_keeps_and_takes_as_long_as_it_is_told() -> None:
 
 
 def test_data_sources_have_the_uids_that_dashboards_name() -> None:
-    sources = maps({"alertmanager": {"enabled": True}})["datasources.yml"]["datasources"]
+    sources = maps({"alertmanager_config": ALERTS})["datasources.yml"]["datasources"]
     assert {one["uid"]: one["url"] for one in sources} == {
         "prometheus": "http://prometheus.observability:9090",
         "loki": "http://loki.observability:3100",

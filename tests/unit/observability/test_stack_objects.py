@@ -79,7 +79,7 @@ def test_no_object_twice(name: str) -> None:
 def test_retention_by_size_is_below_the_claim(size: str) -> None:
     text = retention_size(size)
     assert 0 < int(text[:-2]) * UNITS[text[-2:]] <= 0.85 * size_in_bytes(size)
-    objects = observability.stack_objects(full({"prometheus": {"size": size}}), stack.FILES)
+    objects = observability.stack_objects(full({"prometheus_size": size}), stack.FILES)
     args = pod_of(objects, "Deployment", "prometheus")["containers"][0]["args"]
     assert f"--storage.tsdb.retention.size={text}" in args
     assert find(objects, "PersistentVolumeClaim", "prometheus")["spec"]["resources"]["requests"]["storage"] == size
@@ -92,7 +92,6 @@ def test_the_seeds_values_are_the_defaults() -> None:
         "scrape_interval": "10s",
         "evaluation_interval": "10s",
         "retention": "7d",
-        "size": "8Gi",
     }
     assert spec["loki"] == {"enabled": True, "retention": "7d", "persistence": {"enabled": True, "size": "5Gi"}}
     assert spec["grafana"]["service_type"] == "NodePort"
@@ -101,7 +100,7 @@ def test_the_seeds_values_are_the_defaults() -> None:
 
 def test_secrets_are_in_secrets_only() -> None:
     config = {"receivers": [{"name": "x", "webhook_configs": [{"url": "https://hush.example.org"}]}]}
-    spec = {"alertmanager": {"enabled": True, "config": config}}
+    spec = {"alertmanager_config": config}
     assert "hush" not in json.dumps(observability.stack_objects(full(spec), stack.FILES))
     secrets = observability.stack_secrets(full(spec), {"password": "hush", "version": "1"})
     assert {one["metadata"]["name"] for one in secrets} == {"grafana-admin", "alertmanager"}
@@ -111,9 +110,7 @@ def test_secrets_are_in_secrets_only() -> None:
 
 def test_a_null_in_alertmanagers_file_stays() -> None:
     config = {"route": {"receiver": "x", "routes": None}}
-    secret = observability.stack_secrets(full({"alertmanager": {"enabled": True, "config": config}}), {"password": ""})[
-        0
-    ]
+    secret = observability.stack_secrets(full({"alertmanager_config": config}), {"password": ""})[0]
     assert yaml.safe_load(base64.b64decode(secret["data"]["alertmanager.yml"])) == config
 
 
@@ -159,7 +156,6 @@ def test_a_new_password_restarts_grafana_alone() -> None:
         ({"prometheus": {"scrape_interval": "15s"}}, {"prometheus", "grafana"}),
         ({"prometheus": {"evaluation_interval": "15s"}}, {"prometheus"}),
         ({"loki": {"retention": "14d"}}, {"loki"}),
-        ({"log_queue_size": "512Mi"}, {"log-shipper"}),
         ({"remote_nodes": ["edge1"]}, {"log-shipper"}),
         ({"allowed_networks": ["192.0.2.0/24"]}, set()),
     ],

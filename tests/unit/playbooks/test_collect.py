@@ -66,8 +66,7 @@ class Hosts:
         }
         address = {"edge1": EDGE, "robot1": ROBOT}
         hosts = {
-            name: {"ansible_host": address[name], "collect_storage_path": str(self.folder / "storage of" / name)}
-            for name in address
+            name: {"ansible_host": address[name], "storage": str(self.folder / "storage of" / name)} for name in address
         }
         children = {"edge": {"hosts": {"edge1": hosts["edge1"]}}, "robots": {"hosts": {"robot1": hosts["robot1"]}}}
         control.write("hosts.yml", yaml.safe_dump({"all": {"vars": variables, "children": children}}))
@@ -93,7 +92,8 @@ class Hosts:
 
     def collect(self, *arguments: str, **environ: str) -> tuple[int, str]:
         path = f"{self.folder / 'bin'}:{os.environ['PATH']}"
-        done = self.control.run("-e", "collect_dest=here", *arguments, **{"PATH": path, **environ})
+        places = "collect_dest=here __collect_storage_path='{{ storage }}'"
+        done = self.control.run("-e", places, *arguments, **{"PATH": path, **environ})
         print(done.stdout + done.stderr)
         return done.returncode, done.stdout + done.stderr
 

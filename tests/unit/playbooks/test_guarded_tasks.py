@@ -88,7 +88,7 @@ def test_what_fails_is_taken_back_and_the_wave_after_it_does_not_begin(control: 
     assert (run.returncode, marks(control)) == (2, []), run.stdout
     assert "rolled-back: Find something wrong: the disk is full" in run.stdout
     assert "not begun: robot1 failed" in run.stdout
-    both = control.run(*wrong, "-e", "guarded_failure_budget=1")
+    both = control.run(*wrong, "-e", "update_failure_budget=1")
     assert (both.returncode, marks(control)) == (2, ["mark-robot2"]), both.stdout
 
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 import datetime
 
 import support
-import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
 
-ROLES = support.PAGE.parents[1] / "roles"
 IMAGES = {
     "collector": "otelcol",
     "Prometheus": "prometheus",
@@ -22,17 +21,12 @@ IMAGES = {
 }
 
 
-def defaults(role: str) -> dict[str, str]:
-    found: dict[str, str] = yaml.safe_load((ROLES / role / "defaults" / "main.yml").read_text(encoding="utf-8"))
-    return found
-
-
 def test_the_page_has_the_versions_that_are_pinned() -> None:
-    images = defaults("observability")
-    pinned = {part: images[f"observability_{name}_image"].rpartition(":")[2] for part, name in IMAGES.items()}
+    images = role_options("observability")["observability_images"]["options"]
+    pinned = {part: images[name]["default"].rpartition(":")[2] for part, name in IMAGES.items()}
     found = support.rows(support.PAGE.read_text(encoding="utf-8"))
     assert {part: version for part, (version, _end) in found.items()} == {
-        "k3s": defaults("k3s")["k3s_version"],
+        "k3s": role_options("k3s")["k3s_version"]["default"],
         **pinned,
     }
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from ansible_collections.rosops.fleet.plugins.action import _exporter_apply
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
@@ -24,6 +25,15 @@ def test_it_is_applied_once(server: Server, api: dict[str, Any]) -> None:
     ]
     assert "statistics" in str(server.find(DEPLOYMENT))
     assert not run(_exporter_apply, {**api, "statistics": True}, VARIABLES)["changed"]
+
+
+@pytest.mark.parametrize(("level", "sees"), [("", True), ("privileged", True), ("baseline", False)])
+def test_it_sees_what_claims_hold_unless_the_namespace_forbids_it(
+    server: Server, api: dict[str, Any], level: str, sees: bool
+) -> None:
+    server.put("/api/v1/namespaces/robot-robot1", {"metadata": {}})
+    run(_exporter_apply, api, fleet_of(robot(volumes=[{"name": "logs"}], pod_security=level)))
+    assert ("/var/lib/rancher/k3s/storage" in str(server.find(DEPLOYMENT))) is sees
 
 
 def test_what_somebody_put_beside_it_by_hand_goes(server: Server, api: dict[str, Any]) -> None:

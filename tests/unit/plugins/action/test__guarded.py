@@ -57,7 +57,7 @@ class World:
         return {}
 
     def task(self, check_mode: bool = False, args: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
-        variables = {"guarded_tasks": "/srv/reboot.yml", "guarded_failure_budget": "0", **fleet_of(robot()), **more}
+        variables = {"guarded_tasks": "/srv/reboot.yml", "update_failure_budget": "0", **fleet_of(robot()), **more}
         return run(_guarded, args or {}, variables, check_mode)
 
 

@@ -32,7 +32,7 @@ def node(name: str, version: str = OLD, ready: str = "True", server: bool = True
 
 
 class Host:
-    """What k3s_change and k3s_ready are asked; `staged` is the version to come, `bad` one that never serves."""
+    """What the job k3s_change and k3s_ready are asked; `staged` is the version to come, `bad` one that never serves."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, directory: Path) -> None:
         self.asked: list[str] = []
@@ -50,13 +50,15 @@ class Host:
     def module(self, name: str, args: dict[str, Any]) -> dict[str, Any]:
         if self.away:
             raise AnsibleConnectionFailure("no route to host")
-        if name == "rosops.fleet.k3s_change":
+        if name == "rosops.fleet._host":
+            assert args["job"] == "k3s_change"
+            args = args["arguments"]
             self.asked.append(args["state"])
             self.bad = self.bad and args["state"] != "previous"
             if args["state"] == "next":
                 assert args["write"] == ["/etc/rancher/k3s/config.yaml", "/usr/local/bin/k3s"]
             self.args[args["state"]] = args
-            found = {"staged": self.staged, "version": OLD, "unproven": self.unproven, "snapshot": ""}
+            found = {"staged": self.staged, "version": OLD, "unproven": self.unproven}
             return {**found, "start": f"after {self.asked[-2:]}"}
         if name == "rosops.fleet.k3s_ready":
             return {"failed": self.bad, "msg": "k3s will not become ready"}
@@ -67,7 +69,7 @@ class Host:
         variables = {
             "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"], "k3s_node_name": "robot1",
             "k3s_install_source": "airgap", "k3s_kubeconfig_path": "", "k3s_start_timeout": 5,
-            "k3s_failure_budget": "0", "fleet": NO_ROBOTS, **more,
+            "fleet": NO_ROBOTS, **more,
         }  # fmt: skip
         return run(_k3s_change, {"plan": plan}, variables, check_mode)
 

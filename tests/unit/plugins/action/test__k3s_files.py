@@ -40,7 +40,7 @@ def files(staged: str, check_mode: bool = False, joins: str = "") -> dict[str, A
     server = "edge1" if joins else "robot1"
     variables = {
         "hostvars": {"robot1": {}, "edge1": {}}, "k3s_role": "agent" if joins else "server", "k3s_cluster": "edge",
-        "k3s_server_hosts": [server], "k3s_node_name": "robot1", "k3s_kubeconfig_path": "", "k3s_failure_budget": "0",
+        "k3s_server_hosts": [server], "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
     }  # fmt: skip
     args = {"write": [CONFIG, UNIT], "remove": [REGISTRIES], "staged": staged, "joins": joins}
     return run(_k3s_files, args, variables, check_mode)
@@ -78,7 +78,7 @@ def test_a_server_that_has_etcd_keeps_it(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(_k3s_files.ActionHost, "write", write)
     known = {
         "hostvars": {"robot1": {}}, "k3s_role": "server", "k3s_cluster": "robot1", "k3s_server_hosts": ["robot1"],
-        "k3s_node_name": "robot1", "k3s_kubeconfig_path": "", "k3s_failure_budget": "0",
+        "k3s_node_name": "robot1", "k3s_kubeconfig_path": "",
     }  # fmt: skip
     for etcd in (False, True):
         texts.clear()

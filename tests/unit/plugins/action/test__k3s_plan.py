@@ -125,7 +125,7 @@ def test_one_that_is_up_and_never_serves_is_left_alone(planned: Any) -> None:
     found = planned("edge1", UP)
     assert found["failed"]
     assert "edge1 was left as it is. Its k3s is up and does not serve: /readyz: etcd failed, for 300 s" in found["msg"]
-    forced = planned("edge1", UP, k3s_on_busy="force")
+    forced = planned("edge1", UP, update_on_busy="force")
     assert (forced["any"], forced["guarded"]) == (True, False)
 
 

@@ -45,7 +45,7 @@ def _waited(monkeypatch: pytest.MonkeyPatch) -> list[set[str]]:
 
 
 def test_all_of_it_is_applied_once_and_waited_for(server: Server, stack: Task, waited: list[set[str]]) -> None:
-    first = stack(observability_grafana_admin_password="hush")  # noqa: S106 - nobody's
+    first = stack(observability={"grafana": {"admin_password": "hush"}})
     assert first["changed"]
     assert server.writes[0].endswith("/namespaces/observability")
     assert server.writes[1].endswith("/secrets/grafana-admin")
@@ -72,7 +72,7 @@ def test_a_part_that_is_switched_off_is_taken_away_but_not_its_claim(server: Ser
     stack()
     deployment = "/apis/apps/v1/namespaces/observability/deployments/loki"
     assert server.find(deployment)
-    assert stack(observability_loki_enabled=False)["changed"]
+    assert stack(observability={"loki": {"enabled": False}})["changed"]
     assert server.find(deployment) is None
     assert server.find(f"{CLAIMS}/loki")
 

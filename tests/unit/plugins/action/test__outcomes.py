@@ -47,7 +47,7 @@ def noted() -> None:
     """What the callback writes down: edge1 was changed, robot1 was busy, 2 failed, 3 went away, 4 did nothing."""
     report = RunReport()
     report.play("Robots", [host for group in GROUPS.values() for host in group], 0)
-    report.task("t", TaskInfo("Apply", "rosops.fleet.robot_update"), 0)
+    report.task("t", TaskInfo("Apply", "rosops.fleet._robot_update"), 0)
     report.ok("t", "edge1", {"changed": True}, 1)
     report.ok("t", "robot1", {"outcome": BUSY}, 1)
     report.failed("t", "robot2", {"msg": "no space"}, 1)

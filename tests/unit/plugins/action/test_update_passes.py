@@ -53,11 +53,9 @@ def collection(folder: Path) -> None:
     """Ours, but for the action."""
     root = folder / "ansible_collections/rosops/fleet"
     (root / "plugins/action").mkdir(parents=True)
-    (root / "plugins/modules").mkdir()
     for name in ("roles", "meta", "galaxy.yml", "plugins/filter", "plugins/plugin_utils", "plugins/module_utils"):
         (root / name).symlink_to(CHECKOUT / name)
-    (root / "plugins/modules/robot_update.py").symlink_to(CHECKOUT / "plugins/modules/robot_update.py")
-    (root / "plugins/action/robot_update.py").write_text(ACTION)
+    (root / "plugins/action/_robot_update.py").write_text(ACTION)
 
 
 def test_more_robots_work_than_there_are_forks(tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ def test_listeners_are_named_and_other_sockets_left_out(tmp_path: Path) -> None:
 
 
 def test_an_empty_tree_reads_as_nothing(tmp_path: Path) -> None:
-    found = _host_facts.collect(Host(str(tmp_path)), [], [], {"data_dir": "/var/lib/rancher", "timeout": 1})
+    found = _host_facts.collect(Host(str(tmp_path)), [], [], 1)
     assert found["memory_mb"] == 0
     assert found["routes"] == found["listening"] == found["reach"] == []
     assert found["cgroup"]["controllers"] == []

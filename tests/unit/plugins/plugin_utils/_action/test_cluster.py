@@ -14,10 +14,10 @@ import yaml
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.action import (
     _cluster_access,
+    _fleet_info,
     _node_apply,
     _observability_stack,
-    fleet_info,
-    robot_update,
+    _robot_update,
     rollout_ready,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster
@@ -113,9 +113,9 @@ def admin(server: Server, key: str = "t") -> dict[str, Any]:
 
 ACTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
     "node": (_node_apply, PLACE),
-    "namespace": (robot_update, part("namespace")),
-    "storage": (robot_update, {**part("storage"), "remove_claims": ["old-logs"], "remove_confirm": True}),
-    "ready": (robot_update, part("ready")),
+    "namespace": (_robot_update, part("namespace")),
+    "storage": (_robot_update, {**part("storage"), "remove_claims": ["old-logs"], "remove_confirm": True}),
+    "ready": (_robot_update, part("ready")),
     "rollout": (rollout_ready, {"objects": [{"kind": "Deployment", "name": "a", "namespace": "b"}]}),
     "observability": (_observability_stack, {}),
 }
@@ -175,14 +175,14 @@ MINE = {
 def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server: Server) -> None:
     made_by(server, "staging")
     os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
-    outcome = run(robot_update, {}, inventory())["outcome"]
+    outcome = run(_robot_update, {}, inventory())["outcome"]
     assert outcome["outcome"] == "failed"
     assert "nothing was touched: " in outcome["reason"]
     assert (
         "the cluster edge of the fleet staging; the inventory's is the cluster edge of the fleet production"
         in (outcome["reason"])
     )
-    found = run(fleet_info, {"volumes": "usage"}, inventory())
+    found = run(_fleet_info, {"volumes": "usage"}, inventory())
     assert [one["where"] for one in found["problems"]] == ["cluster edge"]
     assert "the fleet staging" in found["problems"][0]["what"]
     assert (found["nodes"], server.writes) == ([], [])
@@ -190,7 +190,7 @@ def test_an_update_says_it_as_the_robots_outcome_and_status_as_a_problem(server:
 
 def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
     made_by(server, "fleet")
-    result = run(robot_update, {"host": server.url, "api_key": "t", **part("namespace")}, inventory(name=""))
+    result = run(_robot_update, {"host": server.url, "api_key": "t", **part("namespace")}, inventory(name=""))
     assert result["failed"]
     assert "Set fleet_name for all hosts" in result["msg"]
 
@@ -201,7 +201,7 @@ def test_a_given_access_needs_a_fleet_with_a_name(server: Server) -> None:
 def test_the_right_one_by_a_given_access(server: Server) -> None:
     made_by(server, "production")
     os.environ.update(K8S_AUTH_HOST=server.url, K8S_AUTH_API_KEY="t")
-    result = run(robot_update, part("namespace"), inventory())
+    result = run(_robot_update, part("namespace"), inventory())
     assert result["changed"]
     assert result["apis"] == {"edge": {"host": server.url, "source": "K8S_AUTH_HOST of the environment"}}
     assert asked(server)[0] == IDENTITY
@@ -214,7 +214,7 @@ def test_access_is_fetched_from_the_clusters_own_server_and_the_environment_adds
     os.environ.update(K8S_AUTH_API_KEY="left in a shell", K8S_AUTH_VERIFY_SSL="False")
     servers = serve(monkeypatch, lambda _host: admin(server))
     for name in ("namespace", "storage"):
-        result = run(robot_update, part(name), inventory())
+        result = run(_robot_update, part(name), inventory())
         assert result["apis"] == {"edge": {"host": server.url, "source": "the cluster's own server"}}
     assert servers == ["edge1"]
     assert {headers["authorization"] for _path, _query, headers in list(server.requests.queue)} == {"Bearer t"}
@@ -228,7 +228,7 @@ def test_a_standalone_robot_is_reached_by_its_own_access_whatever_the_environmen
     try:
         os.environ.update(K8S_AUTH_HOST=hub.url, K8S_AUTH_API_KEY="t")
         servers = serve(monkeypatch, lambda _host: admin(server))
-        assert run(robot_update, part("namespace"), inventory(own="robot2"))["changed"]
+        assert run(_robot_update, part("namespace"), inventory(own="robot2"))["changed"]
         assert servers == ["robot2"]
         assert (asked(hub), hub.writes) == ([], [])
     finally:
@@ -242,7 +242,7 @@ def test_the_stage_node_adopts_a_cluster_that_has_no_identity(
     if before:
         made_by(server, before)
     serve(monkeypatch, lambda _host: admin(server))
-    assert not run(robot_update, part("storage"), inventory()).get("failed")  # and others go on without
+    assert not run(_robot_update, part("storage"), inventory()).get("failed")  # and others go on without
     said: list[str] = []
     monkeypatch.setattr(_node_apply.ActionModule, "say", lambda *_: said.append)
     assert run(_node_apply, PLACE, inventory(), check_mode=True)["changed"]
@@ -271,10 +271,10 @@ def test_a_cluster_that_was_made_anew_since_is_asked_again(server: Server, monke
     tokens = iter(["old", "new", "newer"])
     servers = serve(monkeypatch, lambda _host: admin(server, next(tokens)))
     server.refusals += [(401, "Unauthorized")]
-    assert run(robot_update, part("namespace"), inventory())["changed"]
+    assert run(_robot_update, part("namespace"), inventory())["changed"]
     assert servers == ["edge1", "edge1"]
     server.refusals += [(401, "Unauthorized")] * 2
-    assert "refuses the credentials" in run(robot_update, part("namespace"), inventory())["msg"]
+    assert "refuses the credentials" in run(_robot_update, part("namespace"), inventory())["msg"]
     assert len(servers) == 3
 
 
@@ -288,7 +288,7 @@ SECRET = {"failed": True, "rc": 1, "msg": "Missing sudo password"}
 def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     servers = serve(monkeypatch, lambda _host: AWAY)
     for _robot in range(2):
-        outcome = run(robot_update, {}, inventory())["outcome"]
+        outcome = run(_robot_update, {}, inventory())["outcome"]
         assert outcome["outcome"] == "deferred-offline"
         assert "No server of the cluster edge can be reached over SSH" in outcome["reason"]
         assert "no route" in outcome["reason"]
@@ -297,15 +297,15 @@ def test_servers_that_cannot_be_reached_defer_the_robot(monkeypatch: pytest.Monk
 
 def test_check_mode_foresees_a_cluster_to_come(monkeypatch: pytest.MonkeyPatch) -> None:
     serve(monkeypatch, lambda _host: NOT_YET)
-    result = run(robot_update, part("namespace"), inventory(), check_mode=True)
+    result = run(_robot_update, part("namespace"), inventory(), check_mode=True)
     assert "there is no cluster yet; would create Namespace robot-robot1" in result["msg"]
-    failed = run(robot_update, part("namespace"), inventory())
+    failed = run(_robot_update, part("namespace"), inventory())
     assert "There is no cluster edge yet" in failed["msg"]
 
 
 def test_what_keeps_a_server_from_telling_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     serve(monkeypatch, lambda _host: SECRET)
-    failed = run(robot_update, part("namespace"), inventory(), check_mode=True)
+    failed = run(_robot_update, part("namespace"), inventory(), check_mode=True)
     assert failed["failed"]
     assert "edge1: /etc/rancher/k3s/k3s.yaml cannot be read there: Missing sudo password" in failed["msg"]
 
@@ -314,7 +314,7 @@ def test_every_host_of_a_look_gets_its_access_or_leaves_it_to_the_look(monkeypat
     servers = serve(monkeypatch, lambda _host: AWAY)
     assert not run(_cluster_access, {}, inventory(own="robot2")).get("failed")
     assert servers == ["robot2"] * 2
-    found = run(fleet_info, {"volumes": "usage"}, {**inventory(), "ansible_play_hosts_all": ["robot2"]})
+    found = run(_fleet_info, {"volumes": "usage"}, {**inventory(), "ansible_play_hosts_all": ["robot2"]})
     assert servers == ["robot2"] * 2
     assert "No server of the cluster robot2 can be reached over SSH" in found["problems"][0]["what"]
 
@@ -324,7 +324,7 @@ def test_status_asks_each_cluster_by_its_own_access(server: Server, monkeypatch:
 
     servers = serve(monkeypatch, lambda host: admin(server) if host == "edge1" else NOT_YET)
     known = {**inventory(), "ansible_play_hosts_all": ["robot1", "robot2"]}
-    found = run(fleet_info, {"volumes": "usage"}, known)
+    found = run(_fleet_info, {"volumes": "usage"}, known)
     assert servers == ["edge1", "robot2"]
     assert [row["name"] for row in found["nodes"]] == ["robot1"]
     assert [one["where"] for one in found["problems"]] == ["cluster robot2"]

@@ -31,21 +31,30 @@ def robot(reach: Callable[..., Any]) -> RobotHost:
     return RobotHost(SimpleNamespace(_low_level_execute_command=reach), {"inventory_hostname": "robot1"})
 
 
-@pytest.mark.parametrize("method", ["module", "copy"])
-def test_a_robot_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+CALLS = pytest.mark.parametrize(("method", "argument"), [("module", {}), ("copy", "b")])
+
+
+@CALLS
+def test_a_robot_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, method: str, argument: Any) -> None:
     monkeypatch.setattr(ActionHost, method, AWAY)
     with pytest.raises(AwayError, match="no route to host"):
-        getattr(robot(AWAY), method)("a", "b")
+        getattr(robot(AWAY), method)("a", argument)
     with pytest.raises(AwayError, match="no route to host"):
         robot(AWAY).there()
 
 
-@pytest.mark.parametrize("method", ["module", "copy"])
-def test_one_on_which_ansible_cannot_work(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+@CALLS
+def test_one_on_which_ansible_cannot_work(monkeypatch: pytest.MonkeyPatch, method: str, argument: Any) -> None:
     monkeypatch.setattr(ActionHost, method, SUDO)
     with pytest.raises(FleetError, match="did not run on robot1: Incorrect sudo password") as found:
-        getattr(robot(SUDO), method)("a", "b")
+        getattr(robot(SUDO), method)("a", argument)
     assert not isinstance(found.value, AwayError)
+
+
+def test_a_job_is_called_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ActionHost, "module", SUDO)
+    with pytest.raises(FleetError, match=r"^k3s_change did not run on robot1"):
+        robot(SUDO).job("k3s_change", {"state": "staged"})
 
 
 def test_also_while_its_images_are_brought(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,12 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref, opened
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, ImagesError, NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
+    DIRECTORY,
+    Brought,
+    ImagesError,
+    NodeImages,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.pins import LABEL
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ID,
@@ -26,7 +31,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.ar
 )
 
 APPS, REDIS = "docker.io/lab/apps:1.0", "docker.io/library/redis:7"
-ROOM = "/room"
 BASE = tar_of({f"usr/share/file{number}": b"" for number in range(99)})
 BASE_DIGEST = f"sha256:{digest(BASE)}"
 
@@ -107,7 +111,7 @@ def tarred(path: str) -> tuple[list[Image], set[str]]:
 
 
 def place(archive: Mapping[str, str]) -> str:
-    return NodeImages(Node(), ROOM)._place(archive["path"])
+    return NodeImages(Node())._place(archive["path"])
 
 
 @pytest.fixture(name="archive")
@@ -117,7 +121,7 @@ def _archive(tmp_path: Path) -> dict[str, str]:
 
 def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str, str]) -> None:
     node, said = Node(), list[str]()
-    images = NodeImages(node, ROOM, rate_limit="2m", say=said.append)
+    images = NodeImages(node, rate_limit="2m", say=said.append)
     brought = images.bring([archive], ["redis:7"])
     pinned = {APPS: "wanted", REDIS: "wanted"}
     assert brought == Brought(
@@ -126,7 +130,7 @@ def test_everything_is_brought_once_and_the_room_is_free_again(archive: dict[str
     assert brought.changed
     assert node.calls == [
         "look",
-        "directory /room",
+        f"directory {DIRECTORY}",
         "copy apps.tar 2m",
         f"ctr --namespace k8s.io images import {place(archive)}",
         f"absent {place(archive)}",
@@ -171,26 +175,26 @@ def test_check_mode_meets_a_host_without_k3s_and_a_run_does_not_pass_over_it(arc
         ("import", r"apps.tar could not be imported: no space"),
         ("pin", r"wanted docker.io/lab/apps:1.0 wanted docker.io/library/redis:7: no space"),
         ("pull", r"crictl pull docker.io/library/redis:7: no space"),
-        ("directory", r"/room: no space"),
+        ("directory", f"{DIRECTORY}: no space"),
     ],
 )
 def test_a_step_that_fails_is_named_with_its_reason(archive: dict[str, str], broken: str, message: str) -> None:
     with pytest.raises(ImagesError, match=message):
-        NodeImages(Node(broken), ROOM).bring([archive], ["redis:7"])
+        NodeImages(Node(broken)).bring([archive], ["redis:7"])
 
 
 def test_an_image_that_no_archive_has_is_said_to_be_so(archive: dict[str, str]) -> None:
     told = rf"crictl pull docker.io/lab/apps:1.0.1: no space; no archive in images_archives has it, only {APPS}"
     with pytest.raises(ImagesError, match=told):
-        NodeImages(Node("pull"), ROOM).bring([archive], ["lab/apps:1.0.1"])
+        NodeImages(Node("pull")).bring([archive], ["lab/apps:1.0.1"])
     with pytest.raises(ImagesError, match=r"redis:7: no space$"):
-        NodeImages(Node("pull"), ROOM).bring([], ["redis:7"])
+        NodeImages(Node("pull")).bring([], ["redis:7"])
 
 
 def test_an_interrupted_transfer_is_kept_for_the_next(archive: dict[str, str]) -> None:
     node = Node(broken="copy")
     with pytest.raises(ImagesError):
-        NodeImages(node, ROOM, rate_limit="2m").bring([archive], [])
+        NodeImages(node, rate_limit="2m").bring([archive], [])
     assert list(node.files) == [place(archive)]
     assert not any("absent" in call for call in node.calls)
 
@@ -198,7 +202,7 @@ def test_an_interrupted_transfer_is_kept_for_the_next(archive: dict[str, str]) -
 def test_a_failed_import_leaves_nothing_on_the_nodes_disk(archive: dict[str, str]) -> None:
     node = Node(broken="import")
     with pytest.raises(ImagesError):
-        NodeImages(node, ROOM).bring([archive], [])
+        NodeImages(node).bring([archive], [])
     assert node.files == {}
 
 
@@ -207,7 +211,7 @@ def test_two_archives_of_one_name_are_two(tmp_path: Path) -> None:
     (tmp_path / "new").mkdir()
     archives = [{"path": docker(tmp_path / name / "apps.tar", [f"lab/{name}:1.0"])} for name in ("old", "new")]
     node = Node()
-    assert NodeImages(node, ROOM).bring(archives, []).problems == ()
+    assert NodeImages(node).bring(archives, []).problems == ()
     assert {"docker.io/lab/old:1.0", "docker.io/lab/new:1.0"} == {*node.images}
     assert place(archives[0]) != place(archives[1])
 
@@ -215,7 +219,7 @@ def test_two_archives_of_one_name_are_two(tmp_path: Path) -> None:
 def test_one_archive_at_a_time_lies_on_the_node(tmp_path: Path) -> None:
     archives = [{"path": docker(tmp_path / f"{name}.tar", [f"lab/{name}:1.0"])} for name in ("one", "two")]
     node = Node()
-    NodeImages(node, ROOM).bring(archives, [])
+    NodeImages(node).bring(archives, [])
     assert [call.split()[0] for call in node.calls if not call.startswith("directory")] == [
         "look", "copy", "ctr", "absent", "copy", "ctr", "absent", "look", "pin",
     ]  # fmt: skip
@@ -245,7 +249,7 @@ def versions(tmp_path: Path) -> tuple[list[dict[str, str]], list[dict[str, str]]
 
 def test_of_a_next_version_only_what_is_new_crosses_the_link(tmp_path: Path) -> None:
     (first, second), node, said = versions(tmp_path), Node(), list[str]()
-    images = NodeImages(node, ROOM, rate_limit="2m", say=said.append)
+    images = NodeImages(node, rate_limit="2m", say=said.append)
     images.bring(first, [])
     assert images.bring(second, []).problems == ()
     copies = [call for call in node.calls if call.startswith("copy")]
@@ -258,7 +262,7 @@ def test_of_a_next_version_only_what_is_new_crosses_the_link(tmp_path: Path) -> 
 
 def test_a_layer_that_has_gone_meanwhile_is_brought_with_the_whole_archive(tmp_path: Path) -> None:
     (first, second), node = versions(tmp_path), Node()
-    images = NodeImages(node, ROOM)
+    images = NodeImages(node)
     images.bring(first, [])
     node.forgets = True
     assert images.bring(second, []).problems == ()
@@ -268,7 +272,7 @@ def test_a_layer_that_has_gone_meanwhile_is_brought_with_the_whole_archive(tmp_p
 
 def test_what_a_node_does_not_import_in_parts_is_brought_whole(tmp_path: Path) -> None:
     (first, second), node = versions(tmp_path), Node()
-    images = NodeImages(node, ROOM)
+    images = NodeImages(node)
     images.bring(first, [])
     step, node.calls = node._step, []
 
@@ -304,7 +308,7 @@ def credentials(word: str = "hunter2") -> dict[str, str]:
 
 def test_credentials_reach_crictl_and_no_command_line(private: Node) -> None:
     logins = [credentials("stale"), credentials()]
-    brought = NodeImages(private, ROOM, logins=logins).bring([], ["r.example/app:1", "redis:7"])
+    brought = NodeImages(private, logins=logins).bring([], ["r.example/app:1", "redis:7"])
     assert set(brought.pulled) == {"r.example/app:1", REDIS}
     said = " ".join(private.calls) + Path(f"{private.program}.seen").read_text()
     assert "crictl pull r.example/app:1" in said
@@ -313,6 +317,6 @@ def test_credentials_reach_crictl_and_no_command_line(private: Node) -> None:
 
 def test_wrong_credentials_are_told_and_not_shown(private: Node) -> None:
     with pytest.raises(ImagesError) as caught:
-        NodeImages(private, ROOM, logins=[credentials("wrong")]).bring([], ["r.example/app:1"])
+        NodeImages(private, logins=[credentials("wrong")]).bring([], ["r.example/app:1"])
     assert "crictl pull r.example/app:1: r.example/app:1: not authorized" in str(caught.value)
     assert "wrong" not in str(caught.value)

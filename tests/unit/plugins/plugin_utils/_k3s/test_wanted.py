@@ -119,7 +119,7 @@ def test_the_environment_is_sorted_and_quoted_and_secret() -> None:
 
 
 def test_the_unit_records_what_it_starts_with() -> None:
-    agent = part("robot1", k3s_memory_high="700M", k3s_cpu_weight="")
+    agent = part("robot1", k3s_cpu_weight="")
     unit = agent.files[1]
     assert (unit.path, unit.mode) == ("/etc/systemd/system/k3s-agent.service", "0644")
     record = (
@@ -129,12 +129,11 @@ def test_the_unit_records_what_it_starts_with() -> None:
     )
     lines = unit.content.splitlines()
     assert record in lines
-    assert lines[lines.index("Delegate=yes") + 1 :][:6] == [
+    assert lines[lines.index("Delegate=yes") + 1 :][:5] == [
         "LimitNOFILE=1048576",
         "LimitNPROC=infinity",
         "LimitCORE=infinity",
         "TasksMax=infinity",
-        "MemoryHigh=700M",
         "# A robot that boots without its server's network goes on trying; the role has a time limit of its own.",
     ]
 

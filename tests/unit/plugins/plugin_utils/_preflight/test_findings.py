@@ -19,7 +19,6 @@ REQUIREMENTS: dict[str, Any] = {
     "disk_percent": {"minimum": 6, "recommended": 16},
     "k3s_version": "v1.34.2+k3s1",
     "clock_offset": {"maximum": 30, "recommended": 1},
-    "minimum_mtu": 1280,
     "interface": "",
     "server_urls": ["https://10.0.0.1:6443"],
 }

@@ -74,9 +74,9 @@ def wrong(name: str, value: Any) -> bool:
     [
         ("k3s_start_timeout", [5, "5"], ["five", 5.5, True, None]),
         ("update_rate_tolerance", [0.1, 1, "0.1"], ["some", True]),
-        ("node_name", ["n", 7], [True, []]),
+        ("k3s_node_name", ["n", 7], [True, []]),
         ("k3s_token", ["t"], [7, True]),
-        ("observability_enabled", [True, "yes", 0], ["perhaps", 2]),
+        ("observability_ros_statistics", [True, "yes", 0], ["perhaps", 2]),
         ("observability_profile", ["hub"], ["cloud"]),
         ("images_refs", [[], ["a"]], ["a", [[]]]),
         ("k3s_config", [{}, {"anything": 1}], ["text"]),
@@ -106,6 +106,6 @@ def test_what_the_validation_needs(name: str) -> None:
     assert name in variables()
 
 
-@pytest.mark.parametrize("name", ["k3s_token", "k3s_kubeconfig_path", "node_name", "ros_app"])
+@pytest.mark.parametrize("name", ["k3s_token", "k3s_kubeconfig_path", "k3s_node_name", "ros_app"])
 def test_what_it_leaves_to_the_role(name: str) -> None:
     assert not needed(name)

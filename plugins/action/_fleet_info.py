@@ -1,7 +1,11 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The hosts of the run as the inventory and a former task have them, and what their clusters answer to one question."""
+"""For playbooks that look: the hosts of the run, and what their clusters answer to one question.
+
+`volumes` and `images` name the variables in which every host has the registered result of a task: what `du -sb` printed
+of the directories of its volumes, and what `k3s crictl images -o json` did.
+"""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.action import fleet_info
+from ansible_collections.rosops.fleet.plugins.action import _fleet_info
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import Answer
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet
@@ -25,11 +25,11 @@ def info(monkeypatch: pytest.MonkeyPatch, answers: dict[str, Answer], **results:
         asked.extend(kubeconfigs)
         return {cluster: answers[cluster] for cluster in kubeconfigs}
 
-    monkeypatch.setattr(fleet_info, "ask", ask)
+    monkeypatch.setattr(_fleet_info, "ask", ask)
     hostvars = {host: {"usage": results.get(host, {})} for hosts in GROUPS.values() for host in hosts}
     known = {**fleet(GROUPS, hostvars).as_dict(), "name": "demo"}
     given = {"hostvars": hostvars, "fleet": known, "ansible_play_hosts_all": list(hostvars)}
-    return {**run(fleet_info, {"volumes": "usage", "images": "usage"}, given), "asked": asked}
+    return {**run(_fleet_info, {"volumes": "usage", "images": "usage"}, given), "asked": asked}
 
 
 def test_hosts_and_what_their_cluster_holds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,6 +90,6 @@ def test_a_cluster_that_does_not_answer_is_a_problem(
 
 
 def test_without_the_validation() -> None:
-    found = run(fleet_info, {"volumes": "usage"}, {"hostvars": {}, "ansible_play_hosts_all": []})
+    found = run(_fleet_info, {"volumes": "usage"}, {"hostvars": {}, "ansible_play_hosts_all": []})
     assert found["failed"] is True
     assert "import the playbook rosops.fleet.validate" in found["msg"]

@@ -15,7 +15,7 @@ from ansible.inventory.manager import InventoryManager
 from ansible.parsing.dataloader import DataLoader
 from ansible.vars.hostvars import HostVars
 from ansible.vars.manager import VariableManager
-from ansible_collections.rosops.fleet.plugins.action import fleet_config
+from ansible_collections.rosops.fleet.plugins.action import _fleet_config
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 from ansible_collections.rosops.fleet.tests.unit.plugins.action import actions
@@ -50,7 +50,7 @@ def run(tmp_path: Path, fleet: dict[str, Any], check: bool = False) -> dict[str,
     inventory = InventoryManager(loader=loader, sources=[str(source)])
     hostvars = HostVars(inventory, VariableManager(loader=loader, inventory=inventory), loader)
     variables = {"hostvars": hostvars, "groups": inventory.get_groups_dict()}
-    return actions.run(fleet_config, {}, variables, check)
+    return actions.run(_fleet_config, {}, variables, check)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
@@ -134,7 +134,7 @@ def test_waves_of_an_inventory_are_none(tmp_path: Path, monkeypatch: pytest.Monk
     result = run(tmp_path, fleet)
     assert "hosts.robot1.update_waves: has no effect in an inventory; allowed: -e '{" in result["msg"]
     assert "robots" not in result
-    monkeypatch.setattr(fleet_config, "load_extra_vars", lambda _loader: {"update_waves": [1]})
+    monkeypatch.setattr(_fleet_config, "load_extra_vars", lambda _loader: {"update_waves": [1]})
     assert run(tmp_path, fleet)["valid"]
 
 
@@ -142,7 +142,7 @@ def test_waves_of_an_inventory_are_none(tmp_path: Path, monkeypatch: pytest.Monk
 def test_waves_that_ansible_would_stumble_over_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waves: Any
 ) -> None:
-    monkeypatch.setattr(fleet_config, "load_extra_vars", lambda _loader: {"update_waves": waves})
+    monkeypatch.setattr(_fleet_config, "load_extra_vars", lambda _loader: {"update_waves": waves})
     result = run(tmp_path, GOOD)
     assert "update_waves: has" in result["msg"]
     assert "allowed: numbers above 0 and percentages, such as 1, 25%, 100%" in result["msg"]
@@ -153,7 +153,7 @@ def test_a_slice_of_an_awx_job_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workflow: str | None, valid: bool
 ) -> None:
     given = {"awx_job_template_name": "update", **({"awx_workflow_job_name": workflow} if workflow else {})}
-    monkeypatch.setattr(fleet_config, "load_extra_vars", lambda _loader: given)
+    monkeypatch.setattr(_fleet_config, "load_extra_vars", lambda _loader: given)
     result = run(tmp_path, GOOD)
     assert result["valid"] == valid
     assert ("named as its job template, update" in result.get("msg", "")) != valid

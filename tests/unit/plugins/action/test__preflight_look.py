@@ -7,10 +7,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.action import preflight_info
+from ansible_collections.rosops.fleet.plugins.action import _preflight_look
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import pythons
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
+PART = {"role": "agent", "servers": ["edge1"]}
 THEIRS = "ansible-core requires a minimum of Python version 3.9. Current version: 3.8.10 (default, ...)"
 
 
@@ -20,9 +22,9 @@ def looked(
     """The result where the module says `found`, and what the host's shell was asked."""
     asked: list[str] = []
 
-    def module(action: Any, task_vars: dict[str, Any]) -> dict[str, Any]:
-        assert task_vars["inventory_hostname"] == "robot1"
-        action._used_interpreter = "#!/usr/bin/python3"
+    def job(host: ActionHost, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
+        assert (name, arguments["reach"]) == ("facts", ["edge1:6443"])
+        host.plugin._used_interpreter = "#!/usr/bin/python3"
         return found
 
     def shell(_action: Any, command: str) -> dict[str, Any]:
@@ -30,9 +32,9 @@ def looked(
         return {"rc": rc, "stdout": out}
 
     monkeypatch.setattr(pythons, "OLDEST", (3, 9))
-    monkeypatch.setattr(preflight_info.ActionModule, "_execute_module", module)
-    monkeypatch.setattr(preflight_info.ActionModule, "_low_level_execute_command", shell)
-    return run(preflight_info, {}, {}), asked
+    monkeypatch.setattr(ActionHost, "job", job)
+    monkeypatch.setattr(_preflight_look.ActionModule, "_low_level_execute_command", shell)
+    return run(_preflight_look, PART, {"hostvars": {"edge1": {}}}), asked
 
 
 def test_the_clock_is_measured_by_the_call(monkeypatch: pytest.MonkeyPatch) -> None:

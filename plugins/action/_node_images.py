@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""node_images: archives lie on the control node, their images are wanted on the host."""
+"""For the role images: archives lie on the control node, their images are wanted on the host."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, Brought, NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 
@@ -33,12 +33,10 @@ class ActionModule(FleetAction):
         "names": {"type": "list", "elements": "str", "default": []},
         "logins": {"type": "list", "elements": "dict", "default": [], "options": LOGIN, "no_log": True},
         "rate_limit": {"type": "str", "default": ""},
-        "directory": {"type": "path", "default": DIRECTORY},
     }
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        place, limit, logins = params["directory"], params["rate_limit"], params["logins"]
-        node = NodeImages(ActionHost(self, known), place, limit, self.say(known), logins)
+        node = NodeImages(ActionHost(self, known), params["rate_limit"], self.say(known), params["logins"])
         return _outcome(node.bring(params["archives"], params["names"], self._task.check_mode, _kept(known)))
 
 

@@ -1,7 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was read of the fleet as text on the screen and as a page for the browser."""
+"""For the playbook status: what was read of the fleet as text on the screen and as a page for the browser.
+
+`fleet` is what `_fleet_info` returned, `graphs` names the variable in which each robot has what `ros_graph_info` did.
+"""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import pytest
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible_collections.rosops.fleet.plugins.action import robot_update
+from ansible_collections.rosops.fleet.plugins.action import _robot_update
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
@@ -39,7 +39,7 @@ def _control_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def update(args: dict[str, Any], *parts: str, check_mode: bool = False, **options: Any) -> dict[str, Any]:
-    return run(robot_update, {**args, "parts": list(parts), **options}, VARIABLES, check_mode)
+    return run(_robot_update, {**args, "parts": list(parts), **options}, VARIABLES, check_mode)
 
 
 def outcome(result: dict[str, Any]) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def test_without_a_cluster_a_run_says_so() -> None:
 
 def test_before_the_validation_it_says_so(api: dict[str, Any]) -> None:
     known = {key: value for key, value in VARIABLES.items() if key != "fleet"}
-    result = run(robot_update, {**api, "strict": True}, known)
+    result = run(_robot_update, {**api, "strict": True}, known)
     assert result["failed"]
     assert "import the playbook rosops.fleet.validate" in result["msg"]
 
@@ -119,9 +119,9 @@ class Turns:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, **words: str) -> None:
         self.words, self.turns = words, list[tuple[str, bool]]()
-        monkeypatch.setattr(robot_update.C, "DEFAULT_LOCAL_TMP", str(folder))
+        monkeypatch.setattr(_robot_update.C, "DEFAULT_LOCAL_TMP", str(folder))
         monkeypatch.setattr(
-            robot_update.ActionModule, "_update", lambda module, params, _result: self.turn(module, params)
+            _robot_update.ActionModule, "_update", lambda module, params, _result: self.turn(module, params)
         )
         self.masters: dict[str, Any] = {"mode": "shared"}
 
@@ -137,7 +137,7 @@ class Turns:
             "inventory_hostname": name,
         }
         known |= {"ansible_play_hosts_all": ["robot1", "robot2", "robot3"], "ansible_run_tags": ["all"]}
-        return run(robot_update, {"own": own, "failure_budget": "0"}, known)
+        return run(_robot_update, {"own": own, "failure_budget": "0"}, known)
 
 
 def test_the_first_robot_that_can_changes_what_is_the_whole_fleets(
@@ -201,10 +201,10 @@ def test_images_of_all_edge_hosts_are_known_from_one(
         def run(self) -> RobotOutcome:
             return RobotOutcome("unchanged")
 
-    monkeypatch.setattr(robot_update, "Engine", Engine)
+    monkeypatch.setattr(_robot_update, "Engine", Engine)
     known = {**VARIABLES, **fleet_of(robot({**APP, "placement": placement})), "hostvars": edge}
     brought = {"present": {"docker.io/library/redis:7": "sha256:7"}}
-    result = run(robot_update, api, {**known, "groups": {"edge": list(edge)}, "images_brought": brought})
+    result = run(_robot_update, api, {**known, "groups": {"edge": list(edge)}, "images_brought": brought})
     assert result["outcome"]["outcome"] == "unchanged"
     assert edge.asked == asked
     assert settings[0].edge_images == ({"edge1": ["docker.io/lab/apps:1.0"]} if asked else {})

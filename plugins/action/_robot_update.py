@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The update of one robot: the engine in the process of the action, with the real world handed in.
+"""For the role update: one robot. The engine in the process of the action, with the real world handed in.
 
 The strategy imports this file once, in the process that forks the workers. So what is imported here is loaded once per
 run, and not once per robot.
@@ -24,7 +24,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import DIRECTORY, NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
@@ -83,7 +83,6 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "image_archives": {"type": "list", "elements": "dict", "default": []},
     "image_names": {"type": "list", "elements": "str", "default": []},
     "image_rate_limit": {"type": "str", "default": ""},
-    "image_directory": {"type": "str", "default": DIRECTORY},
 }
 
 
@@ -176,8 +175,7 @@ class ActionModule(ClusterAction):
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
         there = RobotHost(self, self._vars)
-        directory, limit = params["image_directory"], params["image_rate_limit"]
-        node = NodeImages(there, directory, limit, self._say, self._pull_secrets())
+        node = NodeImages(there, params["image_rate_limit"], self._say, self._pull_secrets())
         source = ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
         host = ModuleHost(
             there.there, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), source, check

@@ -9,14 +9,9 @@ from typing import Any
 
 import pytest
 from ansible.playbook.task import Task
-from ansible_collections.rosops.fleet.plugins.action import node_images
+from ansible_collections.rosops.fleet.plugins.action import _node_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import (
-    DIRECTORY,
-    Brought,
-    ImagesError,
-    NodeImages,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, ImagesError, NodeImages
 
 REDIS = "docker.io/library/redis:7"
 
@@ -46,7 +41,7 @@ def action(check_mode: bool = False, missing: str = "ansible.posix.synchronize")
         _shell=SimpleNamespace(tmpdir="/unused"), has_option=options.__contains__, get_option=options.__getitem__
     )
     context = SimpleNamespace(copy=str, become=True, become_pass="")
-    made = node_images.ActionModule(task, connection, context, None, None)
+    made = _node_images.ActionModule(task, connection, context, None, None)
     made._shared_loader_obj = loaders
     made.ran = []
 
@@ -79,9 +74,8 @@ def test_the_node_is_looked_at_in_check_mode_too(check_mode: bool) -> None:
 
 
 def test_what_was_brought_is_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
-    def bring(images: NodeImages, archives: Any, names: Any, check: bool, keep: Any) -> Brought:
-        assert (archives, names, check, images.directory) == ([], ["redis:7"], False, DIRECTORY)
-        assert keep == []
+    def bring(_images: NodeImages, archives: Any, names: Any, check: bool, keep: Any) -> Brought:
+        assert (archives, names, check, keep) == ([], ["redis:7"], False, [])
         return Brought(("/a.tar",), (REDIS,), (), {}, {REDIS: "sha256:1"}, {REDIS: "sha256:1"}, {REDIS: "wanted"})
 
     result = run(action(), monkeypatch, bring)

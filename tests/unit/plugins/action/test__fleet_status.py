@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.action import fleet_status
+from ansible_collections.rosops.fleet.plugins.action import _fleet_status
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 HOST = {"name": "robot1", "group": "robots", "cluster": "edge", "reachable": True}
@@ -23,19 +23,19 @@ GRAPH = {"nodes": {"/sensor": {"reachable": True}}, "topics": {"/t": {"type": "a
 
 @pytest.fixture(autouse=True)
 def reports(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(fleet_status, "callback_path", lambda: str(tmp_path / "report.json"))
+    monkeypatch.setattr(_fleet_status, "callback_path", lambda: str(tmp_path / "report.json"))
 
 
 @pytest.fixture
 def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     found: list[str] = []
-    monkeypatch.setattr(fleet_status.display, "display", found.append)
+    monkeypatch.setattr(_fleet_status.display, "display", found.append)
     return found
 
 
 def show(page: Path | str, result: dict[str, Any], check_mode: bool = False, **more: Any) -> dict[str, Any]:
     args = {"fleet": FLEET, "graphs": "graph", "page": str(page)}
-    return run(fleet_status, args, {"hostvars": {"robot1": {"graph": result}}, **more}, check_mode)
+    return run(_fleet_status, args, {"hostvars": {"robot1": {"graph": result}}, **more}, check_mode)
 
 
 def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
@@ -48,7 +48,7 @@ def test_a_second_look_changes_nothing(tmp_path: Path, said: list[str]) -> None:
 
 
 def test_tables_are_for_those_who_ask_for_more(monkeypatch: pytest.MonkeyPatch, said: list[str]) -> None:
-    monkeypatch.setattr(fleet_status.display, "verbosity", 1)
+    monkeypatch.setattr(_fleet_status.display, "verbosity", 1)
     found = show("", {"graph": GRAPH})
     assert "(shared)  /t     a/B" in said[0] and "All tables" not in said[0]
     assert found["_ansible_verbose_override"] is True  # Ansible's own print of it would be the same once more
