@@ -94,7 +94,7 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     assert "hush" not in done.stdout + done.stderr
     names = {kind: {one.get("name") for one in objects} for kind, objects in awx.objects.items()}
     assert names["job_templates"] == {one["name"] for one in OBJECTS["awx_job_templates"]}
-    assert names["schedules"] == {one["name"] for one in OBJECTS["awx_schedules"]}
+    assert names["schedules"] == {one["name"] for one in OBJECTS["controller_schedules"]}
     assert {"fleet hosts", "fleet vault", "fleet cluster"} < names["credentials"]
     for template in awx.objects["job_templates"]:
         assert (template["become_enabled"], template["allow_simultaneous"], template["job_slice_count"]) == (
@@ -128,6 +128,8 @@ def test_an_awx_has_it_all_and_a_second_run_changes_nothing(awx: Awx, tmp_path: 
     }
     assert then == {"canary": [nodes["approval"]["id"]], "approval": [nodes["others"]["id"]], "others": None}
     assert nodes["canary"]["limit"] == "edge:robot1"
+    surveys = {awx.of("job_templates", name)["survey_enabled"] for name in ("fleet status", "fleet validate")}
+    assert (surveys, site["survey_enabled"], workflow["survey_enabled"]) == ({False}, True, True)
     assert awx.of("schedules", "fleet update at night")["rrule"].startswith(
         "DTSTART;TZID=Europe/Prague:20260101T020000 RRULE:"
     )
@@ -153,9 +155,7 @@ def test_what_has_to_be_said_is_asked_for(awx: Awx, tmp_path: Path, name: str) -
 def test_questions_are_of_variables_that_there_are() -> None:
     known = {*variables(), "update_waves"}
     assert {one["variable"] for one in OBJECTS["awx_questions"].values()} <= known
-    for template in OBJECTS["awx_job_templates"]:
-        assert set(template["survey"]) <= set(OBJECTS["awx_questions"])
-        assert (CHECKOUT / "playbooks" / template["playbook"]).exists()
+    assert all((CHECKOUT / "playbooks" / one["playbook"]).exists() for one in OBJECTS["awx_job_templates"])
 
 
 def test_defaults_fit_their_questions() -> None:
@@ -221,10 +221,11 @@ def test_awx_takes_the_messages() -> None:
 
 def test_a_workflow_is_not_taken_for_a_slice() -> None:
     """By its name: AWX names the workflow of a sliced job template as that."""
-    assert OBJECTS["awx_workflow"]["name"] not in {one["name"] for one in OBJECTS["awx_job_templates"]}
+    workflows = {one["name"] for one in OBJECTS["controller_workflows"]}
+    assert not workflows & {one["name"] for one in OBJECTS["awx_job_templates"]}
 
 
 def test_the_settings_are_those_that_are_read() -> None:
     text = PLAYBOOK.read_text() + (CHECKOUT / "awx" / "objects.yml").read_text()
-    read = set(re.findall(r"\bawx_[a-z_]+", text)) - set(OBJECTS) - {"awx_credentials", "awx_setup", "awx_access"}
+    read = set(re.findall(r"\bawx_[a-z_]+", text)) - set(OBJECTS) - {"awx_setup", "awx_access"}
     assert set(SETTINGS) == read

@@ -1,0 +1,21 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the playbook awx_setup: an object of AWX as data has it. Ansible warns where a task takes all its options so."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
+
+
+class ActionModule(FleetAction):
+    """`object` are the options of awx.awx's module `kind`."""
+
+    ARGUMENTS: ClassVar = {"kind": {"type": "str", "required": True}, "object": {"type": "dict", "required": True}}
+
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        name, options = f"awx.awx.{params['kind']}", dict(params["object"])
+        return dict(self._execute_module(module_name=name, module_args=options, task_vars=known))
