@@ -205,4 +205,4 @@ def test_overrides_come_last() -> None:
     ],
 )
 def test_orders_that_can_be_kept(apps: list[Any]) -> None:
-    assert list(dependency_problems(draft("r1", {"ros_apps": apps}, [], lambda _app: None))) == []
+    assert list(dependency_problems(draft("r1", {"ros_apps": apps}, []))) == []
