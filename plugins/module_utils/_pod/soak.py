@@ -37,11 +37,12 @@ class Watched:
     seconds: float = 0.0  # for which it could be seen
     looks: int = 0
     bad: int = 0  # looks that found it so, one after the other
+    counted: bool = False  # messages were, when they were asked for last, and there were enough
     why: str = ""
 
     @property
     def counts_messages(self) -> bool:
-        """In a look that may end the watch, too: nobody is proven by a rate that nobody has counted."""
+        """Nobody is proven by a rate that nobody has counted."""
         return self.bad > 0 or self.looks % RATED == RATED - 1
 
 
@@ -62,11 +63,12 @@ class Soak:
         found.why = "others of its step went back" if step.begun else ended(step)
         if found.why or not step.rolled_out:
             return
-        wanted = conditions(step, found.counts_messages)
-        seen = look(ros, conditions_from(wanted), self.silence)
+        counts = found.counts_messages
+        seen = look(ros, conditions_from(conditions(step, counts)), self.silence)
         verdict = worse(seen)
         if verdict is None:
             return
+        found.counted = (counts or found.counted) and not verdict
         found.seconds, found.looks = found.seconds + passed, found.looks + 1
         found.bad = found.bad + 1 if verdict else 0
         found.why = verdict if found.bad >= LOOKS else ""
@@ -78,8 +80,7 @@ class Soak:
     def good(self, step: Step) -> bool:
         """Whether it is proven by now."""
         found = self.watched.get(step.key, Watched())
-        counted = found.looks % RATED == 0 or found.bad
-        return bool(found.seconds >= step.soak and counted and not (found.bad or found.why))
+        return found.seconds >= step.soak and found.counted and not found.why
 
 
 def conditions(step: Step, rates: bool) -> dict[str, Any]:
@@ -121,7 +122,8 @@ def _times(number: int) -> str:
 
 def worse(seen: Look) -> str | None:
     """What of the graph is not as it was, in words; None: it cannot be seen."""
-    unmet = seen.unmet
+    # a peer that does not answer says nothing of this version
+    unmet = [check for check in seen.unmet if not check.observed.get("silent")]
     own = [check for check in unmet if check.kind == "node"]
     if any(check.kind == "master" for check in unmet) or any(_is_silent(check) for check in own):
         return None

@@ -205,28 +205,31 @@ class StepWatch:
             why = soak.bad(step)
             if why:
                 self._due(namespace, seen, Due(step, SOAKING, f"{why}, within {step.soak:.0f} s of the update"))
-            elif soak.good(step):
-                self._prove(namespace, seen, step)
+        good = [step for step in steps if soak.good(step)]
+        if good:
+            self._prove(namespace, seen, good)
         return bool(steps)
 
-    def _prove(self, namespace: str, seen: Observed, step: Step) -> None:
-        """It was good for long enough. The record says so first; only then the mark comes off."""
+    def _prove(self, namespace: str, seen: Observed, good: list[Step]) -> None:
+        """They were good for long enough. The record says so first; only then the mark comes off."""
         claim = self._claim(namespace, seen)
         if claim is None:
             return
         try:
             claim.renew()
-            for again in self._steps(namespace, self.cluster.deployments(namespace), SOAKING):
-                for member in again.members if again.key == step.key else ():
+            keys = {step.key for step in good}
+            there = self._steps(namespace, self.cluster.deployments(namespace), SOAKING)
+            for step in (one for one in there if one.key in keys):
+                claim.renew()
+                for member in step.members:
                     record = self.cluster.config_map(namespace, f"{member.name}-update")
                     if record_of(record) == member.record:
                         self.cluster.apply(namespace, proven(record or {}))
-                for member in again.members if again.key == step.key else ():
-                    claim.renew()
+                for member in step.members:
                     self.cluster.unmark(namespace, member.deployment, SOAKING)
-            self.log(f"{namespace}: {step.name} was good for {step.soak:.0f} s: proven")
+                self.log(f"{namespace}: {step.name} was good for {step.soak:.0f} s: proven")
         except LostError as error:
-            self._tell(f"{namespace}/{step.name}", f"is not proven yet: {error}")
+            self._tell(f"{namespace}/{good[0].name}", f"is not proven yet: {error}")
         finally:
             claim.release()
 

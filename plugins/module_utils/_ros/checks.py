@@ -346,4 +346,5 @@ def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
         reason = _unknown(graph, wanted.publisher)
     else:
         reason = f"{wanted.subscriber} is not connected to {wanted.publisher}"
-    return Check("edge", name, WAIT, reason, {"connected": False})
+    silent = [end for end in ends if not graph.nodes.get(end, Node(end)).reachable]
+    return Check("edge", name, WAIT, reason, {"connected": False, "silent": silent})

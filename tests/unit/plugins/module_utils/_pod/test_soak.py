@@ -73,6 +73,7 @@ REFUSED = Check("node", "/camera_2", WAIT, "down", {"uri": "http://10.42.0.9:1/"
 SILENT = Check("node", "/camera_2", WAIT, "no answer", {"uri": "http://10.42.0.9:1/", "refused": False})
 LOST = Check("node", "/camera_2", WAIT, "not registered with the master")
 SLOW = Check("rate", "/image", WAIT, "10 Hz of at least 18 Hz")
+UNHEARD = Check("edge", "/a -> /image -> /b", WAIT, "/b is registered, but down", {"silent": ["/b"]})
 NO_MASTER = Check("master", "http://ros-master:11311", WAIT, "the ROS master does not answer")
 
 
@@ -84,6 +85,7 @@ NO_MASTER = Check("master", "http://ros-master:11311", WAIT, "the ROS master doe
         ([REFUSED], "node /camera_2: down"),
         ([LOST], "node /camera_2: not registered with the master"),
         ([SILENT, SLOW], None),
+        ([UP, UNHEARD], ""),
         ([NO_MASTER, SLOW], None),
     ],
 )
