@@ -83,45 +83,20 @@ FORMS: dict[str, Any] = {
     "robot_namespace_pull_secrets[]": {"registry": LOGIN[1:], "username": LOGIN[:1], "password": LOGIN[:1]},
     "robot_namespace_pull_secrets[].name": text("dns-name"),
     **dict.fromkeys([f"robot_namespace_pull_secrets[].{key}" for key in LOGIN], kind_of(Filled)),
-    **dict.fromkeys(
-        (
-            "observability.prometheus.scrape_interval",
-            "observability.prometheus.evaluation_interval",
-            "observability.prometheus.retention",
-            "observability.loki.retention",
-            "observability_scrape_interval",
-            "observability_evaluation_interval",
-            "observability_prometheus_retention",
-            "observability_loki_retention",
-            "observability_out_of_order_window",
-        ),
-        text("retention"),
-    ),
-    **dict.fromkeys(
-        (
-            "observability.grafana.persistence.size",
-            "observability.loki.persistence.size",
-            "observability_prometheus_size",
-            "observability_loki_size",
-            "observability_grafana_size",
-            "observability_store_size",
-            "observability_log_queue_size",
-        ),
-        SIZE,
-    ),
-    **dict.fromkeys(
-        ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port"),
-        kind_of(Annotated[int, NODE_PORT]),
-    ),
-    **dict.fromkeys(
-        [
-            f"observability_{part}_image"
-            for part in (
-                "prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent",
-            )
-        ],
-        text("image"),
-    ),
+    **{f"observability{end}": text("retention") for end in (
+        ".prometheus.scrape_interval", ".prometheus.evaluation_interval", ".prometheus.retention", ".loki.retention",
+        "_scrape_interval", "_evaluation_interval", "_prometheus_retention", "_loki_retention", "_out_of_order_window",
+    )},
+    **{f"observability{end}": SIZE for end in (
+        ".grafana.persistence.size", ".loki.persistence.size", "_prometheus_size", "_loki_size", "_grafana_size",
+        "_store_size", "_log_queue_size",
+    )},
+    **{f"observability_{part}_port": kind_of(Annotated[int, NODE_PORT]) for part in (
+        "grafana_node", "hub_metrics", "hub_logs",
+    )},
+    **{f"observability_{part}_image": text("image") for part in (
+        "prometheus", "loki", "grafana", "alertmanager", "node_exporter", "otelcol", "vmagent",
+    )},
     "observability_hub_url": or_empty("hub-url"),
     "observability_allowed_networks[]": text("network"),
     "observability_log_shipper": words("otelcol, which took promtail's place and its labels, or none"),
