@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import update_record
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, config_map, owner_labels
@@ -23,13 +22,13 @@ RBAC = "rbac.authorization.k8s.io"
 GO_BACK = (
     ("apps", "deployments", ("get", "list", "patch")),
     ("", "pods", ("list",)),
-    ("", "configmaps", ("get",)),
+    ("", "configmaps", ("get", "patch")),  # records: what became of a step, and that a version is proven
     ("coordination.k8s.io", "leases", ("get", "create", "update")),
 )
 BEGIN_ANEW = (("", "pods/eviction", ("create",)), ("", "events", ("create",)))  # what hangs
 LEASES = ("coordination.k8s.io", "leases", ("list",))  # of all robots at once: where something may be due
 FIND_ROBOTS = ("", "configmaps", ("list",))
-Rule = tuple[str, str, Sequence[str]] | tuple[str, str, Sequence[str], Sequence[str]]  # the last names what is meant
+Rule = tuple[str, str, Sequence[str]]
 
 
 def keeper_access(robot: Robot) -> list[Object]:
@@ -39,22 +38,14 @@ def keeper_access(robot: Robot) -> list[Object]:
     home = context.master_namespace(robot)
     objects = [
         _account(home, context.master_owner(robot)),
-        *_role(robot.namespace, robot.name, home, (*GO_BACK, *BEGIN_ANEW, _tell(robot, robot.namespace))),
+        *_role(robot.namespace, robot.name, home, (*GO_BACK, *BEGIN_ANEW)),
     ]
     if home == names.FLEET_NAMESPACE:
         labels = {**owner_labels(robot.name), names.LABEL_KEPT: "true"}
-        objects += _role(home, None, home, (*GO_BACK, *BEGIN_ANEW, FIND_ROBOTS, _tell(robot, home)))
+        objects += _role(home, None, home, (*GO_BACK, *BEGIN_ANEW, FIND_ROBOTS))
         objects += _role("", None, home, (LEASES,))
         objects.append(config_map(robot.namespace, home, labels, {}))
     return objects
-
-
-def _tell(robot: Robot, namespace: str) -> Rule:
-    """Say what became of a step, and that a version is proven: in the records of what runs there, and in no others."""
-    apps = [app.name for app in robot.apps if context.namespace_of(app, robot) == namespace]
-    master = [names.MASTER_NAME] if context.master_namespace(robot) == namespace else []
-    told = [update_record.NAME] if namespace == robot.namespace else []
-    return "", "configmaps", ("patch",), [*told, *map(names.update_name, [*master, *sorted(apps)])]
 
 
 def _account(namespace: str, owner: str | None) -> Object:
@@ -65,15 +56,7 @@ def _role(namespace: str, owner: str | None, home: str, rules: Sequence[Rule]) -
     """The Role in a namespace, or without one in the cluster, given to the keeper with its account in `home`."""
     kind = "Role" if namespace else "ClusterRole"
     metadata = _metadata(namespace, owner)
-    allowed = [
-        {
-            "apiGroups": [group],
-            "resources": [kind],
-            "verbs": list(verbs),
-            **({"resourceNames": list(only[0])} if only else {}),
-        }
-        for group, kind, verbs, *only in rules
-    ]
+    allowed = [{"apiGroups": [group], "resources": [kind], "verbs": list(verbs)} for group, kind, verbs in rules]
     return [
         {"apiVersion": f"{RBAC}/v1", "kind": kind, "metadata": metadata, "rules": allowed},
         {

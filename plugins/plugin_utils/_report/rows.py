@@ -35,6 +35,7 @@ Row = dict[str, Any]
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
 BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.kubernetes.io")
 ROLE_LABEL = "node-role.kubernetes.io/"
+BACK = ("from", "to", "at", "reason")  # of what a keeper took back
 _OF_CLUSTERS = ("hosts", "nodes", "placement", "masters", "helpers", "apps", "went_back", "claims")
 HELPERS = frozenset({names.KEEPER_NAME, EXPORTER_NAME})  # beside each master; nobody has written them into an inventory
 LATELY = 600.0  # s, in which the end of a container that was started again is news
@@ -173,7 +174,12 @@ def went_back_rows(deployments: Iterable[Mapping[str, Any]]) -> list[Row]:
     """What the keeper took back, as nobody else did; it stands there until the next step."""
     return _sorted(
         [
-            {"name": app, "namespace": meta(one).get("namespace", ""), "robot": _robot(one), **told}
+            {
+                "name": app,
+                "namespace": meta(one).get("namespace", ""),
+                "robot": _robot(one),
+                **{key: told[key] for key in BACK},
+            }
             for one in deployments
             for app, told in ways_back([one]).items()
         ]

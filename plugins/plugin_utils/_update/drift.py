@@ -14,7 +14,7 @@ from collections.abc import Iterable
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.subset import is_in
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import hash_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import UNPROVEN, answer
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import UNPROVEN, answer, soaks
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields, left_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import key_of, read_records
@@ -29,7 +29,7 @@ def suspects(wanted: Iterable[Object], live: Live) -> list[Object]:
         for item in wanted
         if (found := there.get(key_of(item))) is not None
         and hash_of(found) == hash_of(item)
-        and answer(found, records) not in UNPROVEN  # a step applies it again anyway
+        and (answer(found, records) not in UNPROVEN or soaks(found, records))  # a step applies the others again anyway
         and _is_changed(item, found)
     ]
 

@@ -13,7 +13,7 @@ from typing import Any, Literal, Union
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Kind
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import is_secret
 
 # Type -> whose values it takes, and its words; all others are mappings.
@@ -28,76 +28,71 @@ TYPES: dict[Any, tuple[Any, str]] = {
 MAPPING = (dict, "a mapping")
 OPEN = "open"  # a note of a kind: it may have keys that nobody knows
 
-# Where in the value it was seen, which the order goes by, and what.
-Found = Iterator[tuple[tuple[str | int, ...], Problem]]
-
 
 def value_problems(value: Any, kind: Kind, path: str) -> list[Problem]:
     """Everything that is wrong with a value, in the order of the paths."""
-    found = sorted(_wrong(value, kind, path, ()), key=lambda one: [str(part) for part in one[0]])
-    return unique(problem for _place, problem in found)
+    return unique(sorted(_wrong(value, kind.said, path), key=lambda problem: problem.path))
 
 
-def _wrong(value: Any, kind: Kind, base: str, place: tuple[str | int, ...]) -> Found:
-    kind, path = kind.said, join_path(base, *place)
+def _wrong(value: Any, kind: Kind, path: str) -> Iterator[Problem]:
     forms = [note for note in kind.notes if isinstance(note, Form)]
     of_its_type = [one for one in kind.inner if fits(value, one)] if kind.type is Union else []
     if of_its_type:
-        yield from ((place, problem) for _place, problem in _wrong(value, of_its_type[0], base, place))
+        yield from _wrong(value, of_its_type[0], path)
     elif not fits(value, kind) or not all(form.test(value) for form in forms):
         found = "empty" if FILLED in forms and fits(value, kind) else _value(value, path)
-        yield place, Problem(path, f"is {found}", allowed(kind))
+        yield Problem(path, f"is {found}", allowed(kind))
     elif kind.type is tuple:
         for index, item in enumerate(value):
-            yield from _wrong(item, kind.inner[0], base, (*place, index))
+            yield from _wrong(item, kind.inner[0].said, join_path(path, index))
     elif kind.type is Mapping:
         names, values = kind.inner
-        for name in value:
-            if list(_wrong(name, names, base, place)):
-                yield place, Problem(path, f"has the key {shown(name)}", allowed(names))
         for name, item in value.items():
-            yield from _wrong(item, values, base, (*place, name))
+            if any(_wrong(name, names, path)):
+                yield Problem(path, f"has the key {shown(name)}", allowed(names))
+            yield from _wrong(item, values.said, join_path(path, name))
     elif isinstance(kind.inner, Mapping):
-        for name, key in kind.inner.items():
-            if name in value:
-                yield from _wrong(value[name], key.kind, base, (*place, name))
-        yield from ((place, problem) for problem in _keys(value, kind, path))
+        yield from _of_mapping(value, kind, path)
 
 
 def fits(value: Any, kind: Kind) -> bool:
     """Whether a value is of a type. Of numbers it is the value that counts: 2.0 is a whole one."""
+    if kind.type is Any:
+        return True
     if kind.type is Literal:
         return value in kind.inner
     if kind.type is Union:
         return any(fits(value, one) for one in kind.inner)
+    if isinstance(value, bool):
+        return kind.type is bool
     if kind.type is int and isinstance(value, float):
         return value.is_integer()
-    takes, _words = TYPES.get(kind.type, MAPPING)
-    return kind.type is Any or (isinstance(value, takes) and isinstance(value, bool) <= (kind.type is bool))
+    return isinstance(value, TYPES.get(kind.type, MAPPING)[0])
 
 
-def _keys(value: Mapping[str, Any], kind: Kind, path: str) -> Iterator[Problem]:
+def _of_mapping(value: Mapping[str, Any], kind: Kind, path: str) -> Iterator[Problem]:
     """Mappings are closed: a key that nobody reads is a mistake that nobody would see."""
-    known: Mapping[str, Any] = kind.inner
+    known: Mapping[str, Key] = kind.inner
     for name, key in known.items():
-        if key.required and name not in value:
-            yield Problem(join_path(path, name), "is missing", allowed(key.kind))
-    for name in sorted(set(value) - set(known)) if OPEN not in kind.notes else ():
+        where = join_path(path, name)
+        if name in value:
+            yield from _wrong(value[name], key.kind.said, where)
+        elif key.required:
+            yield Problem(where, "is missing", allowed(key.kind.said))
+    for name in set(value) - set(known) if OPEN not in kind.notes else ():
         told = "a variable of the collection's documentation"
         if len(known) < 30:
             told = "one of " + ", ".join(sorted(known))
         yield Problem(join_path(path, name), f"is unknown{did_you_mean(name, known)}", told)
     needs = next((note for note in kind.notes if isinstance(note, Mapping)), {})
-    for name, others in needs.items():
-        for other in others if name in value else ():
-            if other not in value:
-                found = f"is missing, although {name} is set"
-                yield Problem(join_path(path, other), found, f"{other} together with {name}")
+    for name, other in ((name, other) for name, others in needs.items() for other in others):
+        if name in value and other not in value:
+            found = f"is missing, although {name} is set"
+            yield Problem(join_path(path, other), found, f"{other} together with {name}")
 
 
 def allowed(kind: Kind) -> str:
     """A kind in words."""
-    kind = kind.said
     forms = [note for note in kind.notes if isinstance(note, Form)]
     if forms and forms[-1] is not FILLED:
         return forms[-1].allowed

@@ -83,29 +83,16 @@ FORMS: dict[str, Any] = {
     "robot_namespace_pull_secrets[]": {"registry": LOGIN[1:], "username": LOGIN[:1], "password": LOGIN[:1]},
     "robot_namespace_pull_secrets[].name": text("dns-name"),
     **dict.fromkeys([f"robot_namespace_pull_secrets[].{key}" for key in LOGIN], kind_of(Filled)),
-    **dict.fromkeys(
-        (
-            "observability.prometheus.scrape_interval",
-            "observability.prometheus.evaluation_interval",
-            "observability.prometheus.retention",
-            "observability.loki.retention",
-            "observability_out_of_order_window",
-        ),
-        text("retention"),
-    ),
-    **dict.fromkeys(
-        (
-            "observability.grafana.persistence.size",
-            "observability.loki.persistence.size",
-            "observability_prometheus_size",
-            "observability_store_size",
-        ),
-        SIZE,
-    ),
-    **dict.fromkeys(
-        ("observability_grafana_node_port", "observability_hub_metrics_port", "observability_hub_logs_port"),
-        kind_of(Annotated[int, NODE_PORT]),
-    ),
+    **{f"observability{end}": text("retention") for end in (
+        ".prometheus.scrape_interval", ".prometheus.evaluation_interval", ".prometheus.retention", ".loki.retention",
+        "_out_of_order_window",
+    )},
+    **{f"observability{end}": SIZE for end in (
+        ".grafana.persistence.size", ".loki.persistence.size", "_prometheus_size", "_store_size",
+    )},
+    **{f"observability_{part}_port": kind_of(Annotated[int, NODE_PORT]) for part in (
+        "grafana_node", "hub_metrics", "hub_logs",
+    )},
     **{f"observability_images.{part}": text("image") for part in all_options()["observability_images"]["options"]},
     "observability_hub_url": or_empty("hub-url"),
     "observability_allowed_networks[]": text("network"),

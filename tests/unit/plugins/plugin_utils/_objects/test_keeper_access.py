@@ -8,26 +8,20 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import namespace_objects
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 GO_BACK = {
     ("apps", "deployments"): {"get", "list", "patch"},
     ("", "pods"): {"list"},
-    ("", "configmaps"): {"get"},
+    ("", "configmaps"): {"get", "patch"},
     ("coordination.k8s.io", "leases"): {"get", "create", "update"},
     ("", "pods/eviction"): {"create"},  # of what hangs
     ("", "events"): {"create"},
 }
-# of the records those of what runs there: for a robot with an own master of that, too
-OWN = {**GO_BACK, ("", "configmaps robot-updates ros-master-update camera-update"): {"patch"}}
-SHARED = {**GO_BACK, ("", "configmaps robot-updates camera-update"): {"patch"}}
-FLEET = {**GO_BACK, ("", "configmaps"): {"get", "list"}, ("", "configmaps ros-master-update map-update"): {"patch"}}
 
 
 def of(mode: str) -> list[dict[str, Any]]:
-    apps = [app("camera"), *([app("map", scope="fleet")] if mode == "shared" else [])]
-    return keeper_access(robot(*apps, name="r1", master={"mode": mode}))
+    return keeper_access(robot(name="r1", master={"mode": mode}))
 
 
 def allowed(role: dict[str, Any]) -> dict[tuple[str, str], set[str]]:
@@ -51,7 +45,7 @@ def test_a_robots_keeper_may_go_back_in_the_robots_namespace_and_do_nothing_else
         ("Role", "robot-r1", "ros-keeper"),
         ("RoleBinding", "robot-r1", "ros-keeper"),
     ]
-    assert allowed(role) == OWN
+    assert allowed(role) == GO_BACK
     assert binding["roleRef"] == {"apiGroup": "rbac.authorization.k8s.io", "kind": "Role", "name": "ros-keeper"}
     assert binding["subjects"] == [{"kind": "ServiceAccount", "name": "ros-keeper", "namespace": "robot-r1"}]
 
@@ -68,8 +62,8 @@ def test_a_shared_masters_keeper_may_do_so_for_each_robot_that_told_it() -> None
         ("ClusterRoleBinding", "", "ros-keeper"),
         ("ConfigMap", "fleet", "robot-r1"),
     ]
-    assert allowed(objects[1]) == SHARED
-    assert allowed(objects[3]) == FLEET
+    assert allowed(objects[1]) == GO_BACK
+    assert allowed(objects[3]) == {**GO_BACK, ("", "configmaps"): {"get", "list", "patch"}}
     for binding in (objects[2], objects[4], objects[6]):
         assert binding["subjects"] == [{"kind": "ServiceAccount", "name": "ros-keeper", "namespace": "fleet"}]
     assert allowed(objects[5]) == {("coordination.k8s.io", "leases"): {"list"}}

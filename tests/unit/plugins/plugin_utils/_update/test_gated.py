@@ -39,10 +39,10 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in INFRASTRUCTURE])
 def test_what_is_proven_needs_only_its_mark_taken_off(name: str) -> None:
     sim, wanted = begin(name, "good")
-    sim.run(wanted, settings())
+    sim.run(wanted, settings(soak=0.0))
     for at in range(1, len(sim.calls) + 1):
         sim, wanted = begin(name, "good")
-        sim.run(wanted, settings(), "half-killed", at)
+        sim.run(wanted, settings(soak=0.0), "half-killed", at)
         step = [app.name for app in wanted.apps]
         if any(sim.promised(place, app).get("proven") for _kind, place, _name in [*sim.objects] for app in step):
             assert outcome_of(sim, wanted).outcome in ("updated", "unchanged")
