@@ -395,7 +395,7 @@ class App:
     most).
 
     V(0) is never. With an external master there is no keeper."""
-    resources: Resources = field(default_factory=lambda: Resources())
+    resources: Resources = field(default_factory=Resources)
     """The container's resources."""
     devices: tuple[Annotated[str, FORMS["device"]], ...] = ()
     """Device nodes of the robot that the app drives, such as C(/dev/ttyUSB0). They need a privileged container, and a
