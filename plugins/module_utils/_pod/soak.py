@@ -94,9 +94,7 @@ def conditions(step: Step, rates: bool) -> dict[str, Any]:
     ]
     found: dict[str, Any] = {key: [item for part in parts for item in part[key]] for key in LISTS}
     if not rates:
-        found["topics"] = [
-            {key: one[key] for key in one if key not in ros_contract.STREAMED} for one in found["topics"]
-        ]
+        found["topics"] = ros_contract.unstreamed(found["topics"])
     return found
 
 

@@ -98,5 +98,10 @@ def ended(record: Object, deployments: Iterable[Object]) -> Object | None:
     now = [new if new == old else {**new, NEWS: True} for old, new in zip(before, after)]
     if now == before:
         return None
-    metadata = {key: record["metadata"].get(key) for key in ("name", "namespace", "labels", "resourceVersion")}
-    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": data_of(now)}
+    return anew(record, data_of(now))
+
+
+def anew(found: Object, data: Mapping[str, str]) -> dict[str, Any]:
+    """A ConfigMap to apply with other data; it is refused if somebody has written it since."""
+    metadata = {key: found["metadata"].get(key) for key in ("name", "namespace", "labels", "resourceVersion")}
+    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": dict(data)}

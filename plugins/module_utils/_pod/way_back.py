@@ -38,7 +38,7 @@ from .._step.objects import (
 from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of, record_of
 from .._step.words import KEEPER, LEASE, LEASE_SECONDS, SOAKING, UPDATING, WENT_BACK
 from .subset import is_in
-from .update_record import by_run, went_back
+from .update_record import anew, by_run, went_back
 
 FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
 
@@ -286,9 +286,8 @@ def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> di
 
 
 def proven(record: Object) -> dict[str, Any]:
-    """The ConfigMap to apply once its version is proven; it is refused if somebody has written it since."""
-    metadata = {key: record["metadata"].get(key) for key in ("name", "namespace", "labels", "resourceVersion")}
-    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": record_of(record).fulfilled().data()}
+    """The ConfigMap to apply once its version is proven."""
+    return anew(record, record_of(record).fulfilled().data())
 
 
 def restored(member: Member, reason: str, time: str) -> dict[str, Any]:

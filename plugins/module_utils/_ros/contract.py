@@ -302,6 +302,11 @@ def conditions(contract: Mapping[str, Any], tolerance: float | None = None, abse
     }
 
 
+def unstreamed(topics: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Conditions on topics without those for which streams are opened."""
+    return [{key: topic[key] for key in topic if key not in STREAMED} for topic in topics]
+
+
 def least_rate_of(entry: Mapping[str, Any], tolerance: float) -> float:
     """Messages per second that a publisher has to give: as was said, else what it gave less the tolerance; 0: any."""
     if entry.get("least") is not None:

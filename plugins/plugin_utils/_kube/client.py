@@ -348,7 +348,7 @@ class Kube:
                 if foreign and not dry_run:
                     self._take_over(ref, obj)
                 if fenced and before:
-                    after = self._fenced(ref, obj, query)
+                    after = self._fenced(ref, obj, query, self.get(ref) if foreign else before)
                 else:  # two robots that create the same object at once: one is told 409, and finds it there then
                     after = self._object("PATCH", self._path(ref), query, obj, APPLY, also=(409,))
                 if foreign and dry_run:  # which cannot foresee it
@@ -363,21 +363,21 @@ class Kube:
             done.append(applied(ref, before, after))
         return done
 
-    def _fenced(self, ref: Ref, wanted: Mapping[str, Any], query: Mapping[str, Any]) -> Object:
-        """Apply it to the object as it is now.
+    def _fenced(self, ref: Ref, wanted: Mapping[str, Any], query: Mapping[str, Any], there: Object | None) -> Object:
+        """Apply it to the object as it is `there`, or as it is by then where somebody has written it since.
 
         A request that hangs in the API server while this run loses its Lease is refused when it gets through: whoever
         has the Lease by then has written the object.
         """
         for tries in range(1, RACES + 1):
-            there = self.get(ref) or {"metadata": {}}
-            version = there["metadata"].get("resourceVersion")
+            version = there["metadata"].get("resourceVersion") if there else None
             body = {**wanted, "metadata": {**wanted["metadata"], **({"resourceVersion": version} if version else {})}}
             try:
                 return self._object("PATCH", self._path(ref), query, body, APPLY)
             except ApiError as exc:
                 if exc.status != 409 or tries == RACES:
                     raise
+            there = self.get(ref)
         raise AssertionError("the last try returns or raises")
 
     def _take_over(self, ref: Ref, wanted: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Record
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
@@ -281,10 +282,8 @@ class Gated:
         """That it is proven. Where a keeper can take it back that is the keeper's to say, after a while."""
         turn, now, step = self.turn, self.now, self.step
         apps = {*step.apps} - {names.KEEPER_NAME}
-        again = all(
-            any(entry["revision"] == step.after.get(app, {}).get("revision") for entry in step.histories.get(app, ()))
-            for app in apps
-        )
+        revisions = {app: step.after.get(app, {}).get("revision", "") for app in apps}
+        again = all(Record(history=step.histories.get(app, ())).is_history(new) for app, new in revisions.items())
         if step.proven or again or not (turn.keeper and turn.settings.soak and apps & {*step.previous}):
             return [*fulfilled(now.maps), *step.workloads]
         good = found_good(now.maps, turn.settings.soak, decide.new_pods(step, turn.read().pods))

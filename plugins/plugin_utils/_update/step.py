@@ -398,9 +398,7 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
         contract = gate.contracts.get(app, NO_CONTRACT)
         old |= _names_in(contract, replace(launch, old=launch.new, new=launch.old)).renames
     found = _united(_conditions([_renamed(one, old) for one in gate.contracts.values()], tolerance))
-    found["topics"] = [
-        {key: topic[key] for key in topic if key not in ros_contract.STREAMED} for topic in found["topics"]
-    ]
+    found["topics"] = ros_contract.unstreamed(found["topics"])
     return found
 
 

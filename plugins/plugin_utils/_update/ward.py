@@ -106,10 +106,7 @@ def own_nodes(graph: Graph, robot: Robot) -> list[str]:
 def conditions(graph: Graph, nodes: Sequence[str]) -> Object:
     """What these nodes are to the graph. A change of the host is no reason for another rate."""
     found = ros_contract.conditions(ros_contract.record(graph, nodes))
-    return {
-        **found,
-        "topics": [{key: topic[key] for key in topic if key not in ros_contract.STREAMED} for topic in found["topics"]],
-    }
+    return {**found, "topics": ros_contract.unstreamed(found["topics"])}
 
 
 def _key(item: Object) -> str:
