@@ -8,33 +8,24 @@ The engine works in a process beside the run, from the first task of the role to
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import Turns, begin, come_back
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.guarding import Guarding
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import HostAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import change_variables, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import run_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import KubeNodes
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import NOTHING, word_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome
 
-LEDGER = "rosops-fleet-guarded.jsonl"
 MAKE, UNDO = "make", "undo"
 
 
 class UsersTasks:
-    """The change, as `Guarded` wants it; the run takes its turns."""
+    """The change, as `HostChange` wants it; the run takes its turns."""
 
     before = after = ""  # tasks have no version
     unproven = True  # what was recorded for tasks that nobody has proven is still there
@@ -58,71 +49,56 @@ class UsersTasks:
         """Nothing is kept of it."""
 
 
-class ActionModule(ClusterAction):
+class ActionModule(HostAction):
     """Without a `line` it begins; with one it goes on after a turn, of which `failure` says what went wrong.
 
-    A result with `turn` (make or undo) and `line` asks for it; one with `waiting` has the task come back, with that in
-    `since`. Any other one has the robot's `outcome`, but where all went well: then it is what the tasks have changed.
+    A result with `turn` (make or undo) and `line` asks for it; one with `waiting` has the task come back. Any other one
+    has the robot's `outcome`, but where all went well: then it is what the tasks have changed.
     """
 
-    _requires_connection = True
-    ARGUMENTS: ClassVar = {
-        "line": {"type": "str", "default": ""},
-        "failure": {"type": "str", "default": ""},
-        "since": {"type": "float"},
-    }
+    KIND = "tasks"
+    ARGUMENTS: ClassVar = {"line": {"type": "str", "default": ""}, "failure": {"type": "str", "default": ""}}
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        name = known["inventory_hostname"]
+        name, ledger = known["inventory_hostname"], self.ledger(known)
         variables = role_variables("guarded", self._templar, known) | change_variables(self._templar, known)
-        batch = known.get("ansible_play_batch") or [name]
-        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(batch[0]), LEDGER)
         if params["line"]:
             told = come_back(params["line"], params["failure"])
         else:
-            hosts = len(known.get("ansible_play_hosts_all") or batch)
-            refusal = ledger.refusal(variables["update_failure_budget"], hosts)
+            refusal = self.outcome(ledger, variables["update_failure_budget"], known, lambda: None)
             if refusal:
-                return _outcome(UNCHANGED, refusal)
-            told = begin(lambda turns: self._guarded(turns, params, variables, known))
+                return {"changed": False, "outcome": refusal.as_dict(), "msg": f"{UNCHANGED}: {refusal.reason}"}
+            before = ledger.last(name)
+            told = begin(lambda turns: self._guarded(turns, params, variables, known, before))
         if "error" in told:
             raise FleetError(told["error"])
         if "turn" in told:
             return {"changed": False, "turn": told["turn"], "line": told["line"]}
-        if told["outcome"] == WAITING:
-            return {"changed": False, "waiting": told["since"], "msg": told["reason"]}
-        ledger.note(name, told["outcome"])
-        if told["outcome"] == UPDATED:
-            return {"changed": False, "foreseen": bool(self._task.check_mode), "msg": told["reason"] or "proven"}
-        return _outcome(told["outcome"], told["reason"], told["steps"])
+        word, reason = told["outcome"], told["reason"]
+        ledger.note(name, word, since=told["since"])
+        if word == WAITING:
+            return {"changed": False, "waiting": True, "msg": reason}
+        if word == UPDATED:
+            return {"changed": False, "foreseen": bool(self._task.check_mode), "msg": reason or "proven"}
+        outcome = {key: told[key] for key in ("outcome", "reason", "steps")}
+        return {"changed": False, "outcome": outcome, "msg": f"{word}: {reason}"}
 
     def _guarded(
-        self, turns: Turns, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]
+        self,
+        turns: Turns,
+        params: Mapping[str, Any],
+        variables: Mapping[str, Any],
+        known: dict[str, Any],
+        before: Mapping[str, Any],
     ) -> dict[str, Any]:
         """What became of it, from the process beside."""
-        change = UsersTasks(Path(variables["guarded_tasks"]).stem, turns, bool(variables["guarded_undo"]))
+        work = UsersTasks(Path(variables["guarded_tasks"]).stem, turns, bool(variables["guarded_undo"]))
+        settings = self.settings(variables, variables["guarded_ready_timeout"], work.name, before)
         node = Fleet.from_vars(known).hosts[known["inventory_hostname"]].node
-        limits = Limits(
-            on_busy=variables["update_on_busy"],
-            busy_timeout=variables["update_busy_timeout"],
-            ready_timeout=variables["guarded_ready_timeout"],
-            look=look_seconds(variables["update_busy_timeout"], params["since"] is not None),
-            since=params["since"],
-            check=bool(self._task.check_mode),
-        )
         try:
             with self.cluster(params, known) as kube:
-                guarding = Guarding(self, known, KubeNodes(kube, self.say(known), run_name(known)))
-                guarded = guarding.change(change, guarding.robots(node), node, limits)
-                found = guarded.run()
-        except (AwayError, ServersAwayError) as error:
-            return {"outcome": OFFLINE, "reason": f"nothing was touched: {error}", "steps": []}
+                ended = self.change(work, self.place(known, kube, node), settings, known)
         except FleetError as error:
-            return {"outcome": FAILED, "reason": f"nothing was touched: {error}", "steps": []}
-        steps = [found.as_dict()]
-        return {"outcome": found.outcome, "reason": found.reason, "steps": steps, "since": guarded.since}
-
-
-def _outcome(word: str, reason: str, steps: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
-    found = {"outcome": word, "reason": reason, "steps": list(steps)}
-    return {"changed": False, "outcome": found, "msg": f"{word}: {reason}"}
+            return {**RobotOutcome(word_of(error), f"{NOTHING}: {error}").as_dict(), "since": None}
+        found = ended.result
+        return {**RobotOutcome(found.outcome, found.reason, (found,)).as_dict(), "since": ended.since}

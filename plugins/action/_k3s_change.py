@@ -9,15 +9,12 @@ What is to come lies beside its place already. The result's `outcome` is a word 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, ClassVar
 
-from ansible import constants as C  # noqa: N812 - its customary name
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.guarding import Guarding
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import HostAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import (
     change_variables,
@@ -25,28 +22,20 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables imp
     role_variables,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import refusal, restarts_pods
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, OFFLINE, UNCHANGED, UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import run_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import (
-    KubeNodes,
-    server_versions,
-    servers_down,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Ended
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import Place
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import server_versions, servers_down
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import SERVERS
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, RobotOutcome
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
-LEDGER, SERVERS_LEDGER = "rosops-fleet-k3s.jsonl", "rosops-fleet-k3s-servers.jsonl"
 
 
 class K3sExchange:
-    """The change, as `Guarded` wants it: what the plan of the role says, by modules on the host."""
+    """The change, as `HostChange` wants it: what the plan of the role says, by modules on the host."""
 
     name = "k3s"
     left = UNPROVEN
@@ -97,82 +86,65 @@ class K3sExchange:
         return found
 
 
-class ActionModule(ClusterAction):
-    """`plan` is what _k3s_plan found.
-
-    Where the result has `waiting`, the robot works: the task is to come back, and say so in `since`.
-    """
+class ActionModule(HostAction):
+    """`plan` is what _k3s_plan found. Where the result has `waiting`, the robot works: the task is to come back."""
 
     TRANSFERS_FILES = True
-    _requires_connection = True
-    ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}, "since": {"type": "float"}}
+    KIND = "k3s"
+    _since: float | None = None  # it has waited for the robots
+    ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}}
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        name = known["inventory_hostname"]
         variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
-        batch = known.get("ansible_play_batch") or [name]
         # the shared cluster's servers come before everybody else's waves, and are none of theirs
         shared = (variables["k3s_role"], variables["k3s_cluster"]) == ("server", EDGE_CLUSTER)
-        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), str(batch[0]), SERVERS_LEDGER if shared else LEDGER)
-        hosts = len(known.get("ansible_play_hosts_all") or batch)
-        try:
-            refusal = ledger.refusal("0" if shared else variables["update_failure_budget"], hosts)
-            if refusal:
-                if shared:  # they hold one datastore: what one did not take, none is given
-                    refusal = "not begun: another server of its cluster failed"
-                return {"changed": False, "outcome": _outcome(UNCHANGED, refusal, None), "msg": refusal}
-            with cancellable():
-                found, since = self._change(params, variables, known)
-        except (AwayError, ServersAwayError) as error:
-            return _failure(OFFLINE, f"nothing was touched: {error}")
-        except FleetError as error:
-            ledger.note(name, FAILED)
-            return _failure(FAILED, f"nothing was touched: {error}")
-        if found.outcome == WAITING:
-            return {"changed": False, "waiting": since, "msg": found.reason}
-        ledger.note(name, found.outcome)
-        if found.outcome != UPDATED:
-            return _failure(found.outcome, found.reason, found)
-        told = f"would change: {found.told()}" if self._task.check_mode else found.told()
-        return {"changed": True, "outcome": _outcome(UPDATED, told, found), "msg": told}
+        name, ledger = known["inventory_hostname"], self.ledger(known, kind=SERVERS if shared else "")
+        before = ledger.last(name)
+        budget = "0" if shared else variables["update_failure_budget"]
+        with cancellable():
+            outcome = self.outcome(ledger, budget, known, lambda: self._change(params, variables, known, before))
+        word, reason = outcome.outcome, outcome.reason
+        if word == UNCHANGED:
+            if shared:  # they hold one datastore: what one did not take, none is given
+                reason = "not begun: another server of its cluster failed"
+            return {"changed": False, "outcome": RobotOutcome(UNCHANGED, reason).as_dict(), "msg": reason}
+        ledger.note(name, word, since=self._since)
+        if word == WAITING:
+            return {"changed": False, "waiting": True, "msg": reason}
+        good = word == UPDATED
+        msg = f"would change: {reason}" if good and self._task.check_mode else reason if good else f"{word}: {reason}"
+        told = RobotOutcome(word, msg if good else reason, outcome.steps).as_dict()
+        return {"changed": good, **({} if good else {"failed": True}), "outcome": told, "msg": msg}
 
     def _change(
-        self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any]
-    ) -> tuple[StepResult, float | None]:
-        """What became of it; and since when it has waited, where it is `waiting`."""
+        self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any], before: Mapping[str, Any]
+    ) -> RobotOutcome:
         plan = plain(params["plan"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables)
         exchange.look()
-        node, limits = variables["k3s_node_name"], self._limits(variables, params["since"])
+        node = variables["k3s_node_name"]
+        settings = self.settings(variables, variables["k3s_start_timeout"], exchange.name, before)
         if not plan["works"]:
             self.say(known)("k3s does not serve here, so no robot can be asked whether it is at work")
             _step(exchange, ())
-            return Guarding(self, known, None).change(exchange, (), node, limits).run(), None
+            return self._told(self.change(exchange, Place(), settings, known))
         with self.cluster(params, known) as kube:
-            cluster = KubeNodes(kube, self.say(known), run_name(known))
-            pods_notice = _permitted(exchange, cluster.nodes(), variables)
+            pods_notice = _permitted(exchange, kube.nodes(), variables)
             if pods_notice:
                 self.say(known)(
                     f"k3s {exchange.before} -> {exchange.after}: the kubelet of another minor version may start all "
                     "containers of this node again"
                 )
-            guarding = Guarding(self, known, cluster)
-            guarded = guarding.change(exchange, guarding.robots(node, pods_notice), node, limits)
-            found = guarded.run()
-            if not (self._task.check_mode or found.outcome == WAITING):
-                told = found.told() if found.outcome == UPDATED else found.reason
-                keep_early(kube, known["inventory_hostname"], found.outcome, f"k3s: {told}", found.outcome == UPDATED)
-            return found, guarded.since
+            place = self.place(known, kube, node, pods_notice)
+            outcome = self._told(self.change(exchange, place, settings, known))
+            if not (self._task.check_mode or outcome.outcome == WAITING):
+                changed = outcome.outcome == UPDATED
+                keep_early(kube, known["inventory_hostname"], outcome.outcome, f"k3s: {outcome.reason}", changed)
+            return outcome
 
-    def _limits(self, variables: Mapping[str, Any], since: float | None) -> Limits:
-        return Limits(
-            on_busy=variables["update_on_busy"],
-            busy_timeout=variables["update_busy_timeout"],
-            ready_timeout=variables["k3s_start_timeout"],
-            look=look_seconds(variables["update_busy_timeout"], since is not None),
-            since=since,
-            check=bool(self._task.check_mode),
-        )
+    def _told(self, ended: Ended) -> RobotOutcome:
+        self._since, found = ended.since, ended.result
+        return RobotOutcome(found.outcome, found.told() if found.outcome == UPDATED else found.reason, (found,))
 
 
 def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Mapping[str, Any]) -> bool:
@@ -193,11 +165,3 @@ def _step(exchange: K3sExchange, servers: Sequence[str]) -> None:
     back_to = exchange.earlier if exchange.unproven else ""
     if refused := refusal(exchange.before, exchange.after, servers, back_to, exchange.cgroup_refused):
         raise SpecError(refused)
-
-
-def _failure(word: str, reason: str, found: StepResult | None = None) -> dict[str, Any]:
-    return {"changed": False, "failed": True, "outcome": _outcome(word, reason, found), "msg": f"{word}: {reason}"}
-
-
-def _outcome(word: str, reason: str, found: StepResult | None) -> dict[str, Any]:
-    return {"outcome": word, "reason": reason, "steps": [found.as_dict()] if found else []}

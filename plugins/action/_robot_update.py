@@ -11,21 +11,16 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection, Mapping, Sequence
-from pathlib import Path
 from typing import Any, ClassVar
 
-from ansible import constants as C  # noqa: N812 - its customary name
-from ansible.errors import AnsibleError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import foreseen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import GatedAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Known
@@ -33,7 +28,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import V
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,
-    OFFLINE,
     OUTCOMES,
     ROLLED_BACK,
     UNCHANGED,
@@ -51,13 +45,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import FLEET, Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import World
 
 UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "apps": {"type": "list", "elements": "str", "default": []},
@@ -86,19 +79,18 @@ UPDATE_ARGS: dict[str, dict[str, Any]] = {
 }
 
 
-class ActionModule(ClusterAction):
+class ActionModule(GatedAction):
+    KIND = "robot"
     # Not TRANSFERS_FILES: for that Ansible contacts the host before any of this runs. One that is off would leave the
     # run there, and be the end of it where it is all of a wave.
-    _requires_connection = True
     ARGUMENTS: ClassVar = UPDATE_ARGS
 
     def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
-        self._vars, self._host, self._say = known, str(known["inventory_hostname"]), self.say(known)
+        self._vars, self._host = known, str(known["inventory_hostname"])
         run_tags, skip_tags = known.get("ansible_run_tags") or (), known.get("ansible_skip_tags") or ()
         self._parts = tagged_parts(params["parts"], run_tags, skip_tags)
         # robots that need no wave are one of their own
-        wave = str(known["ansible_play_batch"][0]) if params["at_work"] else ""
-        ledger = Ledger(Path(C.DEFAULT_LOCAL_TMP), wave if params["own"] else FLEET)
+        ledger = self.ledger(known, FLEET if not params["own"] else None if params["at_work"] else "")
         if params["own"]:
             return self._turn(params, ledger)
         with ledger.alone():  # one robot's turn settles what is the whole fleet's
@@ -112,18 +104,7 @@ class ActionModule(ClusterAction):
         if self._before.get("outcome") in (FAILED, ROLLED_BACK, BUSY):
             # its turn for the whole fleet did not go well: that is its outcome
             return {"outcome": {key: self._before[key] for key in ("outcome", "reason", "steps")}}
-        try:
-            refusal = ledger.refusal(params["failure_budget"], len(known["ansible_play_hosts_all"]))
-            outcome = RobotOutcome(UNCHANGED, refusal) if refusal else self._update(params, result)
-        except ServersAwayError as error:
-            outcome = RobotOutcome(OFFLINE, f"nothing was touched: {error}")
-        except NoClusterError as error:
-            outcome = self._without_cluster(error, result)
-        except (FleetError, AnsibleError) as error:  # of Ansible's: a variable of this host that cannot be templated
-            outcome = RobotOutcome(FAILED, f"nothing was touched: {error}")
-        except Exception:  # a defect of ours counts as a failure of the robot, and is seen as what it is
-            ledger.note(self._host, FAILED)
-            raise
+        outcome = self.outcome(ledger, params["failure_budget"], known, lambda: self._update(params, result))
         if outcome is None:
             return {**result, "at_work": True}
         waits = outcome.outcome == WAITING
@@ -142,7 +123,7 @@ class ActionModule(ClusterAction):
     def _without_cluster(self, error: NoClusterError, result: dict[str, Any]) -> RobotOutcome:
         """In check mode the run may be what would make it: then all of it would be new."""
         if not self._task.check_mode:
-            return RobotOutcome(FAILED, f"nothing was touched: {error}")
+            raise error
         robot = robot_from_vars(self._vars)
         made = ground_objects(robot, self._parts, self._pull_secrets(), CODE)
         result.update(foreseen([*made, *workload_objects(robot, self._parts)]))
@@ -153,6 +134,13 @@ class ActionModule(ClusterAction):
 
     def _update(self, params: Mapping[str, Any], result: dict[str, Any]) -> RobotOutcome | None:
         """The robot's outcome; nothing where it is left for its wave."""
+        try:
+            with self.cluster(params, self._vars) as kube, cancellable():
+                return self._updated(params, result, kube)
+        except NoClusterError as error:
+            return self._without_cluster(error, result)
+
+    def _updated(self, params: Mapping[str, Any], result: dict[str, Any], kube: Kube) -> RobotOutcome | None:
         check, edge = bool(self._task.check_mode), self._edge_images()
         settings = Settings(
             Request(
@@ -174,18 +162,17 @@ class ActionModule(ClusterAction):
             )},
         )  # fmt: skip
         robot = robot_from_vars(self._vars)
-        there = RobotHost(self, self._vars)
-        node = NodeImages(there, params["image_rate_limit"], self._say, self._pull_secrets())
-        source = ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
-        host = ModuleHost(
-            there.there, lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments), source, check
-        )
-        with self.cluster(params, self._vars) as kube, cancellable():
-            engine = Engine(robot, settings, self._world(kube, host))
-            outcome, self._since = engine.run(), engine.waiting
-            if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
-                keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))
-        result.update(engine.graph_told, changed=any(change.changed for change in engine.changes))
+
+        def source(there: RobotHost) -> ImageSource:
+            node = NodeImages(there, params["image_rate_limit"], self.say(self._vars), self._pull_secrets())
+            return ImageSource(node, params["image_archives"], params["image_names"], images(robot, "local"))
+
+        cluster = KubeCluster(kube, self.say(self._vars), run_name(self._vars))
+        engine = Engine(robot, settings, cluster, self.world(self._vars, self.modules(self._vars, source)))
+        outcome, self._since = engine.run(), engine.waiting
+        if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
+            keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))
+        result["changed"] = any(change.changed for change in engine.changes)
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
         return None if engine.left else outcome
@@ -194,15 +181,6 @@ class ActionModule(ClusterAction):
         if not (params["come_back"] and params["own"]):
             return None
         return look_seconds(params["busy_timeout"], bool(self._before.get("since")))
-
-    def _world(self, kube: Kube, host: ModuleHost) -> World:
-        return World(
-            KubeCluster(kube, self._say, run_name(self._vars)),
-            host,
-            MonotonicClock(),
-            self._say,
-            functools.partial(voice.stand, self._host),
-        )
 
     def _known(self, archives: Sequence[Mapping[str, Any]], edge: Mapping[str, Mapping[str, str]]) -> Known:
         """What images' names mean: on a node by what this run saw there, else on the robot's own by its archives."""

@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LEASE, LEASE_SECONDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, parse_refs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
@@ -111,6 +111,11 @@ class KubeCluster:
     def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
         how = Settings(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
         self._wait(objects, how)
+
+    def beat(self, node: str) -> str:
+        """When the node's kubelet renewed its Lease."""
+        lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
+        return str((lease.get("spec") or {}).get("renewTime") or "")
 
     def _wait(self, objects: Sequence[Object], settings: Settings) -> None:
         refs = parse_refs([dict(item) for item in objects])

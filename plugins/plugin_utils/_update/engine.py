@@ -32,37 +32,62 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import (
+    NEWS,
+    REASON_KEPT,
+    back_in_words,
+    ways_back,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, outdated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, namespace_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
-    BUSY,
-    FAILED,
-    OFFLINE,
-    UNCHANGED,
-    UPDATED,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import removed_claims
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import READY, ground_objects, workload_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located, other_master
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.app_change import AppChange
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import (
+    NOTHING,
+    Learned,
+    StepChange,
+    Turn,
+    word_of,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.gated import Gated
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME, events_map, known_events
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL, claim_users, with_install
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.installing import Installing, all_ready
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, robot_outcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step, update_plan, wanted_deployments
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install_change import InstallChange, all_ready
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import (
+    WAITING,
+    RobotOutcome,
+    StepResult,
+    robot_outcome,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
+    Plan,
+    Step,
+    update_plan,
+    wanted_deployments,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE, with_removals
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removing import Removing
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import Key, files_owner, key_of, unused
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal_change import RemovalChange
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
+    Key,
+    files_owner,
+    key_of,
+    read_records,
+    unused,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import local_images, sidecars_told
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.turn import Turn
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import local_images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     CancelledError,
+    Cluster,
     HeldError,
-    LostError,
     Object,
     World,
 )
@@ -73,11 +98,17 @@ MOVED = (
 )
 
 
-class Engine(Turn):
+KINDS: dict[str, type[StepChange]] = {INSTALL: InstallChange, REMOVE: RemovalChange}
+
+
+class Engine(Hands):
     """One robot, one run."""
 
-    def __init__(self, robot: Robot, settings: Settings, world: World) -> None:
-        super().__init__(robot, settings, world)
+    def __init__(self, robot: Robot, settings: Settings, cluster: Cluster, world: World) -> None:
+        super().__init__(robot, cluster, world, settings.check)
+        self.settings, self.plan, self.learned = settings, Plan(), Learned()
+        self.results: list[StepResult] = []
+        self.waiting: dict[str, float] = {}  # step -> since when it has waited for the robot, by the clock's `now`
         self.left = False  # it is at work and has to be changed, which this run may not
         self.trouble: FleetError | None = None  # after the steps
 
@@ -93,10 +124,9 @@ class Engine(Turn):
                 return RobotOutcome(UNCHANGED, "at work: it is changed in its wave")
         except FleetError as error:
             if not self.results:
-                word = {HeldError: BUSY, LostError: BUSY, AwayError: OFFLINE}.get(type(error), FAILED)
                 before = tuple(self.settings.earlier)
-                untouched = "no app" if self.changes and not self.check else "nothing"
-                return RobotOutcome(word, str(error) if before else f"{untouched} was touched: {error}", before)
+                untouched = "no app was touched" if self.changes and not self.check else NOTHING
+                return RobotOutcome(word_of(error), str(error) if before else f"{untouched}: {error}", before)
         earlier = self.settings.earlier
         outcome = robot_outcome([*earlier, *self.results], len(earlier) + len(self.plan.steps))
         found = self._conclude(outcome)
@@ -111,10 +141,10 @@ class Engine(Turn):
                 raise self.trouble
             installed = any(step.kind == INSTALL for step in self.plan.steps)  # that was looked at just now
             if READY in self.settings.parts and not (self.check or installed):
-                all_ready(self)
+                all_ready(self, self.settings.rollout_timeout)
         except FleetError as error:
-            word = OFFLINE if isinstance(error, AwayError) else FAILED
-            return replace(outcome, outcome=word, reason="; ".join(filter(None, [outcome.reason, str(error)])))
+            reason = "; ".join(filter(None, [outcome.reason, str(error)]))
+            return replace(outcome, outcome=word_of(error, begun=True), reason=reason)
         if outcome.outcome == UNCHANGED and self.changes:
             return replace(outcome, outcome=UPDATED, reason=", ".join(str(change.ref) for change in self.changes))
         return outcome
@@ -187,12 +217,14 @@ class Engine(Turn):
         self._prepare(gated)
         if gated:
             self._record()
-        for step in self.plan.steps:
-            now = self.begun(step)
-            kinds: dict[str, type[Gated | Installing]] = {INSTALL: Installing, REMOVE: Removing}
-            self.results.append(kinds.get(step.kind, Gated)(self, now).take())
-            self.stale = not self.check
-            if self.results[-1].outcome != UPDATED or self.over:
+        for number, step in enumerate(self.plan.steps):
+            turn = Turn(self, self.settings, self.learned, self.plan.steps[number:], self.events)
+            ended = KINDS.get(step.kind, AppChange)(step, turn).take()
+            self.results.append(ended.result)
+            self.learned = replace(ended.learned, stale=not self.check)
+            if ended.result.outcome == WAITING and ended.since is not None:
+                self.waiting[step.name] = ended.since
+            if ended.result.outcome != UPDATED or ended.over:
                 break
         else:
             self._remove(gone)
@@ -203,7 +235,7 @@ class Engine(Turn):
         if self.plan.orphans:
             orphans = ", ".join(self.plan.orphans)
             self.say(f"not in the inventory, left as they are (update_remove_apps takes them away): {orphans}")
-        for told in [*self.news(), *(sidecars_told(self.plan.steps) if self.check else [])]:
+        for told in self.news():
             self.say(told)
 
     def _plan(self) -> None:
@@ -258,7 +290,7 @@ class Engine(Turn):
         """Before the first step. The update of a master that does not answer is how to mend it."""
         self.trace("record")
         try:
-            self.record()
+            self.learned = self.learned.anew(self.host.graph(self.master))
         except (AwayError, CancelledError):
             raise
         except FleetError:
@@ -279,8 +311,7 @@ class Engine(Turn):
         try:
             if apps & before:  # most have none
                 gone += unused(self.read(), apps, [*file_maps(self.robot), *port_services(self.robot)])
-            if gone:
-                self.changes += [done for done in self.cluster.delete(gone, self.check) if done.changed]
+            self.delete(gone)
         except FleetError as error:
             self.say(f"what earlier versions had is still there: {error}")
 
@@ -297,6 +328,40 @@ class Engine(Turn):
             users = claim_users(self.read(), claims, leaving)
             if users:
                 raise NotReadyError(f"no claim is deleted while an app runs that mounts it: {', '.join(users)}")
-            self.changes += [done for done in self.cluster.delete(claims, self.check) if done.changed]
+            self.delete(claims)
         except FleetError as error:
             self.trouble = error
+
+    # --- the record of the robot's updates --------------------------------------------------------------------------
+
+    def events(self, running: StepResult | None, ended: Sequence[StepResult] = ()) -> Object:
+        """The record with this run's steps: those that have ended, and the one at hand."""
+        back = ways_back(self.live.deployments, read_records(self.live.maps))
+        return events_map([*self.results, *ended], self.robot.name, self.live.maps, running, back)
+
+    def untold(self) -> list[Object]:
+        """The record, where it is not at its end: also that a run before this one ended without a word."""
+        there = [item.get("data") for item in self.live.maps if item["metadata"]["name"] == EVENTS_NAME]
+        record = self.events(None)
+        return [] if self.check or not (self.results or there) or record["data"] in there else [record]
+
+    def tell(self) -> None:
+        """Bring the record to its end."""
+        last = self.results[-1] if self.results else None
+        if last and (last.outcome == WAITING or (last.outcome == UPDATED and not last.reason)):
+            return  # told before it waited, or when its mark was taken off
+        try:
+            self.apply_all(self.untold())
+        except FleetError as error:
+            self.say(f"the robot's metrics will not show this: {error}")
+
+    def news(self) -> list[str]:
+        """What the keeper did that no run has told yet, and apps that run another image than its name means by now."""
+        taken = {app for step in self.plan.steps for app in step.apps}  # their pods are new ones by then
+        others = [one for one in outdated(self.live.pods, self.settings.known) if one.app not in taken]
+        events = known_events(self.live.maps, self.robot.name)
+        known = {str(event.get("reason")) for event in events if NEWS not in event}
+        back = ways_back(self.live.deployments, read_records(self.live.maps))
+        told = {app: back_in_words(one) for app, one in back.items()}
+        new = [f"{app}: {text}" for app, text in told.items() if text[:REASON_KEPT] not in known]
+        return [*new, *dict.fromkeys(f"{one.app} {one.what}; {TODO}" for one in others)]

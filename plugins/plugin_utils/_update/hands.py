@@ -5,17 +5,23 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace, master_uri
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Clock, Live, Object, Seen, World
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
+    Cluster,
+    Graph,
+    Live,
+    Object,
+    Seen,
+    World,
+)
 
 MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
@@ -24,9 +30,9 @@ SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each
 class Hands:
     """One robot and its world; `live` is what the API showed of it last."""
 
-    def __init__(self, robot: Robot, world: World, check: bool = False) -> None:
-        self.robot, self.check = robot, check
-        self.cluster, self.host, self.clock = world.cluster, world.host, world.clock
+    def __init__(self, robot: Robot, cluster: Cluster, world: World, check: bool = False) -> None:
+        self.robot, self.cluster, self.world, self.check = robot, cluster, world, check
+        self.host, self.clock = world.host, world.clock
         self.say, self.trace = world.say, world.trace
         self.live = Live()
         self.changes: list[Applied] = []
@@ -50,8 +56,12 @@ class Hands:
     def apply_all(self, objects: Sequence[Object]) -> None:
         """All of them in one call; in check mode it is only found out what that would change."""
         if objects:
-            told = [change for change in self.cluster.apply(objects, self.check) if _worth_telling(change)]
-            self.changes += told
+            self.changes += [change for change in self.cluster.apply(objects, self.check) if _worth_telling(change)]
+
+    def delete(self, objects: Sequence[Object]) -> None:
+        """The same for objects that are to go."""
+        if objects:
+            self.changes += [done for done in self.cluster.delete(objects, self.check) if done.changed]
 
     def until(
         self,
@@ -89,15 +99,14 @@ class Hands:
         """Wait until it does; NotReadyError. A new one's pod is ready a moment before its Service leads there."""
         self.ready({}, MASTER_SECONDS, what)
 
-
-@contextlib.contextmanager
-def timed(clock: Clock, phases: dict[str, float], name: str) -> Iterator[None]:
-    """Add the seconds that this takes to those of the phase."""
-    began = clock.now()
-    try:
-        yield
-    finally:
-        phases[name] = round(phases.get(name, 0.0) + clock.now() - began, 3)
+    def graph(self, what: str) -> Graph:
+        """As it is now. A master that is silent is waited for a moment; RosError or NotReadyError if it stays so."""
+        try:
+            return self.host.graph(self.master)
+        except RosError as error:
+            self.say(f"{what}: {error}")
+            self.master_answers("the master answers")
+            return self.host.graph(self.master)
 
 
 def _worth_telling(change: Applied) -> bool:

@@ -44,28 +44,18 @@ def with_install(plan: Plan, robot: Robot) -> Plan:
 
 def _united(steps: Sequence[Step], robot: Robot) -> Step:
     apps = [app for step in steps for app in step.apps]
-    return replace(
-        steps[0],
+    return Step(
         name=apps[0] if len(apps) == 1 else INSTALL,
         kind=INSTALL,
         apps=apps,
         handoff="replace",
         objects=[item for step in steps for item in step.objects],
-        previous={},
         created=[item for step in steps for item in step.created],
-        resume=False,
-        drifted=False,
-        proven=False,
         unproven=[app for step in steps for app in step.unproven],
         new_nodes={app: node for step in steps for app, node in step.new_nodes.items()},
-        old_nodes={},
-        launched={},
-        actions=[],
-        idle=[],
-        on_busy=None,
         conditions=promised(robot, apps),
-        before={},
         after={app: found for step in steps for app, found in step.after.items()},
+        histories=steps[0].histories,
     )
 
 

@@ -5,34 +5,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, condition
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 
 SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
 
 
-class KubeNodes(KubeCluster):
-    """KubeCluster with what a change of a node asks beside."""
-
-    def beat(self, node: str) -> str:
-        """When the node's kubelet renewed its Lease."""
-        lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
-        return str((lease.get("spec") or {}).get("renewTime") or "")
-
-    def nodes(self) -> Sequence[Object]:
-        return self._kube.nodes()
-
-    def robots_on(self, node: str, robots: Iterable[Robot]) -> list[Robot]:
-        """Those of which a pod is there, and those that need one of the whole fleet's which is."""
-        pods = self._kube.objects("Pod", fields=f"spec.nodeName={node}")
-        namespaces = {str(pod["metadata"]["namespace"]) for pod in pods}
-        return [robot for robot in robots if namespaces & _needed(robot)]
+def robots_on(kube: Kube, node: str, robots: Iterable[Robot]) -> list[Robot]:
+    """Those of which a pod is on the node, and those that need one of the whole fleet's which is; KubeError."""
+    pods = kube.objects("Pod", fields=f"spec.nodeName={node}")
+    namespaces = {str(pod["metadata"]["namespace"]) for pod in pods}
+    return [robot for robot in robots if namespaces & _needed(robot)]
 
 
 def _needed(robot: Robot) -> set[str]:

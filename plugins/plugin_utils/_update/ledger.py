@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the robots of one run have come to so far, for the budget of failures.
+"""What the hosts of one run have come to so far, for the budget of failures, and for whoever comes back to a robot.
 
 A file in Ansible's own temporary directory of the run: all workers see it, and it goes with the run. Reading the same
 from the variables of all other hosts would cost every robot as much as there are robots.
@@ -21,25 +21,33 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome impor
 
 NAME = "rosops-fleet-ledger.jsonl"
 FLEET = "the fleet's"  # the wave in which what belongs to all robots is changed, before any robot's own
+SERVERS = "servers"  # the kind of a change of the shared cluster's servers, which are none of the robots
 
 
 class Ledger:
-    """`wave` names the robots that are updated together: what becomes of them does not count against each other."""
+    """`wave` names the hosts that are changed together: what becomes of them does not count against each other.
 
-    def __init__(self, directory: Path, wave: str, name: str = NAME) -> None:
-        self._path, self._wave = directory / name, wave
+    `kind` is what is changed of them: the budget is the run's, whatever it changes.
+    """
 
-    def refusal(self, budget: Any, robots: int) -> str:
-        """Why this robot's wave may not begin, or nothing. SpecError for a budget that is none."""
-        earlier = [line for line in self._lines() if line["wave"] != self._wave]
-        if budget_left(budget, robots, [line["outcome"] for line in earlier]) >= 0:
+    def __init__(self, directory: Path, wave: str, kind: str = "") -> None:
+        self._path, self._wave, self._kind = directory / NAME, wave, kind
+
+    def refusal(self, budget: str, hosts: int) -> str:
+        """Why this wave may not begin, or nothing. SpecError for a budget that is none."""
+        earlier = {
+            line["robot"]: line["outcome"]
+            for line in self._lines()
+            if line["wave"] != self._wave and line["outcome"] in COSTS_BUDGET
+            if (line["kind"] == SERVERS) == (self._kind == SERVERS)
+        }
+        if budget_left(budget, hosts, earlier.values()) >= 0:
             return ""
-        failed = ", ".join(line["robot"] for line in earlier if line["outcome"] in COSTS_BUDGET)
-        return f"not begun: {failed} failed, which is more than update_failure_budget allows"
+        return f"not begun: {', '.join(earlier)} failed, which is more than update_failure_budget allows"
 
     def note(self, robot: str, outcome: str, **more: Any) -> None:
-        """Write down what became of a robot, and what the run has to know when it comes back to it."""
-        line = json.dumps({**more, "wave": self._wave, "robot": robot, "outcome": outcome})
+        """Write down what became of a host, and what the run has to know when it comes back to it."""
+        line = json.dumps({**more, "wave": self._wave, "kind": self._kind, "robot": robot, "outcome": outcome})
         with self._path.open("a", encoding="utf-8") as file:
             fcntl.flock(file, fcntl.LOCK_EX)  # a line is written whole, whoever else writes
             file.write(f"{line}\n")
@@ -56,8 +64,9 @@ class Ledger:
         return any(line["wave"] == FLEET and line["outcome"] != OFFLINE for line in self._lines())
 
     def last(self, robot: str) -> dict[str, Any]:
-        """What was noted last of a robot, with all that was said besides."""
-        return next((line for line in reversed(self._lines()) if line["robot"] == robot), {})
+        """What was noted last of a host's change of this kind, with all that was said besides."""
+        mine = (line for line in reversed(self._lines()) if (line["robot"], line["kind"]) == (robot, self._kind))
+        return next(mine, {})
 
     def _lines(self) -> list[dict[str, Any]]:
         if not self._path.exists():

@@ -28,7 +28,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import Windows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
@@ -66,28 +66,28 @@ class Step:
     kind: str  # "app", "master", or as install.py and removal.py have it
     apps: Sequence[str]
     handoff: str
-    drifted: bool  # somebody changed by hand what runs, and did not change its node's name with it
-    objects: Sequence[Object]
-    previous: Mapping[str, Object]  # app, or the master's keeper -> the Deployment to go back to
-    created: Sequence[Object]  # Deployments that were not there: the way back deletes them, and no others
-    fresh: bool  # nothing of it ever came up
-    resume: bool  # an earlier run applied just this, and ended before it was proven
-    proven: bool  # an earlier run proved just this, and only its mark is left to be taken off
-    unproven: Sequence[str]  # apps of which something runs that nobody has proven: its graph shows nothing to hold to
-    new_nodes: Mapping[str, str]  # app -> its ROS node after the step
-    old_nodes: Mapping[str, str]
-    launched: Mapping[str, Launched]  # apps whose nodes a launch file names; they have none in the two above
-    actions: Sequence[str]  # that the apps serve
-    idle: Sequence[str]  # that have to rest besides
-    on_busy: str | None
-    when: Sequence[Object]  # what messages must say before, options of ros_ready
-    windows: Windows  # of time, in which it may be taken
-    intended: Intended  # what it is meant to change
-    patience: float  # seconds until apps are ready of which no pod can tell
-    conditions: Object  # options of ros_ready: what the apps' readiness asks of the graph
-    before: Mapping[str, Mapping[str, str]]  # app -> image and revision
-    after: Mapping[str, Mapping[str, str]]
-    histories: Histories
+    objects: Sequence[Object] = ()
+    previous: Mapping[str, Object] = field(default_factory=dict)  # app or keeper -> the Deployment to go back to
+    created: Sequence[Object] = ()  # Deployments that were not there: the way back deletes them, and no others
+    fresh: bool = False  # nothing of it ever came up
+    resume: bool = False  # an earlier run applied just this, and ended before it was proven
+    proven: bool = False  # an earlier run proved just this, and only its mark is left to be taken off
+    drifted: bool = False  # somebody changed by hand what runs, and did not change its node's name with it
+    unproven: Sequence[str] = ()  # apps of which something runs that nobody has proven: no graph to hold others to
+    new_nodes: Mapping[str, str] = field(default_factory=dict)  # app -> its ROS node after the step
+    old_nodes: Mapping[str, str] = field(default_factory=dict)
+    launched: Mapping[str, Launched] = field(default_factory=dict)  # apps whose nodes a launch file names
+    actions: Sequence[str] = ()  # that the apps serve
+    idle: Sequence[str] = ()  # that have to rest besides
+    on_busy: str | None = None
+    when: Sequence[Object] = ()  # what messages must say before, options of ros_ready
+    windows: Windows = ALWAYS  # of time, in which it may be taken
+    intended: Intended = field(default_factory=Intended)  # what it is meant to change
+    patience: float = 0.0  # seconds until apps are ready of which no pod can tell
+    conditions: Object = field(default_factory=dict)  # options of ros_ready: what the apps' readiness asks of the graph
+    before: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # app -> image and revision
+    after: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    histories: Histories = field(default_factory=dict)
 
     @property
     def renames(self) -> dict[str, str]:

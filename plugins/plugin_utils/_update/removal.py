@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, handoff_of, node_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS
@@ -74,28 +73,11 @@ def _step(item: Object, robot: Robot) -> Step:
         kind=REMOVE,
         apps=[app],
         handoff=handoff_of(item),
-        drifted=False,
-        objects=[],
         previous={app: kept(item)},
-        created=[],
-        fresh=False,
-        resume=False,
-        proven=False,
-        unproven=[],
-        new_nodes={},
         old_nodes={app: node_of(item)},
-        launched={},
-        actions=[],
-        idle=[],
-        on_busy=None,
         when=wanted_before(robot),
         windows=robot.windows,
-        intended=Intended(),
-        patience=0.0,
-        conditions={},
         before={app: described(item)},
-        after={},
-        histories={},
     )
 
 

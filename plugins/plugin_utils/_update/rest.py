@@ -30,7 +30,11 @@ class Rest:
         self._hands, self._seconds = hands, seconds
         self.since = since
         self.held: dict[str, Object] = {}  # by name, actions whose new goals are, or may be, held back
-        self.patient = False  # its time is not over
+
+    @property
+    def patient(self) -> bool:
+        """Whether it has begun to wait, and has time left."""
+        return self.since is not None and self._hands.clock.now() < self.since + self._seconds
 
     def idle(
         self,
@@ -47,8 +51,7 @@ class Rest:
         """
         hands, now = self._hands, self._hands.clock.now()
         self.since = now if self.since is None else self.since
-        end = self.since + self._seconds
-        left, keeper = max(end - now, 0.0), "" if hands.check else hands.keeper
+        left, keeper = max(self.since + self._seconds - now, 0.0), "" if hands.check else hands.keeper
         before, named = self.held, {action["name"]: action for action in calm.actions if hold and not hands.check}
         heard = calm.seconds + MARGIN if calm.when else 0.0  # in fewer it cannot be seen
         left = max(left if seconds is None else seconds, heard)
@@ -63,7 +66,6 @@ class Rest:
             least=heard,
             since=self.since,
         )
-        self.patient = hands.clock.now() < end
         # all of them, and not only those of the answer: a keeper that answers too late holds, too
         self.held = {**before, **(named if seen.verdict == PASS else {})}
         return seen

@@ -30,7 +30,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.obstacles import obstacle
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    described,
     read_records,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Live, Object
@@ -56,17 +55,6 @@ class Gate:
     allowed: Sequence[str] = ()  # what the step would let change, in words
     nodes: Collection[str] = ()  # of which the rates have to be known
     succession: Succession = field(default_factory=Succession)  # what is called otherwise afterwards
-
-
-def sidecars_told(steps: Iterable[Step]) -> list[str]:
-    """Of each app that the steps give its hooks in a sidecar: that it is so, and of which image."""
-    return [
-        f"{app_of(item)}: hooks in a sidecar of {container['image']}, beside {described(item)['image']}"
-        for step in steps
-        for item in step.workloads
-        for container in item["spec"]["template"]["spec"].get("initContainers") or []
-        if container["name"] == names.SIDECAR
-    ]
 
 
 def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collection[str]] | None = None) -> Gate:

@@ -86,6 +86,9 @@ class Cluster(Protocol):
         What a pod had ended by itself before this run is none of it, whatever else this run has waited for.
         """
 
+    def beat(self, node: str) -> str:
+        """When the node's kubelet was last heard of, in its own words; empty where it never was."""
+
 
 @dataclass(frozen=True)
 class Seen:
@@ -161,9 +164,11 @@ def unheard(_text: str) -> None:
 
 @dataclass(frozen=True)
 class World:
-    """`say` is for whoever runs the playbook, `trace` for whoever wants to know where exactly a run stands."""
+    """What a run has around it beside the cluster.
 
-    cluster: Cluster
+    `say` is for whoever runs the playbook, `trace` for whoever wants to know where exactly a run stands.
+    """
+
     host: Host
     clock: Clock
     say: Callable[[str], None] = unheard

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.action import _guarded
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError, Live
@@ -31,9 +32,6 @@ class Cluster:
         self.beats += 1
         return str(self.beats)
 
-    def robots_on(self, _node: str, robots: Any) -> list[Any]:
-        return list(robots)
-
     def confirm(self) -> None:
         """Nobody else is there."""
 
@@ -48,8 +46,8 @@ class World:
         monkeypatch.setattr(ActionHost, "module", lambda _host, _name, _args, *_more: self.there())
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.there())
         monkeypatch.setattr(_guarded.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
-        monkeypatch.setattr(_guarded, "KubeNodes", lambda *_args: Cluster())
-        monkeypatch.setattr(_guarded.C, "DEFAULT_LOCAL_TMP", str(directory))
+        monkeypatch.setattr(gated, "KubeCluster", lambda *_args: Cluster())
+        monkeypatch.setattr(gated.C, "DEFAULT_LOCAL_TMP", str(directory))
 
     def there(self) -> dict[str, Any]:
         if self.away:

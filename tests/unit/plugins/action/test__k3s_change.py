@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from ansible.errors import AnsibleConnectionFailure
 from ansible_collections.rosops.fleet.plugins.action import _k3s_change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import gated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
@@ -39,13 +40,21 @@ class Host:
         self.args: dict[str, Any] = {}  # of the last call with each state
         self.kept: list[tuple[Any, ...]] = []  # in the cluster, as soon as it is known
         self.staged, self.bad, self.unproven, self.away = NEW, False, False, False
-        self.nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
+        self.known_nodes, self.robots_asked, self.beats = [node("robot1")], False, 0
         monkeypatch.setattr(ActionHost, "module", lambda _host, name, args, *_more: self.module(name, args))
         monkeypatch.setattr(RobotHost, "there", lambda _host: self.module("true", {}))
-        monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext())
+        monkeypatch.setattr(_k3s_change.ActionModule, "cluster", lambda *_args: contextlib.nullcontext(self))
         monkeypatch.setattr(_k3s_change, "keep_early", lambda _kube, *told: self.kept.append(told))
-        monkeypatch.setattr(_k3s_change, "KubeNodes", lambda *_args: Cluster(self))
-        monkeypatch.setattr(_k3s_change.C, "DEFAULT_LOCAL_TMP", str(directory))
+        monkeypatch.setattr(gated, "KubeCluster", lambda *_args: Cluster(self))
+        monkeypatch.setattr(gated, "robots_on", lambda *_args: self.robots_on())
+        monkeypatch.setattr(gated.C, "DEFAULT_LOCAL_TMP", str(directory))
+
+    def nodes(self) -> list[dict[str, Any]]:
+        return self.known_nodes
+
+    def robots_on(self) -> list[Any]:
+        self.robots_asked = True
+        return []
 
     def module(self, name: str, args: dict[str, Any]) -> dict[str, Any]:
         if self.away:
@@ -78,16 +87,9 @@ class Cluster:
     def __init__(self, host: Host) -> None:
         self.host = host
 
-    def nodes(self) -> list[dict[str, Any]]:
-        return self.host.nodes
-
     def beat(self, _node: str) -> str:
         self.host.beats += 1
         return str(self.host.beats)
-
-    def robots_on(self, _node: str, _robots: Any) -> list[Any]:
-        self.host.robots_asked = True
-        return []
 
     def confirm(self) -> None:
         """Nobody else is there."""
@@ -147,7 +149,7 @@ def test_what_nobody_has_proven_is_proven_without_a_restart(host: Host) -> None:
 
 
 def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:
-    host.nodes = []
+    host.known_nodes = []
     assert host.change(plan={"works": False})["outcome"]["outcome"] == "updated"
     assert host.beats == 0
 
@@ -163,7 +165,7 @@ def test_where_k3s_does_not_serve_only_its_own_word_counts(host: Host) -> None:
     ],
 )
 def test_steps_that_are_not_taken(host: Host, staged: str, nodes: list[Any], more: dict[str, Any], words: str) -> None:
-    host.staged, host.nodes = staged, nodes
+    host.staged, host.known_nodes = staged, nodes
     found = host.change(**more)
     assert found["failed"]
     assert found["outcome"]["outcome"] == "failed"
@@ -173,7 +175,7 @@ def test_steps_that_are_not_taken(host: Host, staged: str, nodes: list[Any], mor
 
 
 def test_another_robot_that_is_not_ready_is_no_server(host: Host) -> None:
-    host.nodes = [node("robot1"), node("robot2", ready="False", server=False)]
+    host.known_nodes = [node("robot1"), node("robot2", ready="False", server=False)]
     assert host.change()["outcome"]["outcome"] == "updated"
 
 

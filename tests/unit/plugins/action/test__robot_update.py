@@ -119,7 +119,7 @@ class Turns:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, **words: str) -> None:
         self.words, self.turns = words, list[tuple[str, bool]]()
-        monkeypatch.setattr(_robot_update.C, "DEFAULT_LOCAL_TMP", str(folder))
+        monkeypatch.setattr(C, "DEFAULT_LOCAL_TMP", str(folder))
         monkeypatch.setattr(
             _robot_update.ActionModule, "_update", lambda module, params, _result: self.turn(module, params)
         )
@@ -191,11 +191,10 @@ def test_images_of_all_edge_hosts_are_known_from_one(
 
     class Engine:
         waiting: ClassVar[dict[str, float]] = {}
-        graph_told: ClassVar[dict[str, Any]] = {}
         changes: ClassVar[list[Any]] = []
         left = False
 
-        def __init__(self, _robot: Any, given: Any, _world: Any) -> None:
+        def __init__(self, _robot: Any, given: Any, *_world: Any) -> None:
             settings.append(given)
 
         def run(self) -> RobotOutcome:

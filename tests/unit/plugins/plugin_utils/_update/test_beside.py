@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update import gated
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import app_change
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import early
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import update_plan
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm
@@ -68,7 +68,7 @@ def test_the_app_is_away_for_less_long_than_a_container_takes_to_start(name: str
 
 @pytest.mark.parametrize("name", ["drain", "replace"])
 def test_without_it_the_app_is_away_for_that_long(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gated, "early", lambda *_given: [])
+    monkeypatch.setattr(app_change, "early", lambda *_given: [])
     sim, wanted = installed(name, "good")
     found = outcome_of(sim, wanted)
     assert (found.outcome, "start" in found.steps[0].phases) == ("updated", False)

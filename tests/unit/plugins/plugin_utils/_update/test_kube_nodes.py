@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import (
-    KubeNodes,
+    robots_on,
     server_versions,
     servers_down,
 )
@@ -29,26 +30,26 @@ def node(name: str, server: bool, ready: str = "True") -> dict[str, Any]:
 
 
 @pytest.fixture
-def cluster(server: Server) -> Iterator[KubeNodes]:
+def cluster(server: Server) -> Iterator[KubeCluster]:
     with Kube({"host": server.url, "api_key": "t"}) as kube:
-        yield KubeNodes(kube, lambda _text: None, "us")
+        yield KubeCluster(kube, lambda _text: None, "us")
 
 
-def test_when_a_kubelet_was_heard_of(server: Server, cluster: KubeNodes) -> None:
+def test_when_a_kubelet_was_heard_of(server: Server, cluster: KubeCluster) -> None:
     assert cluster.beat("edge1") == ""
     lease = {"metadata": {"name": "edge1"}, "spec": {"renewTime": "2026-11-22T07:00:00.000000Z"}}
     server.lists["/apis/coordination.k8s.io/v1/namespaces/kube-node-lease/leases"] = [lease]
     assert cluster.beat("edge1") == "2026-11-22T07:00:00.000000Z"
 
 
-def test_robots_with_pods_on_a_node(server: Server, cluster: KubeNodes) -> None:
+def test_robots_with_pods_on_a_node(server: Server, cluster: KubeCluster) -> None:
     server.lists["/api/v1/pods"] = [{"metadata": {"name": "a", "namespace": "robot-robot2"}}]
-    found = cluster.robots_on("edge1", [robot(name="robot1"), robot(name="robot2")])
+    found = robots_on(cluster._kube, "edge1", [robot(name="robot1"), robot(name="robot2")])
     assert [one.name for one in found] == ["robot2"]
     assert ("/api/v1/pods", {"fieldSelector": "spec.nodeName=edge1"}) in asked(server)
 
 
-def test_robots_that_need_what_is_the_whole_fleets(server: Server, cluster: KubeNodes) -> None:
+def test_robots_that_need_what_is_the_whole_fleets(server: Server, cluster: KubeCluster) -> None:
     """A shared master and apps of the fleet have their pods beside all robots' namespaces."""
     fleet = {"name": "map", "scope": "fleet", "placement": "remote", "image": "x.org/map:1"}
     robots = [
@@ -58,7 +59,7 @@ def test_robots_that_need_what_is_the_whole_fleets(server: Server, cluster: Kube
         robot(fleet, name="robot4", mode="standalone"),
     ]
     server.lists["/api/v1/pods"] = [{"metadata": {"name": "ros-master-1", "namespace": "fleet"}}]
-    assert [one.name for one in cluster.robots_on("edge1", robots)] == ["robot2", "robot3"]
+    assert [one.name for one in robots_on(cluster._kube, "edge1", robots)] == ["robot2", "robot3"]
 
 
 def asked(server: Server) -> list[tuple[str, dict[str, str]]]:
@@ -69,7 +70,7 @@ def asked(server: Server) -> list[tuple[str, dict[str, str]]]:
     return found
 
 
-def test_a_node_is_waited_for_until_it_is_ready(server: Server, cluster: KubeNodes) -> None:
+def test_a_node_is_waited_for_until_it_is_ready(server: Server, cluster: KubeCluster) -> None:
     server.lists["/api/v1/nodes"] = [node("edge1", True)]
     cluster.wait([NODE], 5.0)
     server.lists["/api/v1/nodes"] = [node("edge1", True, "Unknown")]

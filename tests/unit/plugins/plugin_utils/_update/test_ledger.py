@@ -47,8 +47,8 @@ def test_a_budget_that_is_none_is_an_error(tmp_path: Path) -> None:
 
 
 def _note_many(directory: Path, robot: str) -> None:
-    for _time in range(50):
-        Ledger(directory, "robot1").note(robot, "failed")
+    for number in range(50):
+        Ledger(directory, "robot1").note(f"{robot} {number}", "failed")
 
 
 def test_workers_write_at_the_same_time(tmp_path: Path) -> None:

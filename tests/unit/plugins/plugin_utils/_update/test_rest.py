@@ -215,7 +215,7 @@ class Quiet:
 def test_all_that_was_held_in_a_step_is_let_go() -> None:
     """The way back asks for what the new version serves; what was held for the old one is held still."""
     quiet: Any = Quiet()
-    rest = Rest(Hands(robot(), World(quiet, quiet, quiet)), 0.0)
+    rest = Rest(Hands(robot(), quiet, World(quiet, quiet)), 0.0)
     rest.idle(Calm([{"name": "/plan", "server": "/planner"}, {"name": "/dock", "server": "/planner"}]), "waits")
     rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits")
     assert quiet.held == {"/plan", "/dock"}
@@ -225,7 +225,7 @@ def test_all_that_was_held_in_a_step_is_let_go() -> None:
 
 def test_whoever_only_looks_holds_nothing() -> None:
     quiet: Any = Quiet()
-    rest = Rest(Hands(robot(), World(quiet, quiet, quiet)), 0.0)
+    rest = Rest(Hands(robot(), quiet, World(quiet, quiet)), 0.0)
     rest.idle(Calm([{"name": "/plan", "server": "/planner"}]), "waits", hold=False)
     assert not (quiet.held or rest.held)
 

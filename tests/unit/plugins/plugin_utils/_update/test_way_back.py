@@ -101,7 +101,7 @@ def test_whoever_forces_does_not_wait_for_a_bad_version() -> None:
     sim, wanted = begin("drain", "half-the-rate")
     sim.goal("/plan", 20.0, after=20.0)
     found = outcome_of(sim, wanted, on_busy="force")
-    assert (found.outcome, found.steps[0].phases["wait"]) == ("rolled-back", 0.0)
+    assert (found.outcome, found.steps[0].phases.get("wait")) == ("rolled-back", None)
 
 
 @pytest.mark.parametrize("name", ["drain", "replace"])

@@ -19,9 +19,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Limits, Surroundings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.guarded import Guarded
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
     AwayError,
     Calm,
@@ -31,6 +33,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import 
     LostError,
     Object,
     Seen,
+    World,
 )
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -304,13 +307,14 @@ class Site:
     def run(self, fault: str = "", at: int = 0, cluster: bool = True, **limits: Any) -> StepResult | None:
         self.calls, self.said, self.fault, self.at = [], [], fault, at
         here: Any = self
-        world = Surroundings(here, here, here if cluster else None, self.said.append)
-        wanted = Limits(**{"busy_timeout": 60.0, "ready_timeout": 60.0, **limits})
-        change = Guarded(self, self.robots, "node1", wanted, world)
+        world = World(here, here, self.said.append)
+        since = limits.pop("since", None)
+        limits["since"] = {} if since is None else {self.name: since}
+        wanted = Settings(**{"busy_timeout": 60.0, "ready_timeout": 60.0, **limits})
+        place = Place(here, "node1", self.robots) if cluster else Place()
         before = self.version
         try:
-            found = change.run()
-            self.since = change.since
+            found, _learned, self.since, _over = HostChange(self, place, wanted, world).take()
         except Killed:
             return None
         finally:
@@ -318,7 +322,7 @@ class Site:
         self.truth(found, before, wanted)
         return found
 
-    def truth(self, found: StepResult, before: str, limits: Limits) -> None:
+    def truth(self, found: StepResult, before: str, limits: Settings) -> None:
         word = found.outcome
         if limits.check:
             assert (self.version, self.held, self.changes) == (before, set(), 0)
@@ -457,7 +461,7 @@ def test_goals_that_nobody_can_let_go_are_told_of_and_the_change_stands() -> Non
 def test_whoever_waits_may_come_back() -> None:
     """A look is short; the time that a busy robot has goes on from the first one."""
     site, looks, since = Site(busy_until=45.0), 0, None
-    while (found := outcome(site, look=10.0, since=since)[0]) == "waiting":
+    while (found := outcome(site, look_timeout=10.0, since=since)[0]) == "waiting":
         looks, since = looks + 1, site.since
         assert since is not None
         assert since < 10
@@ -468,7 +472,7 @@ def test_whoever_waits_may_come_back() -> None:
 def test_the_last_look_is_no_wait() -> None:
     site, since = Site(busy_until=FOREVER), None
     for _look in range(20):
-        word, since = outcome(site, look=10.0, since=since)[0], site.since
+        word, since = outcome(site, look_timeout=10.0, since=since)[0], site.since
         if word != "waiting":
             break
     assert word == "deferred-busy"
@@ -527,6 +531,7 @@ def killed_in_its_proof(kind: str) -> Site:
     site = Site(bad={"new": kind})
     assert site.run("killed", clean.calls.index("works") + 1) is None
     site.time += 60.0
+    site.held = set()  # the keeper has let the goals go by then
     assert (site.version, site.is_proven) == ("new", False)
     return site
 
@@ -593,3 +598,27 @@ def test_every_fault_at_every_call(bad: dict[str, str], fault: str) -> None:
         again = site.run()
         assert again is not None
         assert again.outcome == ("rolled-back" if bad else "updated"), (fault, at, found, again)
+
+
+# --- which nodes are a robot's own ------------------------------------------------------------------------------------
+
+
+def shared_graph() -> dict[str, Any]:
+    nodes = {
+        "/robot1/planner": {"reachable": True, "uri": "http://a/"},
+        "/robot1/silent": {"reachable": False, "uri": "http://b/"},
+        "/robot1/dead": {"reachable": False, "uri": "http://c/", "refused": True},
+        "/robot2/planner": {"reachable": True, "uri": "http://d/"},
+    }
+    actions = {f"{name}/plan": {"up": True, "servers": [name], "clients": []} for name in nodes}
+    return {"nodes": nodes, "topics": {}, "services": {}, "actions": actions}
+
+
+def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:
+    graph = shared_graph()
+    shared = robot(name="robot1", master={"mode": "shared"})
+    nodes = host_change.own_nodes(graph, shared)
+    assert nodes == ["/robot1/dead", "/robot1/planner", "/robot1/silent"]
+    # a server that does not answer may be at work, one that is gone is not
+    assert [one["server"] for one in actions_to_rest(graph, nodes)] == ["/robot1/planner", "/robot1/silent"]
+    assert host_change.conditions(graph, nodes)["nodes"] == ["/robot1/planner"]

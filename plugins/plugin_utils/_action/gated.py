@@ -1,0 +1,109 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an action has around a change that robots at work may notice: the run's budget, its patience, its outcome.
+
+A robot that works is waited for in looks: the task of the role comes back when all others of the wave had their turn.
+What the action has to know then is in the run's ledger.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible.errors import AnsibleError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import NOTHING, Ended, word_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Work
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import robots_on
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import World
+
+Came = TypeVar("Came")
+
+
+class GatedAction(ClusterAction):
+    _requires_connection = True
+    KIND: ClassVar[str]  # of the change, in the ledger
+
+    def ledger(self, known: Mapping[str, Any], wave: str | None = None, kind: str = "") -> Ledger:
+        """Hosts that come together are a wave, which the first of them names."""
+        first = str((known.get("ansible_play_batch") or [known["inventory_hostname"]])[0])
+        return Ledger(Path(C.DEFAULT_LOCAL_TMP), first if wave is None else wave, kind or self.KIND)
+
+    def outcome(
+        self, ledger: Ledger, budget: str, known: Mapping[str, Any], change: Callable[[], Came]
+    ) -> RobotOutcome | Came:
+        """What the change came to. What goes wrong before it is the host's outcome, and no error of the run."""
+        hosts = known.get("ansible_play_hosts_all") or known.get("ansible_play_batch") or [known["inventory_hostname"]]
+        try:
+            refusal = ledger.refusal(budget, len(hosts))
+            return RobotOutcome(UNCHANGED, refusal) if refusal else change()
+        except (FleetError, AnsibleError) as error:  # of Ansible's: a variable of this host that cannot be templated
+            return RobotOutcome(word_of(error), f"{NOTHING}: {error}")
+        except Exception:  # a defect of ours counts as a failure of the host, and is seen as what it is
+            ledger.note(str(known["inventory_hostname"]), FAILED)
+            raise
+
+    def world(self, known: dict[str, Any], host: ModuleHost) -> World:
+        """The host and the clock of the task, and whoever listens to it."""
+        stand = functools.partial(voice.stand, known["inventory_hostname"])
+        return World(host, MonotonicClock(), self.say(known), stand)
+
+    def modules(self, known: dict[str, Any], images: Callable[[RobotHost], ImageSource]) -> ModuleHost:
+        """The task's host, asked through the collection's modules."""
+        there = RobotHost(self, known)
+        return ModuleHost(
+            there.there,
+            lambda name, arguments: there.module(f"rosops.fleet.{name}", arguments),
+            images(there),
+            bool(self._task.check_mode),
+        )
+
+
+class HostAction(GatedAction):
+    """A change of the host itself."""
+
+    def settings(
+        self, variables: Mapping[str, Any], ready_timeout: float, name: str, before: Mapping[str, Any]
+    ) -> Settings:
+        """How patient the change of this name is; `before` is what the ledger has of it."""
+        since = before.get("since") if before.get("outcome") == WAITING else None
+        return Settings(
+            on_busy=variables["update_on_busy"],
+            busy_timeout=variables["update_busy_timeout"],
+            ready_timeout=ready_timeout,
+            look_timeout=look_seconds(variables["update_busy_timeout"], since is not None),
+            since={} if since is None else {name: since},
+            check=bool(self._task.check_mode),
+        )
+
+    def place(self, known: dict[str, Any], kube: Kube, node: str, edge: bool = True) -> Place:
+        """The robots there are the one whose host it is, or on an `edge` host those that have pods there."""
+        if known["inventory_hostname"] in known[VARIABLE]["robots"]:
+            robots = [robot_from_vars(known)]
+        else:
+            robots = robots_on(kube, node, Fleet.from_vars(known).robots.values()) if edge else []
+        return Place(KubeCluster(kube, self.say(known), run_name(known)), node, robots)
+
+    def change(self, work: Work, place: Place, settings: Settings, known: dict[str, Any]) -> Ended:
+        """What became of it."""
+        world = self.world(known, self.modules(known, lambda there: ImageSource(NodeImages(there))))
+        return HostChange(work, place, settings, world).take()
