@@ -152,6 +152,33 @@ def datastore(request: pytest.FixtureRequest, standing_fleet: Fleet) -> str:
     return kind
 
 
+def test_a_datastore_of_before_an_update_comes_back(fleet: Fleet) -> None:
+    """What was marked and recorded then is no word on what is wanted now, and no app at work is taken for a new one."""
+    kept, limit = "/var/lib/rancher/kept-db", ("--limit", "robot1,edge1")
+    first = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
+    assert first.outcomes == {"robot1": "updated"}, first
+    # its keeper watches it: the mark of that is in the copy
+    fleet.hosts.ssh(EDGE, f"systemctl stop k3s && cp -a {DATABASE} {kept} && systemctl start k3s")
+    there = fleet.variables
+    fleet.wait_settled()
+    second = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
+    assert second.outcomes == {"robot1": "updated"}, second
+    fleet.hosts.ssh(EDGE, f"systemctl stop k3s && rm -r {DATABASE} && mv {kept} {DATABASE} && systemctl start k3s")
+    fleet.variables = there
+    fleet.wait_settled()
+
+    before, watch = fleet.running(), fleet.watch()
+    bad = fleet.update(fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3), *limit, update_ready_timeout=30)
+    assert bad.outcomes == {"robot1": "rolled-back"}, bad
+    fleet.wait_settled()
+    fleet.assert_still_running(before, "robot1")
+    good = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
+    assert good.outcomes == {"robot1": "updated"}, good
+    (step,) = good.steps("robot1")
+    assert {"gate", "record"} <= set(step["phases"]), good  # through the gate, and no installation
+    watch.assert_nothing_lost("robot1", goals=False)
+
+
 @pytest.fixture(scope="module")
 def versions() -> dict[str, str]:
     """Airgap directories of versions to go to: `next`, and `minor`."""
