@@ -85,7 +85,7 @@ def config(name: str) -> str:
 def mutate(name: str) -> dict[str, str]:
     """Mutant -> killed, survived, timeout, ...; all the work is done here."""
     shutil.rmtree(WORK, ignore_errors=True)
-    for part in ("plugins", "roles", "playbooks", "tests/unit", "tests/tools", "tests/lab"):
+    for part in ("plugins", "roles", "playbooks", "tests/unit", "tests/tools", "tests/lab", "tests/apps"):
         shutil.copytree(CHECKOUT / part, WORK / PLACE / part, symlinks=True)
     (WORK / "setup.cfg").write_text(config(name), "utf-8")
     done = _mutmut("run", "--max-children", os.environ.get("MUTATION_CHILDREN", "1"))
