@@ -121,6 +121,6 @@ def test_a_run_that_ended_otherwise_is_told() -> None:
     assert run.must(2) is run.must(2, robot1="rolled-back") is run
     for status, outcomes in ((0, {}), (2, {"robot1": "updated"}), (2, {"robot1": "rolled-back", "robot2": "updated"})):
         with pytest.raises(
-            AssertionError, match="wanted .*: update: exit status 2 after 9 s\nrobot1: rolled-back: rate"
+            AssertionError, match=r"wanted .*: update: exit status 2 after 9 s\nrobot1: rolled-back: rate"
         ):
             run.must(status, **outcomes)
