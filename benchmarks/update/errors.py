@@ -1,13 +1,9 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ends the benchmark, or one measurement of it."""
+"""What ends the benchmark."""
 
 from __future__ import annotations
 
 
 class BenchError(Exception):
     """The benchmark could not be made; there is no result."""
-
-
-class UpdateError(Exception):
-    """An update did not end as it should; its case has no figures of time."""

@@ -12,8 +12,6 @@ SENT = 100_000
 # Table 4.2: 95th percentile of a request's latency.
 SERVICE_P95_MS = {"before": 45, "during": 83}
 SERVICE_FAILED = 0
-SERVICE_CPU = {"before": 23.4, "during": 28.1}  # per cent
-SERVICE_MIB = {"before": 280, "during": 290}  # MB
 
 # Table 4.3: completion of a goal without and with an update.
 ACTION_MS = {"before": 220, "during": 388}

@@ -4,9 +4,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Usage: build.sh [DESTINATION]   (default /opt/rosops-apps; what was there is replaced)
-# Needs python3-genpy, ros-std-msgs and ros-actionlib-msgs, in the lab's ROS image by its entry point. ROSOPS_APPS_VERSION (1.0) becomes the version the applications report,
-# ROSOPS_APPS_BROKEN=true makes programs that cannot start. The C++ programs are taken from compiled/, where cpp/build.sh or
-# the lab has put them; without it they are left out.
+# Needs python3-genpy, ros-std-msgs and ros-actionlib-msgs, in the lab's ROS image by its entry point. ROSOPS_APPS_VERSION
+# (1.0) becomes the version the applications report, ROSOPS_APPS_BROKEN=true makes programs that cannot start. The C++
+# programs are taken from compiled/, where cpp/build.sh or the lab has put them; without it they are left out.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
@@ -25,16 +25,10 @@ generate() { # generate msg|srv FILE...
     kind=$1
     shift
     "$python" "/usr/lib/genpy/gen${kind}_py.py" -p "$package" -o "$destination/lib/$package/$kind" \
-        "-I$package:$here/msgs/msg" "-I$package:$actions" \
-        -Istd_msgs:/usr/share/std_msgs/msg -Iactionlib_msgs:/usr/share/actionlib_msgs/msg "$@"
+        "-I$package:$here/msgs/msg" -Istd_msgs:/usr/share/std_msgs/msg -Iactionlib_msgs:/usr/share/actionlib_msgs/msg "$@"
     "$python" "/usr/lib/genpy/gen${kind}_py.py" --initpy -o "$destination/lib/$package/$kind"
 }
-actions=$(mktemp -d)
-trap 'rm -rf "$actions"' EXIT
-for action in "$here"/msgs/action/*.action; do
-    "$python" "$here/split_action.py" "$action" "$actions"
-done
-generate msg "$here"/msgs/msg/*.msg "$actions"/*.msg
+generate msg "$here"/msgs/msg/*.msg
 generate srv "$here"/msgs/srv/*.srv
 
 for app in $apps; do

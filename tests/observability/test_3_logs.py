@@ -13,8 +13,6 @@ from runs import wait_until
 from watched import ALONE, MEMBER, ROBOTS, Watched
 
 STREAM = {"robot", "namespace", "app", "pod", "placement"}
-# Those that say something by themselves.
-TALKERS = {"counter", "ros-master", "ros-exporter"}
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

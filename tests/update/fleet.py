@@ -12,12 +12,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
 from cluster import Cluster, Hosts, Pod, running
 from evidence import Losses
-from runs import Playbooks, Run, Running, wait_until
+from runs import CHECKOUT, Playbooks, Run, Running, wait_until
 
+ROBOTS_VARIABLES = CHECKOUT / "molecule" / "update" / "inventory" / "group_vars" / "robots.yml"
 ROBOTS = ["robot1", "robot2"]  # of the scenario; a lab made by hand may have more
 ALL_AT_ONCE: dict[str, Any] = {"update_waves": ["100%"]}
+LIMIT = ("--limit", "robot1,edge1")  # of a run for one robot
 
 Variables = dict[str, Any]
 
@@ -85,6 +88,11 @@ class Fleet:
             if before[robot].get(app) != now[robot].get(app)
         ]
         assert not changed, "\n".join(changed)
+
+    def assert_taken_back(self, before: Mapping[str, Any]) -> None:
+        """robot1's pods are those that were there before, never started again, and alone."""
+        self.wait_settled()
+        self.assert_still_running(before, "robot1")
 
     def revisions(self) -> dict[str, dict[str, list[tuple[str, str]]]]:
         """Robot -> app -> (image, revision) of its pods."""
@@ -157,6 +165,11 @@ class Watch:
                 error for error in losses.failed if "master" not in error and "unavailable" not in error
             } == set(), losses
             assert len(losses.failed) <= 100, losses  # of ten a second
+
+
+def scenario_apps() -> list[Variables]:
+    """The apps of the inventory, for whoever changes one otherwise than by `changed`."""
+    return list(yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"])
 
 
 def assert_in_time(during: Mapping[str, Losses], quiet: Mapping[str, Losses]) -> None:

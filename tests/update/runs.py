@@ -64,6 +64,12 @@ class Run:
         """How many tasks changed something, over all hosts."""
         return sum(host["counts"].get("changed", 0) for host in self.report["hosts"])
 
+    def must(self, status: int, **outcomes: str) -> Run:
+        """Itself: it has ended with this status and, where any is named, with just these outcomes of robots."""
+        wanted = (status, outcomes)
+        assert (self.status, outcomes and self.outcomes) == wanted, f"wanted {wanted}: {self}"
+        return self
+
     def steps(self, robot: str) -> list[Mapping[str, Any]]:
         """The robot's steps."""
         return list(self.host(robot).get("steps") or [])

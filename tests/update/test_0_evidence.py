@@ -10,6 +10,7 @@ from typing import Any
 import evidence
 import pytest
 from evidence import losses
+from runs import Run
 
 
 def stats(at: float, *ranges: list[int], node: str = "/a") -> dict[str, Any]:
@@ -112,3 +113,14 @@ def test_what_a_busy_machine_takes_is_not_late() -> None:
 
 def test_torn_lines_are_passed_over() -> None:
     assert evidence.parse('me":1}\n{"time": 2}\n\n{"ti') == [{"time": 2}]
+
+
+def test_a_run_that_ended_otherwise_is_told() -> None:
+    host = {"host": "robot1", "groups": ["robots"], "outcome": "rolled-back", "reason": "rate"}
+    run = Run("update", 2, "", {"hosts": [host]}, 0, 9)
+    assert run.must(2) is run.must(2, robot1="rolled-back") is run
+    for status, outcomes in ((0, {}), (2, {"robot1": "updated"}), (2, {"robot1": "rolled-back", "robot2": "updated"})):
+        with pytest.raises(
+            AssertionError, match=r"wanted .*: update: exit status 2 after 9 s\nrobot1: rolled-back: rate"
+        ):
+            run.must(status, **outcomes)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from fleet import ALL_AT_ONCE, ROBOTS, Fleet, assert_in_time
+from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet, assert_in_time
 
 NEXT: dict[str, Any] = {"scenario_image": "lab/apps:1.1", "lab_apps_version": "1.1"}
 APPS = {
@@ -33,8 +33,7 @@ def test_what_site_brought_is_unchanged(fleet: Fleet) -> None:
 @pytest.mark.promise("check mode tells the truth and touches nothing")
 def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> None:
     before = fleet.running()
-    run = fleet.update(fleet.variables, "--check", "--diff", **NEXT, **ALL_AT_ONCE)
-    assert run.status == 0, run
+    run = fleet.update(fleet.variables, "--check", "--diff", **NEXT, **ALL_AT_ONCE).must(0)
     assert run.report["check_mode"], run
     assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
     for robot in ROBOTS:
@@ -48,18 +47,13 @@ def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> 
 @pytest.mark.promise("an undo by hand makes nothing new of what works")
 def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> None:
     """As it was installed: `kubectl rollout undo` brings back the mark that the version had then."""
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     for command in ("set image deployment/temperature '*=lab/apps:nowhere'", "rollout undo deployment/temperature"):
         fleet.hosts.ssh("edge1", f"k3s kubectl -n robot-robot1 {command}")
-    limit = ("--limit", "robot1,edge1")
     bad = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
-    run = fleet.update(bad, *limit, update_ready_timeout=30)
-    assert (run.status, run.outcomes) == (2, {"robot1": "rolled-back"}), run
-    fleet.wait_settled()
-    fleet.assert_still_running(before, "robot1")
-    run = fleet.update(fleet.new_version("robot1", "temperature"), *limit)
-    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    run = fleet.update(bad, *LIMIT, update_ready_timeout=30).must(2, robot1="rolled-back")
+    fleet.assert_taken_back(before)
+    run = fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
     (step,) = run.steps("robot1")
     assert {"gate", "record"} <= set(step["phases"]), run  # through the gate, and no installation
     watch.assert_nothing_lost("robot1", goals=False)
@@ -68,9 +62,9 @@ def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> Non
 @pytest.mark.promise("an update of a whole fleet loses nothing")
 def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch = fleet.watch()
-    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"], update_soak=20)
-    assert run.status == 0, run
-    assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
+    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"], update_soak=20).must(
+        0, robot1="updated", robot2="updated"
+    )
     for robot, pods in fleet.pods().items():
         steps = [step["name"] for step in run.steps(robot)]
         assert set(steps) == APPS, run
@@ -97,8 +91,7 @@ def test_group_is_one_step(fleet: Fleet) -> None:
     for app in ("temperature", "temperature-stats"):
         changes = fleet.new_version("robot1", app, on=changes)
     watch = fleet.watch()
-    run = fleet.update(changes, "--limit", "robot1,edge1")
-    assert run.status == 0, run
+    run = fleet.update(changes, *LIMIT).must(0)
     assert [(step["name"], sorted(step["apps"])) for step in run.steps("robot1")] == [
         ("sensing", ["temperature", "temperature-stats"])
     ], run
@@ -113,18 +106,13 @@ def test_rollback_to_the_previous_and_to_a_named_revision(fleet: Fleet) -> None:
     others = {app: there for app, there in fleet.running()["robot1"].items() if app != "temperature"}
     watch = fleet.watch()
 
-    back = fleet.playbooks.run("rollback", one, *limit)
-    assert back.status == 0, back
-    assert back.outcomes == {"robot1": "updated"}, back
+    fleet.playbooks.run("rollback", one, *limit).must(0, robot1="updated")
     assert fleet.pods()["robot1"]["temperature"][0].revision != newer.revision
 
-    nowhere = fleet.playbooks.run("rollback", {**one, "update_to": "00000000"}, *limit)
-    assert nowhere.status == 2, nowhere
-    assert nowhere.outcomes == {"robot1": "failed"}, nowhere
+    nowhere = fleet.playbooks.run("rollback", {**one, "update_to": "00000000"}, *limit).must(2, robot1="failed")
     assert newer.revision in nowhere.host("robot1")["reason"], f"what there is, is not named: {nowhere}"
 
-    named = fleet.playbooks.run("rollback", {**one, "update_to": newer.revision}, *limit)
-    assert named.status == 0, named
+    fleet.playbooks.run("rollback", {**one, "update_to": newer.revision}, *limit).must(0)
     assert fleet.pods()["robot1"]["temperature"][0].revision == newer.revision
 
     inventory = fleet.update(fleet.variables, *limit)

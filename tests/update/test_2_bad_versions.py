@@ -8,28 +8,18 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from fleet import ALL_AT_ONCE, Fleet
+from fleet import ALL_AT_ONCE, LIMIT, Fleet
 
 # A version that never gets ready is given up after this time.
 PATIENCE: dict[str, Any] = {"update_ready_timeout": 30}
-LIMIT = ("--limit", "robot1,edge1")
-
-
-def assert_taken_back(fleet: Fleet, before: dict[str, Any]) -> None:
-    """The old pod is the one that was there before, never started again, and alone."""
-    fleet.wait_settled()
-    fleet.assert_still_running(before, "robot1")
 
 
 def test_image_that_is_nowhere_is_refused(fleet: Fleet) -> None:
     """One robot lacks it on itself, the other one at the edge."""
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     bad = fleet.changed("robot1", "temperature", image="lab/apps:nowhere")
     bad = fleet.changed("robot2", "temperature-stats", on=bad, image="lab/apps:nowhere")
-    run = fleet.update(bad, **ALL_AT_ONCE)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "failed", "robot2": "failed"}, run
+    run = fleet.update(bad, **ALL_AT_ONCE).must(2, robot1="failed", robot2="failed")
     for robot in ("robot1", "robot2"):
         assert "nothing was touched" in run.host(robot)["reason"], run
         assert "lab/apps:nowhere" in run.host(robot)["reason"], run
@@ -38,41 +28,34 @@ def test_image_that_is_nowhere_is_refused(fleet: Fleet) -> None:
 
 
 def test_image_whose_programs_cannot_start(fleet: Fleet) -> None:
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     bad = {**fleet.changed("robot1", "temperature", image="lab/apps:broken"), "lab_apps_version": "broken"}
-    run = fleet.update(bad, *LIMIT, **PATIENCE)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back"}, run
-    assert_taken_back(fleet, before)
+    fleet.update(bad, *LIMIT, **PATIENCE).must(2, robot1="rolled-back")
+    fleet.assert_taken_back(before)
     watch.assert_nothing_lost("robot1", goals=False)
 
 
 def test_action_server_whose_program_is_not_there(fleet: Fleet) -> None:
     """It shows beside the old one, which is never stopped for it."""
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     bad = fleet.changed("robot1", "prime-factors", command=["/nowhere/server"])
-    run = fleet.update(bad, *LIMIT, **PATIENCE)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back"}, run
+    run = fleet.update(bad, *LIMIT, **PATIENCE).must(2, robot1="rolled-back")
     assert "/nowhere/server" in run.host("robot1")["reason"], run
-    assert_taken_back(fleet, before)
+    fleet.assert_taken_back(before)
     watch.assert_nothing_lost("robot1")
 
 
 @pytest.mark.promise("a bad version is taken back, and the budget ends the waves")
 def test_crashing_version_ends_the_waves(fleet: Fleet) -> None:
     """The second robot's update is a good one, but the budget allows no failure."""
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     both = fleet.new_version("robot1", "temperature", CRASH_AFTER=0.3)
     both = fleet.new_version("robot2", "temperature", on=both)
-    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0, **PATIENCE)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back", "robot2": "unchanged"}, run
+    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0, **PATIENCE).must(
+        2, robot1="rolled-back", robot2="unchanged"
+    )
     assert "not begun: robot1 failed" in run.host("robot2")["reason"], run
-    assert_taken_back(fleet, before)
+    fleet.assert_taken_back(before)
     fleet.assert_still_running(before)
     watch.assert_nothing_lost(goals=False)
 
@@ -90,9 +73,9 @@ def test_version_that_crashes_later(fleet: Fleet, after: float) -> None:
     before = fleet.revisions()
     both = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=after)
     both = fleet.new_version("robot2", "add-two-ints", on=both)
-    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back", "robot2": "unchanged"}, run
+    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=0).must(
+        2, robot1="rolled-back", robot2="unchanged"
+    )
     assert "add-two-ints ended once with exit code 1, within 120 s of the update" in run.host("robot1")["reason"], run
     assert "not begun: robot1 failed" in run.host("robot2")["reason"], run
     fleet.wait_settled()
@@ -102,14 +85,13 @@ def test_version_that_crashes_later(fleet: Fleet, after: float) -> None:
 
 def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
     """The budget allows one failure, so the other robot is updated."""
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     good = fleet.new_version("robot2", "temperature")
     both = fleet.new_version("robot1", "temperature", on=good, NEVER_CONNECT="true")
-    run = fleet.update(both, update_waves=[1, "100%"], update_failure_budget=1, **PATIENCE)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back", "robot2": "updated"}, run
-    assert_taken_back(fleet, before)
+    fleet.update(both, update_waves=[1, "100%"], update_failure_budget=1, **PATIENCE).must(
+        2, robot1="rolled-back", robot2="updated"
+    )
+    fleet.assert_taken_back(before)
     assert fleet.running()["robot2"]["temperature"] != before["robot2"]["temperature"]
     watch.assert_nothing_lost(goals=False)
     fleet.accept(good)
@@ -117,18 +99,13 @@ def test_version_that_never_connects_within_the_budget(fleet: Fleet) -> None:
 
 @pytest.mark.promise("site.yml changes a robot at work through the same gate")
 def test_bad_and_good_version_by_site(fleet: Fleet) -> None:
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     stages = ("--tags", "apps,ready", *LIMIT)
     bad = fleet.new_version("robot1", "temperature", NEVER_CONNECT="true")
-    run = fleet.playbooks.run("site", {**bad, **PATIENCE}, *stages)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back"}, run
-    assert_taken_back(fleet, before)
+    run = fleet.playbooks.run("site", {**bad, **PATIENCE}, *stages).must(2, robot1="rolled-back")
+    fleet.assert_taken_back(before)
     good = fleet.new_version("robot1", "temperature")
-    run = fleet.playbooks.run("site", good, *stages)
-    assert run.status == 0, run
-    assert run.outcomes == {"robot1": "updated"}, run
+    run = fleet.playbooks.run("site", good, *stages).must(0, robot1="updated")
     assert [step["name"] for step in run.steps("robot1")] == ["temperature"], run
     assert fleet.running()["robot1"]["temperature"] != before["robot1"]["temperature"]
     watch.assert_nothing_lost("robot1", goals=False)
@@ -137,13 +114,12 @@ def test_bad_and_good_version_by_site(fleet: Fleet) -> None:
 
 @pytest.mark.promise("a version that does less in the ROS graph is taken back")
 def test_version_at_half_the_rate(fleet: Fleet) -> None:
-    before = fleet.running()
-    watch = fleet.watch()
-    run = fleet.update(fleet.new_version("robot1", "temperature", RATE_HZ=250), *LIMIT, **PATIENCE)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back"}, run
+    before, watch = fleet.running(), fleet.watch()
+    run = fleet.update(fleet.new_version("robot1", "temperature", RATE_HZ=250), *LIMIT, **PATIENCE).must(
+        2, robot1="rolled-back"
+    )
     assert "rate" in run.host("robot1")["reason"], run
-    assert_taken_back(fleet, before)
+    fleet.assert_taken_back(before)
     watch.assert_nothing_lost("robot1", goals=False)
 
 
@@ -159,9 +135,7 @@ def test_service_that_crashes_after_it_registered(fleet: Fleet, after: float) ->
     before, revisions = fleet.running(), fleet.revisions()["robot1"]
     watch = fleet.watch()
     bad = fleet.new_version("robot1", "add-two-ints", CRASH_AFTER=after)
-    run = fleet.update(bad, *LIMIT, **PATIENCE, update_verify_seconds=10)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back"}, run
+    fleet.update(bad, *LIMIT, **PATIENCE, update_verify_seconds=10).must(2, robot1="rolled-back")
     fleet.wait_settled()
     assert fleet.revisions()["robot1"] == revisions
     [losses] = watch.losses("robot1", goals=False).values()

@@ -13,11 +13,8 @@ import evidence
 import pytest
 from awx_job import Job
 from cluster import MASTER
-from fleet import ALL_AT_ONCE, Fleet, Variables
+from fleet import ALL_AT_ONCE, LIMIT, Fleet, Variables
 from runs import Run, Running, wait_until
-
-LIMIT = ("--limit", "robot1,edge1")
-
 
 # --- a busy robot ---------------------------------------------------------------------------------------------------
 
@@ -46,25 +43,19 @@ def test_busy_robot_is_deferred_then_updated(fleet: Fleet) -> None:
     """Its goals take half a minute to a minute. The other robot is updated in the same run and not held up."""
     action = "prime-factors"
     normal = fleet.variables
-    run = fleet.update(fleet.changed("robot1", action, env={"FACTOR_PAUSE": 1.2}), *LIMIT)
-    assert run.status == 0, run
-    before = fleet.running()
-    watch = fleet.watch()
+    run = fleet.update(fleet.changed("robot1", action, env={"FACTOR_PAUSE": 1.2}), *LIMIT).must(0)
+    before, watch = fleet.running(), fleet.watch()
 
     # what would be changed is the robot's server of the action; for the other robot something that is never busy
     wanted = fleet.new_version("robot2", "temperature", on=fleet.new_version("robot1", action, on=normal))
     wait_for_new_goal(fleet, "robot1")
-    run = fleet.update(wanted, **ALL_AT_ONCE, update_on_busy="defer")
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "deferred-busy", "robot2": "updated"}, run
+    run = fleet.update(wanted, **ALL_AT_ONCE, update_on_busy="defer").must(2, robot1="deferred-busy", robot2="updated")
     assert action in run.host("robot1")["reason"], run
     fleet.assert_still_running(before, "robot1")
 
     wanted = fleet.new_version("robot2", "temperature", on=wanted)
     wait_for_new_goal(fleet, "robot1")
-    run = fleet.update(wanted, **ALL_AT_ONCE, update_on_busy="wait")
-    assert run.status == 0, run
-    assert run.outcomes == {"robot1": "updated", "robot2": "updated"}, run
+    run = fleet.update(wanted, **ALL_AT_ONCE, update_on_busy="wait").must(0, robot1="updated", robot2="updated")
     assert run.steps("robot1")[-1]["busy_wait"] > 0, run
     assert step_end(run, "robot2") < step_end(run, "robot1"), f"robot2 was held up by robot1: {run}"
     watch.assert_nothing_lost()
@@ -78,20 +69,15 @@ def test_robot_that_says_no_is_left_alone_until_it_says_yes(fleet: Fleet) -> Non
         value = {"topic": "temperature", "field": "celsius", "above": degrees}
         return fleet.changed(robot, "add-two-ints", on, update={"when": [value]})
 
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     wanted = fleet.new_version("robots", "add-two-ints")
     cold = asked("robot2", -300.0, asked("robot1", 300.0, wanted))
-    run = fleet.update(cold, **ALL_AT_ONCE, update_on_busy="defer")
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "deferred-busy", "robot2": "updated"}, run
+    run = fleet.update(cold, **ALL_AT_ONCE, update_on_busy="defer").must(2, robot1="deferred-busy", robot2="updated")
     assert "/temperature celsius above 300.0: is " in run.host("robot1")["reason"], run
     fleet.assert_still_running(before, "robot1")
 
     quiet = fleet.changed("robot1", "add-two-ints", wanted, update={"when": [{"topic": "joy", "quiet": 3}]})
-    run = fleet.update(quiet, **ALL_AT_ONCE, update_on_busy="defer")
-    assert run.status == 0, run
-    assert run.outcomes == {"robot1": "updated", "robot2": "unchanged"}, run
+    run = fleet.update(quiet, **ALL_AT_ONCE, update_on_busy="defer").must(0, robot1="updated", robot2="unchanged")
     assert run.steps("robot1")[-1]["busy_wait"] >= 3, run
     watch.assert_nothing_lost()
 
@@ -114,23 +100,17 @@ def test_robot_that_is_off_is_picked_up_by_the_next_run(fleet: Fleet) -> None:
     watch = fleet.watch()
     fleet.hosts.power("robot2", "down")
     try:
-        run = fleet.update(wanted, **ALL_AT_ONCE)
-        assert run.status == 4, run
-        assert run.outcomes == {"robot1": "updated", "robot2": "deferred-offline"}, run
+        run = fleet.update(wanted, **ALL_AT_ONCE).must(4, robot1="updated", robot2="deferred-offline")
         watch.assert_nothing_lost("robot1", goals=False)
     finally:
         fleet.hosts.power("robot2", "up")
         back = time.time()
     fleet.wait_settled(240)
     # the apps at the edge ran on meanwhile: their registrations with the robot's new master are back
-    site = fleet.playbooks.run("site", fleet.variables, "--tags", "ready", "--limit", "robot2,edge1")
-    assert site.status == 0, site
+    fleet.playbooks.run("site", fleet.variables, "--tags", "ready", "--limit", "robot2,edge1").must(0)
     wait_for_answer(fleet, "robot2", back)
-    before = fleet.running()
-    watch = fleet.watch()
-    run = fleet.update(wanted, **ALL_AT_ONCE)
-    assert run.status == 0, run
-    assert run.outcomes == {"robot1": "unchanged", "robot2": "updated"}, run
+    before, watch = fleet.running(), fleet.watch()
+    run = fleet.update(wanted, **ALL_AT_ONCE).must(0, robot1="unchanged", robot2="updated")
     assert [step["name"] for step in run.steps("robot2")] == ["temperature"], run
     fleet.assert_still_running(before, "robot1")
     watch.assert_nothing_lost()
@@ -145,8 +125,7 @@ def apps_only(pods: Mapping[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.promise("apps outlive their ROS master")
 def test_apps_outlive_their_master(fleet: Fleet) -> None:
-    before = fleet.running()["robot1"]
-    watch = fleet.watch()
+    before, watch = fleet.running()["robot1"], fleet.watch()
     fleet.cluster.delete_pod("robot1", MASTER)
     wait_until(
         lambda: fleet.running()["robot1"].get(MASTER),
@@ -159,18 +138,15 @@ def test_apps_outlive_their_master(fleet: Fleet) -> None:
     assert apps_only(fleet.running()["robot1"]) == apps_only(before)
 
     watch = fleet.watch()
-    run = fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT)
-    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    fleet.update(fleet.new_version("robot1", "temperature"), *LIMIT).must(0, robot1="updated")
     watch.assert_nothing_lost("robot1")
 
 
 def test_update_of_the_master_itself(fleet: Fleet) -> None:
-    before = fleet.running()["robot1"]
-    watch = fleet.watch()
+    before, watch = fleet.running()["robot1"], fleet.watch()
     container = {"name": "ros-master-container", "env": [{"name": "EXAMPLE", "value": str(int(time.time()))}]}
     overrides = {"template": {"spec": {"containers": [container]}}}
-    run = fleet.update(fleet.changed("robot1", MASTER, spec=overrides), *LIMIT)
-    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    run = fleet.update(fleet.changed("robot1", MASTER, spec=overrides), *LIMIT).must(0, robot1="updated")
     assert [step["name"] for step in run.steps("robot1")] == [MASTER], run
     after = fleet.running()["robot1"]
     assert after[MASTER] != before[MASTER]
@@ -252,9 +228,7 @@ def test_control_node_killed(fleet: Fleet, phase: str) -> None:
     update.kill()
     watch.assert_nothing_lost("robot1")  # the robot works on by itself
 
-    run = fleet.update(wanted, *LIMIT)
-    assert run.status == 0, run
-    assert run.outcomes == {"robot1": "updated"}, run
+    fleet.update(wanted, *LIMIT).must(0, robot1="updated")
     fleet.wait_settled()
     watch.assert_nothing_lost("robot1")
 
@@ -276,9 +250,6 @@ def test_control_node_killed_with_a_bad_version(fleet: Fleet, seen: str) -> None
     update.kill()
     watch.assert_nothing_lost("robot1", goals=False)
 
-    run = fleet.update(bad, *LIMIT, update_ready_timeout=30)
-    assert run.status == 2, run
-    assert run.outcomes == {"robot1": "rolled-back"}, run
-    fleet.wait_settled()
-    fleet.assert_still_running(before, "robot1")
+    fleet.update(bad, *LIMIT, update_ready_timeout=30).must(2, robot1="rolled-back")
+    fleet.assert_taken_back(before)
     watch.assert_nothing_lost("robot1", goals=False)

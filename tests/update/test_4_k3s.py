@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from cluster import LAB, Hosts
-from fleet import ALL_AT_ONCE, ROBOTS, Fleet
+from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet
 from runs import Run
 from test_3_interrupted import wait_for_new_goal
 
@@ -55,8 +55,7 @@ def put_back(fleet: Fleet) -> Iterator[None]:
                 host,
                 f"systemctl stop {unit} && cp -p {BINARY}.previous {BINARY} && rm {RECORD} && systemctl start {unit}",
             )
-    run = change(fleet, **ALL_AT_ONCE)
-    assert run.status == 0, run
+    change(fleet, **ALL_AT_ONCE).must(0)
     fleet.wait_settled()
 
 
@@ -73,13 +72,11 @@ def test_k3s_is_light_beside_the_pods_of_a_robot(fleet: Fleet) -> None:
 def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) -> None:
     before, pods = starts(fleet), fleet.running()
     watch = fleet.watch()
-    check = change(fleet, "--check", k3s_config=SETTINGS)
-    assert check.status == 0, check
+    check = change(fleet, "--check", k3s_config=SETTINGS).must(0)
     assert starts(fleet) == before
     assert check.output.count("idle now") + check.output.count("busy now") >= len(ROBOTS), check.output[-3000:]
 
-    run = change(fleet, k3s_config=SETTINGS, update_waves=[1, "100%"])
-    assert run.status == 0, run
+    run = change(fleet, k3s_config=SETTINGS, update_waves=[1, "100%"]).must(0)
     now = starts(fleet)
     assert all(now[host] != before[host] for host in HOSTS), run
     assert not any(unproven(fleet, host) for host in HOSTS)
@@ -94,17 +91,15 @@ def test_another_configuration_goes_from_the_server_to_the_robots(fleet: Fleet) 
 @pytest.mark.usefixtures("put_back")
 def test_a_busy_robot_keeps_its_k3s_and_holds_up_no_other(fleet: Fleet) -> None:
     normal = fleet.variables
-    slow = fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), "--limit", "robot1,edge1")
-    assert slow.status == 0, slow
+    fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), *LIMIT).must(0)
     before = starts(fleet)
     wait_for_new_goal(fleet, "robot1")
-    run = change(fleet, k3s_config=SETTINGS, update_on_busy="defer", **ALL_AT_ONCE)
-    assert run.status == 2, run
+    run = change(fleet, k3s_config=SETTINGS, update_on_busy="defer", **ALL_AT_ONCE).must(2)
     assert run.outcomes["robot1"] == "deferred-busy", run
     now = starts(fleet)
     assert now["robot1"] == before["robot1"]
     assert now["robot2"] != before["robot2"]
-    assert fleet.update(normal, "--limit", "robot1,edge1").status == 0
+    assert fleet.update(normal, *LIMIT).status == 0
 
 
 @pytest.mark.promise("a k3s that does not start is taken back")
@@ -112,8 +107,7 @@ def test_a_busy_robot_keeps_its_k3s_and_holds_up_no_other(fleet: Fleet) -> None:
 def test_a_configuration_with_which_k3s_does_not_start_is_taken_back(fleet: Fleet) -> None:
     pods, config = fleet.running(), on(fleet, "cat /etc/rancher/k3s/config.yaml")
     bad = "{{ {'kubelet-arg': ['max-pods=none']} if inventory_hostname == 'robot1' else {} }}"
-    run = change(fleet, k3s_config=bad)
-    assert run.status == 2, run
+    run = change(fleet, k3s_config=bad).must(2)
     assert run.outcomes["robot1"] == "rolled-back", run
     assert on(fleet, "cat /etc/rancher/k3s/config.yaml") == config
     assert not unproven(fleet, "robot1")
@@ -128,8 +122,7 @@ def test_what_a_killed_run_left_is_proven_by_the_next(fleet: Fleet) -> None:
     running = fleet.playbooks.start("site", {**fleet.variables, "k3s_config": SETTINGS}, "--tags", "k3s", "-v")
     running.wait_for(r"k3s: verify")
     running.kill()
-    run = change(fleet, k3s_config=SETTINGS)
-    assert run.status == 0, run
+    change(fleet, k3s_config=SETTINGS).must(0)
     assert not any(unproven(fleet, host) for host in HOSTS)
 
 
@@ -140,8 +133,7 @@ def datastore(request: pytest.FixtureRequest, standing_fleet: Fleet) -> str:
     fleet.settle()
     if kind == "etcd" and "etcd" not in fleet.hosts.ssh(EDGE, f"ls {DATABASE}").split():
         pods, watch = fleet.running(), fleet.watch()
-        run = change(fleet, "--limit", EDGE, k3s_config={"cluster-init": True})
-        assert run.status == 0, run
+        change(fleet, "--limit", EDGE, k3s_config={"cluster-init": True}).must(0)
         assert {"etcd", "state.db.migrated"} <= {*fleet.hosts.ssh(EDGE, f"ls {DATABASE}").split()}
         fleet.assert_still_running(pods)
         watch.assert_only_lookups_failed()
@@ -193,8 +185,7 @@ def test_another_version_comes_and_the_one_before_is_refused(
 ) -> None:
     before, pods = on(fleet, f"{BINARY} --version | head -1"), fleet.running()
     watch = fleet.watch()
-    run = change(fleet, k3s_airgap_dir=versions["next"], update_waves=[1, "100%"])
-    assert run.status == 0, run
+    change(fleet, k3s_airgap_dir=versions["next"], update_waves=[1, "100%"]).must(0)
     now = on(fleet, f"{BINARY} --version | head -1")
     assert all(now[host] != before[host] for host in HOSTS), now
     assert on(fleet, f"{BINARY}.previous --version | head -1") == before
@@ -203,8 +194,7 @@ def test_another_version_comes_and_the_one_before_is_refused(
     fleet.assert_still_running(pods)
     watch.assert_nothing_lost()
 
-    down = change(fleet)
-    assert down.status == 2, down
+    down = change(fleet).must(2)
     assert "is older than" in down.host("robot1")["reason"], down
     assert on(fleet, f"{BINARY} --version | head -1") == now
 
@@ -227,8 +217,7 @@ def test_a_minor_version_that_does_not_start_is_taken_back_with_its_datastore(
     told = {"kind": "ConfigMap", "apiVersion": "v1", "metadata": {"name": "told-before", "namespace": "default"}}
     fleet.hosts.ssh(EDGE, f"echo '{json.dumps(told)}' | {BINARY} kubectl apply -f -")
     bad = "{{ {'kubelet-arg': ['max-pods=none']} if inventory_hostname == 'edge1' else {} }}"
-    run = change(fleet, k3s_airgap_dir=versions["minor"], k3s_config=bad)
-    assert run.status == 2, run
+    run = change(fleet, k3s_airgap_dir=versions["minor"], k3s_config=bad).must(2)
     assert run.outcomes[EDGE] == "rolled-back", run
     assert on(fleet, f"{BINARY} --version | head -1") == before
     left = f"{DATABASE}/etcd-old-*" if datastore == "etcd" else f"{DATABASE}.left"

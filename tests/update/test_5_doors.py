@@ -8,9 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from fleet import Fleet
-
-LIMIT = ("--limit", "robot1,edge1")
+from fleet import LIMIT, Fleet
 
 
 @pytest.mark.parametrize(
@@ -18,18 +16,16 @@ LIMIT = ("--limit", "robot1,edge1")
 )
 def test_second_run_is_told_who_is_there(fleet: Fleet, second: str) -> None:
     """The first one is at it for a minute: its version never gets ready."""
-    before = fleet.running()
-    watch = fleet.watch()
+    before, watch = fleet.running(), fleet.watch()
     bad = fleet.new_version("robot1", "temperature", NEVER_CONNECT="true")
     first = fleet.start_update(bad, *LIMIT, update_ready_timeout=60)
     first.wait_for(r"^\[robot1\] temperature: rollout")
-    run = fleet.playbooks.run(second, fleet.new_version("robot1", "add-two-ints"), *LIMIT)
-    assert (run.status, run.outcomes) == (2, {"robot1": "deferred-busy"}), run
+    run = fleet.playbooks.run(second, fleet.new_version("robot1", "add-two-ints"), *LIMIT).must(
+        2, robot1="deferred-busy"
+    )
     assert "process" in run.host("robot1")["reason"], run
-    ended = first.finish()
-    assert (ended.status, ended.outcomes) == (2, {"robot1": "rolled-back"}), ended
-    fleet.wait_settled()
-    fleet.assert_still_running(before, "robot1")
+    first.finish().must(2, robot1="rolled-back")
+    fleet.assert_taken_back(before)
     watch.assert_nothing_lost("robot1")
 
 
@@ -50,14 +46,13 @@ def test_from_an_empty_home(fleet: Fleet, tmp_path: Path) -> None:
     home = {"HOME": str(tmp_path), "ANSIBLE_HOME": str(tmp_path / "ansible")}
     wanted = fleet.new_version("robot1", "temperature")
     watch = fleet.watch()
-    run = fleet.playbooks.run("update", wanted, *LIMIT, **home)
-    assert (run.status, run.outcomes) == (0, {"robot1": "updated"}), run
+    fleet.playbooks.run("update", wanted, *LIMIT, **home).must(0, robot1="updated")
     fleet.accept(wanted)
-    looked = fleet.playbooks.run("status", wanted, "-v", "--limit", "robot1", **home)
-    assert looked.status == 0, looked
+    looked = fleet.playbooks.run("status", wanted, "-v", "--limit", "robot1", **home).must(0)
     assert "temperature" in looked.output, looked.output[-3000:]
-    back = fleet.playbooks.run("rollback", {**wanted, "update_apps": ["temperature"]}, "--limit", "robot1", **home)
-    assert (back.status, back.outcomes) == (0, {"robot1": "updated"}), back
+    fleet.playbooks.run("rollback", {**wanted, "update_apps": ["temperature"]}, "--limit", "robot1", **home).must(
+        0, robot1="updated"
+    )
     watch.assert_nothing_lost("robot1")
     left = [
         path for path in tmp_path.rglob("*") if path.is_file() and b"certificate-authority-data" in path.read_bytes()

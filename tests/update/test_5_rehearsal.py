@@ -53,16 +53,14 @@ def apps(fleet: Fleet, robot: str) -> set[str]:
 def clear(fleet: Fleet) -> None:
     """Take all apps from the stage, whatever they are."""
     gone = {"ros_apps": [], "update_remove_apps": sorted(apps(fleet, STAGE))}
-    run = fleet.playbooks.run("update", {**fleet.variables, **gone}, *limit(STAGE))
-    assert run.status == 0, run
+    fleet.playbooks.run("update", {**fleet.variables, **gone}, *limit(STAGE)).must(0)
 
 
 @pytest.fixture
 def recording(fleet: Fleet, tmp_path: Path) -> Iterator[Path]:
     """Of the real robot at rest; the stage is empty."""
     file = tmp_path / "robot1.json"
-    run = fleet.playbooks.run("record", {**fleet.variables, "record_file": str(file)}, *limit(REAL))
-    assert run.status == 0, run
+    fleet.playbooks.run("record", {**fleet.variables, "record_file": str(file)}, *limit(REAL)).must(0)
     clear(fleet)
     yield file
     clear(fleet)

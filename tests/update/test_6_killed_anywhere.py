@@ -91,8 +91,7 @@ def usual_seconds(fleet: Fleet, robots: list[str]) -> float:
     wanted = fleet.variables
     for app in GOOD:
         wanted = fleet.new_version("robots", app, wanted)
-    run = fleet.update(wanted, **ALL_AT_ONCE)
-    assert run.status == 0, run
+    run = fleet.update(wanted, **ALL_AT_ONCE).must(0)
     kills = [Kill(robot, "update", GOOD[0], (), 1.0) for robot in robots[:AT_ONCE]]
     longest = 0.0
     for run in ended(fleet, kills, {kill: wanted_of(fleet, kill) for kill in kills}).values():

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from cluster import LAB
-from fleet import ALL_AT_ONCE, ROBOTS, Fleet
+from fleet import ALL_AT_ONCE, LIMIT, ROBOTS, Fleet
 from runs import Run
 from test_3_interrupted import wait_for_new_goal
 
@@ -72,13 +72,11 @@ def marked(fleet: Fleet) -> list[str]:
 @pytest.mark.promise("tasks of one's own leave a robot at work alone, and are proven or taken back")
 def test_tasks_wait_for_a_robot_at_work_and_what_fails_is_taken_back(fleet: Fleet, tasks: Any) -> None:
     normal = fleet.variables
-    slow = fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), "--limit", "robot1,edge1")
-    assert slow.status == 0, slow
+    fleet.update(fleet.changed("robot1", "prime-factors", env={"FACTOR_PAUSE": 1.2}), *LIMIT).must(0)
     watch, pods = fleet.watch(), fleet.running()
     wait_for_new_goal(fleet, "robot1")
     # a goal of robot1 takes half a minute; those of robot2 are short, and there is time between them
-    run = guarded(fleet, tasks(DONE), update_busy_timeout=8, **ALL_AT_ONCE)
-    assert (run.status, run.outcomes) == (2, {"robot1": "deferred-busy", "robot2": "updated"}), run
+    guarded(fleet, tasks(DONE), update_busy_timeout=8, **ALL_AT_ONCE).must(2, robot1="deferred-busy", robot2="updated")
     assert marked(fleet) == ["robot2"]
 
     again = guarded(fleet, tasks(DONE), "--limit", "robot2,edge1")
@@ -89,7 +87,7 @@ def test_tasks_wait_for_a_robot_at_work_and_what_fails_is_taken_back(fleet: Flee
     assert "Find something wrong: the disk is full" in back.host("robot2")["reason"], back
     assert marked(fleet) == []
     fleet.assert_still_running(pods)
-    assert fleet.update(normal, "--limit", "robot1,edge1").status == 0  # a goal under way ends soon, and is counted
+    assert fleet.update(normal, *LIMIT).status == 0  # a goal under way ends soon, and is counted
     watch.assert_nothing_lost()
 
 
@@ -101,8 +99,7 @@ def test_after_a_run_that_was_killed_in_the_tasks_the_next_one_has_the_robot(fle
     assert beside.outcomes["robot2"] == "deferred-busy", beside
     assert "changes this robot since" in beside.host("robot2")["reason"], beside
     running.kill()
-    run = guarded(fleet, tasks(DONE), "--limit", "robot2,edge1")
-    assert run.status == 0, run
+    guarded(fleet, tasks(DONE), "--limit", "robot2,edge1").must(0)
     assert marked(fleet) == ["robot2"]
 
 

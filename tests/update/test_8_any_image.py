@@ -10,13 +10,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-import yaml
-from fleet import Fleet
-from runs import CHECKOUT
+from fleet import LIMIT, Fleet, scenario_apps
 
-ROBOTS_VARIABLES = CHECKOUT / "molecule" / "update" / "inventory" / "group_vars" / "robots.yml"
 BIN = "/opt/rosops-apps/bin"
-LIMIT = ("--limit", "robot1,edge1")
 BARE: dict[str, Any] = {"image": "lab/apps:bare", "hooks": "sidecar"}
 IMAGES: dict[str, Any] = {"lab_apps_version": "bare"}
 
@@ -39,8 +35,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
         "robot1", "temperature-stats", on=changes, command=[f"{BIN}/temperature_subscriber_cpp"], **BARE
     )
     watch = fleet.watch()
-    run = fleet.update({**changes, **IMAGES}, *LIMIT)
-    assert run.status == 0, run
+    run = fleet.update({**changes, **IMAGES}, *LIMIT).must(0)
     assert {app for step in run.steps("robot1") for app in step["apps"]} == {"temperature", "temperature-stats"}, run
     fleet.wait_settled()
     (pod,) = fleet.pods()["robot1"]["temperature"]
@@ -53,8 +48,7 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
     # from one sidecar to the next, with a file and a parameter that say something else
     said = {"files": [{**files[0], "content": "most: 50\n"}], "params": {"limits": {"most": 50}}}
     changes = fleet.changed("robot1", "temperature", on=changes, **said)
-    run = fleet.update({**changes, **IMAGES}, *LIMIT)
-    assert run.status == 0, run
+    run = fleet.update({**changes, **IMAGES}, *LIMIT).must(0)
     assert [step["name"] for step in run.steps("robot1")] == ["temperature"], run
     (pod,) = fleet.pods()["robot1"]["temperature"]
     assert fleet.cluster.execute("robot1", pod.name, "cat", files[0]["path"]) == "most: 50\n"
@@ -80,13 +74,12 @@ def test_an_image_without_python_is_updated_without_a_loss(fleet: Fleet) -> None
 
 def test_an_image_that_runs_what_it_runs_by_itself(fleet: Fleet) -> None:
     """Without a command: only its image knows what it starts, and gets the node's name as its argument."""
-    apps = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
+    apps = scenario_apps()
     (sensor,) = (app for app in apps if app["name"] == "temperature")
     del sensor["command"]
     sensor.update(args=[], **BARE)
     watch = fleet.watch()
-    run = fleet.update({**fleet.variables, "scenario_apps": apps, **IMAGES}, *LIMIT)
-    assert run.status == 0, run
+    fleet.update({**fleet.variables, "scenario_apps": apps, **IMAGES}, *LIMIT).must(0)
     (pod,) = fleet.pods()["robot1"]["temperature"]
     assert (pod.image, pod.ended) == ("lab/apps:bare", ""), pod
     watch.assert_nothing_lost("robot1", goals=False)
@@ -98,8 +91,7 @@ def test_an_action_server_with_its_hooks_beside_it(fleet: Fleet) -> None:
     changes = fleet.changed("robot1", "prime-factors", hooks="sidecar")
     for _version in ("the first with a sidecar", "the next"):
         changes = fleet.new_version("robot1", "prime-factors", on=changes)
-        run = fleet.update(changes, *LIMIT)
-        assert run.status == 0, run
+        run = fleet.update(changes, *LIMIT).must(0)
         assert [step["name"] for step in run.steps("robot1")] == ["prime-factors"], run
     watch.assert_nothing_lost("robot1")
 

@@ -11,15 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
-from fleet import Fleet, Variables
-from runs import CHECKOUT
+from fleet import LIMIT, Fleet, Variables, scenario_apps
 
-ROBOTS_VARIABLES = CHECKOUT / "molecule" / "update" / "inventory" / "group_vars" / "robots.yml"
 NINE = Path(__file__).with_name("nine")
 BIN = "/opt/rosops-apps/bin"
 PROGRAMS = ("temperature_publisher", "temperature_subscriber_cpp", "prime_factors_server", "add_two_ints_server")
-LIMIT = ("--limit", "robot1,edge1")
 INSIDE = ["temperature", "add-two-ints", "prime-factors"]  # apps that the launch file stands for
 NODES = ("adder", "factors", "front/settings", "inside", "manager", "map_server", "relay", "sensor", "static_tf")
 
@@ -34,7 +30,7 @@ def nine(fleet: Fleet) -> Iterator[Variables]:
 
 
 def with_launch(fleet: Fleet, **launch: Any) -> Variables:
-    apps = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
+    apps = scenario_apps()
     scripts = {name: f'#!/bin/sh\nexec {BIN}/{name} "$@"\n' for name in PROGRAMS}
     plain = (".xml", ".launch")
     texts = {path.name: path.read_text("utf-8") for path in NINE.iterdir()}
@@ -71,15 +67,14 @@ def without(app: dict[str, Any], key: str) -> dict[str, Any]:
 
 def before_the_action(variables: Variables) -> Variables:
     """Without the action's own app: two servers of one action is what no version is proven beside."""
-    apps = yaml.safe_load(ROBOTS_VARIABLES.read_text("utf-8"))["scenario_apps"]
+    apps = scenario_apps()
     left = [without(app, "depends_on") for app in apps if app["name"] != "prime-factors"]
     return {**variables, "scenario_apps": left}
 
 
 def installed(fleet: Fleet, variables: Variables) -> None:
     for wanted, gone in ((before_the_action(variables), INSIDE[2:]), (variables, INSIDE[:2])):
-        run = fleet.update(wanted, *LIMIT, update_remove_apps=gone)
-        assert run.status == 0, run
+        fleet.update(wanted, *LIMIT, update_remove_apps=gone).must(0)
     fleet.wait_settled()
 
 
@@ -97,8 +92,7 @@ def test_a_launch_file_is_updated_without_a_loss(fleet: Fleet, nine: Variables) 
     assert nodes_of(fleet) == [*NODES]
     watch = fleet.watch()
     changes = with_env(nine, ROSOPS_APPS_VERSION="next")
-    run = fleet.update(changes, *LIMIT)
-    assert run.status == 0, run
+    run = fleet.update(changes, *LIMIT).must(0)
     assert [step["name"] for step in run.steps("robot1")] == ["bringup"], run
     assert nodes_of(fleet) == [*NODES]
     watch.assert_nothing_lost("robot1")
@@ -141,8 +135,7 @@ def test_updates_of_a_launch_file_one_after_the_other(fleet: Fleet, nine: Variab
     watch = fleet.watch()
     for number in range(times):
         changes = with_env(changes, ROSOPS_APPS_VERSION=f"number {number}")
-        run = fleet.update(changes, *LIMIT)
-        assert run.status == 0, run
+        fleet.update(changes, *LIMIT).must(0)
     watch.assert_nothing_lost("robot1")
 
 

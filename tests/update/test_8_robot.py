@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fleet import Fleet, Variables
+from fleet import LIMIT, Fleet, Variables
 
-LIMIT = ("--limit", "robot1,edge1")
 HERE = Path(__file__).parent
 APPS = ("lidar", "map", "pipeline", "controller", "recorder", "bridge")
 

@@ -12,10 +12,9 @@ from typing import Any
 
 import evidence
 import pytest
-from fleet import Fleet
+from fleet import LIMIT, Fleet
 from runs import wait_until
 
-LIMIT = ("--limit", "robot1,edge1")
 ROBOT, OWN = "robot1", "own"
 CUT = 60.0  # s
 BIN = "/opt/rosops-apps/bin"
@@ -41,12 +40,10 @@ def on_its_own(fleet: Fleet) -> Iterator[Fleet]:
     """The robot has clients of its own; what the tests after this one find is what they know."""
     before = fleet.variables
     wanted = clients(fleet.pods()[ROBOT]["temperature"][0].image)
-    run = fleet.update({**before, "ros_apps_robot": wanted}, *LIMIT)
-    assert run.status == 0, run
+    fleet.update({**before, "ros_apps_robot": wanted}, *LIMIT).must(0)
     yield fleet
     back = time.time()
-    run = fleet.update(before, *LIMIT, update_remove_apps=[app["name"] for app in wanted])
-    assert run.status == 0, run
+    fleet.update(before, *LIMIT, update_remove_apps=[app["name"] for app in wanted]).must(0)
 
     def sent() -> float:
         goals = fleet.hosts.logs(ROBOT).get(evidence.GOALS, [])

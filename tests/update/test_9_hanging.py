@@ -9,7 +9,7 @@ import signal
 
 import pytest
 from cluster import running
-from fleet import Fleet
+from fleet import LIMIT, Fleet
 from runs import wait_until
 
 SENSOR, SERVER, CLIENT = "temperature", "prime-factors", "prime-factors-client"
@@ -22,8 +22,7 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
     for app in (SENSOR, SERVER):
         changes = fleet.changed("robot1", app, on=changes, liveness_timeout=30)
     changes = fleet.changed("robot1", CLIENT, on=changes, env={"GOAL_TIMEOUT": 240})  # it waits for its server
-    run = fleet.update(changes, "--limit", "robot1,edge1")
-    assert run.status == 0, run
+    fleet.update(changes, *LIMIT).must(0)
     fleet.wait_settled()
     before = fleet.pods()["robot1"]
     (sensor,), (server,) = before[SENSOR], before[SERVER]
@@ -51,7 +50,7 @@ def test_a_node_that_hangs_is_begun_anew(fleet: Fleet) -> None:
     assert now == {**running(before), SENSOR: now[SENSOR]}
 
     watch = fleet.watch()  # the sensor is heard again
-    again = fleet.update(changes, "--limit", "robot1,edge1")
+    again = fleet.update(changes, *LIMIT)
     assert (again.status, again.changed) == (0, 0), again
     watch.assert_nothing_lost("robot1")
     fleet.return_to(usual)

@@ -9,9 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from fleet import Fleet
-
-LIMIT = ("--limit", "robot1,edge1")
+from fleet import LIMIT, Fleet
 
 
 @pytest.fixture(autouse=True)
@@ -69,8 +67,7 @@ def test_an_app_that_was_taken_out_goes_when_that_is_asked_for(fleet: Fleet) -> 
         # those two, the one before, and the one that was there
         "readiness": {"timeout": 15, "topics": [{"name": "temperature", "subscribers": 4, "connected": True}]},
     }  # fmt: skip
-    run = fleet.update({**fleet.variables, "ros_apps_robot": [pair, spare]}, *LIMIT)
-    assert run.status == 0, run
+    run = fleet.update({**fleet.variables, "ros_apps_robot": [pair, spare]}, *LIMIT).must(0)
     assert [step["name"] for step in run.steps("robot1")] == ["spare", "pair"], run
     # the pod, the Deployment, its files, its earlier versions, its parameters
     assert len(of_app(fleet, "spare")) == 5, of_app(fleet, "spare")

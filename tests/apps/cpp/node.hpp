@@ -89,7 +89,6 @@ int run(int argc, char** argv, const std::string& name, Read read_settings, Appl
         ros::init(argc, argv, name, ros::init_options::NoSigintHandler);
         std::signal(SIGINT, [](int) { stop_asked = true; });
         // SIGTERM stays as roscpp has it, which is not at all: as process 1 of a container it does nothing.
-        if (setting("STOP_ON_SIGTERM") == "true") std::signal(SIGTERM, [](int) { stop_asked = true; });
         ros::start();
         ros::XMLRPCManager::instance()->unbind("shutdown");
         ros::XMLRPCManager::instance()->bind("shutdown", stop_by_slave_api);

@@ -7,7 +7,6 @@
 #include "json_log.hpp"
 #include "pacing.hpp"
 #include "sequence.hpp"
-#include "stats.hpp"
 
 using rosops::Ranges;
 using rosops::SequenceTracker;
@@ -63,13 +62,6 @@ static void readings() {
     assert(clock.follow(1011.0, 20.0) > 0.99 && clock.number(20.0) == 505050);  // a second away: 1 % of ten seconds
 }
 
-static void figures() {
-    rosops::RunningStats stats(2);
-    for (const double value : {1.0, 2.0, 3.0, 10.0}) stats.add(value);
-    assert(stats.count == 4 && stats.average == 4.0 && stats.minimum == 1.0 && stats.maximum == 10.0);
-    assert(std::abs(stats.standard_deviation() - 4.08248290463863) < 1e-12 && stats.moving_average() == 6.5);
-}
-
 static void logs() {
     const std::filesystem::path path = std::filesystem::temp_directory_path() / "selftest.jsonl";
     std::filesystem::remove(path);
@@ -91,7 +83,6 @@ int main() {
     sequences();
     streams();
     readings();
-    figures();
     logs();
     std::puts("the C++ apps' self-test passed");
 }

@@ -13,6 +13,7 @@
 namespace {
 
 constexpr double kLongestSleep = 0.5;
+constexpr double kSensorRate = 500.0;  // samples a second
 
 struct Settings {
     double rate;
@@ -22,19 +23,17 @@ struct Settings {
 };
 
 Settings read_settings() {
-    const double sensor = rosops::positive("SENSOR_HZ", 500.0);
-    const double rate = rosops::positive("RATE_HZ", sensor);
-    const std::int64_t stride = std::llround(sensor / rate);
-    if (stride < 1 || std::abs(rate * static_cast<double>(stride) - sensor) > 1e-6 * sensor) {
-        throw rosops::SettingError("RATE_HZ must be SENSOR_HZ divided by a whole number; set both");
+    const double rate = rosops::positive("RATE_HZ", kSensorRate);
+    const std::int64_t stride = std::llround(kSensorRate / rate);
+    if (stride < 1 || std::abs(rate * static_cast<double>(stride) - kSensorRate) > 1e-6 * kSensorRate) {
+        throw rosops::SettingError("RATE_HZ must be 500, the sensor's samples a second, divided by a whole number");
     }
     return {rate, stride, rosops::queue_size(), rosops::setting("LOG_DIR")};
 }
 
 class Sensor {
 public:
-    explicit Sensor(const Settings& values)
-        : stride_(values.stride), sensor_rate_(values.rate * static_cast<double>(values.stride)) {
+    explicit Sensor(const Settings& values) : stride_(values.stride) {
         topic_ = ros::NodeHandle().advertise<rosops_apps::Temperature>("temperature", values.queue);
         message_.header.frame_id = "temperature_sensor";
         if (!values.directory.empty()) {
@@ -46,8 +45,8 @@ public:
     void publish(std::int64_t reading) {
         const std::int64_t number = reading * stride_;
         message_.sequence = static_cast<std::uint64_t>(number);
-        message_.celsius = rosops::celsius(number, sensor_rate_);
-        message_.header.stamp.fromSec(static_cast<double>(number) / sensor_rate_);
+        message_.celsius = rosops::celsius(number, kSensorRate);
+        message_.header.stamp.fromSec(static_cast<double>(number) / kSensorRate);
         topic_.publish(message_);
         account_.add(number);
         ++sent;
@@ -66,7 +65,6 @@ public:
 
 private:
     std::int64_t stride_;
-    double sensor_rate_;
     ros::Publisher topic_;
     rosops_apps::Temperature message_;
     rosops::SequenceTracker account_;

@@ -24,16 +24,3 @@ def executed_twice(servers: Iterable[dict[str, Any]]) -> list[str]:
     """The ids of goals that were started more than once, by one server or by two: from all lines of all servers."""
     starts = Counter(record["goal"] for record in servers if record.get("event") == STARTED)
     return sorted(goal for goal, times in starts.items() if times > 1)
-
-
-def cut_short(servers: Iterable[dict[str, Any]]) -> list[str]:
-    """The ids of goals that were started and never ended: their server was killed meanwhile, or still works on them."""
-    events: dict[str, set[str]] = {STARTED: set(), ENDED: set()}
-    for record in servers:
-        events.setdefault(record.get("event", ""), set()).add(record.get("goal", ""))
-    return sorted(events[STARTED] - events[ENDED])
-
-
-def outcomes(client: Iterable[dict[str, Any]]) -> dict[str, int]:
-    """How many goals had which outcome, from the client's lines."""
-    return dict(Counter(record["outcome"] for record in client if "outcome" in record))

@@ -82,7 +82,6 @@ class Goal:
             "goal": self._id,
             "sent": round(self._sent, 3),
             "outcome": outcome,
-            "has_result": self._result is not None and self._ended.is_set(),
             "results": len(answers),
             "right": right,
             "wrong": wrong,

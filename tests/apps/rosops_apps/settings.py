@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Mapping, NamedTuple, Optional
 
 Environ = Optional[Mapping[str, str]]  # None: that of the process
+SENSOR_RATE = 500.0  # samples a second
 
 
 class SettingError(Exception):
@@ -61,16 +62,15 @@ def queue_size(environ: Environ = None) -> int:
 
 
 def rates(environ: Environ = None) -> tuple[float, int]:
-    """Readings a second (RATE_HZ), and of how many samples of the sensor (SENSOR_HZ a second) one is published.
+    """Readings a second (RATE_HZ), and of how many samples of the sensor one is published.
 
     A reading's number is that of the sample: a version that publishes at half the rate leaves out every other number,
     it does not count differently.
     """
-    sensor = positive("SENSOR_HZ", 500.0, environ)
-    rate = positive("RATE_HZ", sensor, environ)
-    stride = round(sensor / rate)
-    if stride < 1 or abs(rate * stride - sensor) > 1e-6 * sensor:
-        raise SettingError(f"RATE_HZ {rate:g} must be SENSOR_HZ {sensor:g} divided by a whole number; set both")
+    rate = positive("RATE_HZ", SENSOR_RATE, environ)
+    stride = round(SENSOR_RATE / rate)
+    if stride < 1 or abs(rate * stride - SENSOR_RATE) > 1e-6 * SENSOR_RATE:
+        raise SettingError(f"RATE_HZ {rate:g} must be {SENSOR_RATE:g}, the sensor's, divided by a whole number")
     return rate, stride
 
 

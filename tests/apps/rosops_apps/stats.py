@@ -6,19 +6,22 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
+try:  # the dependency that the major version's image brings
+    import numpy
+
+    ENGINE, mean = f"numpy {numpy.__version__}", numpy.mean
+except ImportError:
+    ENGINE, mean = "python", statistics.fmean
 
 
 class RunningStats:
     """Minimum, maximum, average and standard deviation by Welford's method, and the average of the last `window`."""
 
     def __init__(self, window: int) -> None:
-        if window < 1:
-            raise ValueError(f"the window must hold at least one value, not {window}")
         self.count = 0
         self.minimum = math.inf
         self.maximum = -math.inf
@@ -44,7 +47,7 @@ class RunningStats:
     @property
     def moving_average(self) -> float:
         """Of the last values, summed afresh: a sum carried along would drift over days."""
-        return math.fsum(self._window) / len(self._window) if self._window else 0.0
+        return float(mean(self._window)) if self._window else 0.0
 
     def report(self) -> dict[str, Any]:
         """The figures by name; without values only the count."""
@@ -58,19 +61,3 @@ class RunningStats:
             "standard_deviation": self.standard_deviation,
             "moving_average": self.moving_average,
         }
-
-    @classmethod
-    def resume(cls, report: dict[str, Any], window: int) -> Self:
-        """Go on from a report; only the moving average starts anew. A report that does not fit is a ValueError."""
-        stats = cls(window)
-        if not report.get("count"):
-            return stats
-        try:
-            stats.count = int(report["count"])
-            stats.minimum = float(report["minimum"])
-            stats.maximum = float(report["maximum"])
-            stats.average = float(report["average"])
-            stats._squares = float(report["standard_deviation"]) ** 2 * (stats.count - 1)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"cannot go on from {report!r}: {error}") from error
-        return stats

@@ -38,7 +38,6 @@ class Sensor:
         self._topic = topic
         self._message = message
         self._stride = values.stride
-        self._sensor_rate = values.rate * values.stride
         self.sent = 0
         self.skipped = 0
         self.account = SequenceTracker()
@@ -49,8 +48,8 @@ class Sensor:
         for reading in readings:
             number = reading * self._stride
             message.sequence = number
-            message.celsius = celsius(number, self._sensor_rate)
-            message.header.stamp = rospy.Time.from_sec(number / self._sensor_rate)
+            message.celsius = celsius(number, settings.SENSOR_RATE)
+            message.header.stamp = rospy.Time.from_sec(number / settings.SENSOR_RATE)
             self._topic.publish(message)
             self.account.add(number)
         self.sent += len(readings)

@@ -16,19 +16,10 @@ from . import node, settings
 from .jsonl import JsonLinesLog, last_record
 from .metrics import Metrics
 from .sequence import SequenceTracker, StreamGaps
-from .stats import RunningStats
+from .stats import ENGINE, RunningStats
 
 WINDOW = 500  # values in the moving average: one second of the sensor
 LOG_NAME = "temperature-stats.jsonl"
-
-
-def statistics() -> tuple[str, type[RunningStats]]:
-    """What computes them, and the class: numpy's where it is installed, which is in the major version's image."""
-    try:
-        from .stats_numpy import ENGINE, BatchStats  # noqa: PLC0415 - it may not be there
-    except ImportError:
-        return "python", RunningStats
-    return ENGINE, BatchStats
 
 
 class Account:
@@ -36,12 +27,11 @@ class Account:
 
     def __init__(self, previous: dict[str, Any] | None, metrics: Metrics) -> None:
         self._metrics = metrics
-        self.engine, stats = statistics()
         self._lock = threading.Lock()
         self._resumed_from = previous["last_sequence"] if previous else None
         self._sequence = SequenceTracker(after=self._resumed_from)
         self._streams = StreamGaps()
-        self._stats = stats.resume(previous or {}, WINDOW)
+        self._stats = RunningStats(WINDOW)
         self._received = 0
         self._arrived = 0.0
         self._gap = 0.0
@@ -137,7 +127,7 @@ def record(account: Account, log: JsonLinesLog, *, idle: bool = True) -> None:
     report = account.report()
     if report is not None and (idle or report["received"]):
         who = {"time": round(time.time(), 3), "node": rospy.get_name(), "version": settings.version()}
-        log.write({**who, "statistics": account.engine, **report})
+        log.write({**who, "statistics": ENGINE, **report})
 
 
 def main() -> None:

@@ -41,13 +41,11 @@ type config struct {
 	clusterDomain  string
 	kubeconfig     string
 	kubeconfigMode os.FileMode
-	kubeconfigGID  int
 	disable        map[string]bool
 	noKubeProxy    bool
 	storagePath    string
 	snapshotDir    string
 	snapshotName   string
-	snapshotKeep   int
 	protectKernel  bool
 	resolvConf     string
 	pauseImage     string
@@ -328,7 +326,6 @@ func buildConfig(server bool, v values) (*config, error) {
 		nodePorts:      v.text("service-node-port-range", "30000-32767"),
 		clusterDomain:  v.text("cluster-domain", "cluster.local"),
 		kubeconfig:     v.text("write-kubeconfig", filepath.Join(etcDir, "k3s.yaml")),
-		kubeconfigGID:  -1,
 		disable:        map[string]bool{},
 		noKubeProxy:    v.flag("disable-kube-proxy"),
 		snapshotName:   v.text("etcd-snapshot-name", "on-demand"),
@@ -358,11 +355,6 @@ func buildConfig(server bool, v values) (*config, error) {
 		func() (err error) { c.token, err = secretOption(v, "token"); return },
 		func() (err error) { c.agentToken, err = secretOption(v, "agent-token"); return },
 		func() (err error) { c.kubeconfigMode, err = fileMode(v.text("write-kubeconfig-mode", "0600")); return },
-		func() (err error) { c.kubeconfigGID, err = groupID(v.text("write-kubeconfig-group", "")); return },
-		func() (err error) {
-			c.snapshotKeep, err = strconv.Atoi(v.text("etcd-snapshot-retention", "5"))
-			return
-		},
 		c.check,
 	} {
 		if err := set(); err != nil {

@@ -4,7 +4,6 @@ go 1.24.0
 
 require (
 	github.com/coredns/coredns v1.12.4
-	github.com/klauspost/compress v1.18.0
 	github.com/spf13/cobra v1.9.1
 	github.com/vishvananda/netlink v1.3.1
 	go.etcd.io/etcd/client/pkg/v3 v3.6.5

@@ -47,9 +47,8 @@ const usage = `labk3s, a test stand-in for k3s. Commands:
   agent          run an agent
   kubectl        kubectl, by default with /etc/rancher/k3s/k3s.yaml
   ctr            the host's ctr, pointed at this containerd
-  crictl         images | ps | pods | inspecti | rmi | pull | info | version
-  token          create | list | delete | generate
-  etcd-snapshot  save | list | delete | prune
+  crictl         images -o json | ps -a -o json | pull IMAGE
+  etcd-snapshot  save
 
 Server and supervisor both answer on port 6443. Anything of k3s's that is
 missing here is an error that names it.
@@ -100,11 +99,9 @@ func run(args []string) error {
 		return ctrCommand(rest)
 	case "crictl":
 		return crictlCommand(rest)
-	case "token":
-		return tokenCommand(rest)
 	case "etcd-snapshot":
 		return snapshotCommand(rest)
-	case "certificate", "check-config", "completion", "secrets-encrypt":
+	case "certificate", "check-config", "completion", "secrets-encrypt", "token":
 		return fmt.Errorf("labk3s lacks k3s's command %q", command)
 	}
 	if component, ok := components[command]; ok {

@@ -2,10 +2,7 @@ package main
 
 import (
 	"errors"
-	"fmt"
 	"net"
-	"os/user"
-	"strconv"
 
 	"github.com/vishvananda/netlink"
 )
@@ -62,17 +59,4 @@ func addressAt(network *net.IPNet, n byte) string {
 	}
 	ip[len(ip)-1] += n
 	return ip.String()
-}
-
-func groupID(name string) (int, error) {
-	if name == "" {
-		return -1, nil
-	}
-	group, err := user.LookupGroup(name)
-	if err != nil {
-		if group, err = user.LookupGroupId(name); err != nil {
-			return 0, fmt.Errorf("write-kubeconfig-group: %w", err)
-		}
-	}
-	return strconv.Atoi(group.Gid)
 }

@@ -8,7 +8,6 @@ import (
 	"slices"
 	"strings"
 	"testing"
-	"time"
 
 	corev1 "k8s.io/api/core/v1"
 	storagev1 "k8s.io/api/storage/v1"
@@ -155,28 +154,6 @@ func TestVolumeFor(t *testing.T) {
 	claim.Spec.AccessModes = []corev1.PersistentVolumeAccessMode{corev1.ReadWriteMany}
 	if _, err := volumeFor(claim, class, "/s"); err == nil {
 		t.Error("a volume for many nodes was promised")
-	}
-}
-
-func TestImageCache(t *testing.T) {
-	dir := t.TempDir()
-	file := imageFile{Size: 1, ModTime: time.Now()}
-	if _, on := loadImageCache(dir); on {
-		t.Error("the cache is on without its file")
-	}
-	for _, name := range []string{cacheName, "a.tar"} {
-		if err := os.WriteFile(filepath.Join(dir, name), nil, 0o600); err != nil {
-			t.Fatal(err)
-		}
-	}
-	cache, on := loadImageCache(dir)
-	if !on || len(cache) != 0 {
-		t.Errorf("a touched cache: %v, %v", cache, on)
-	}
-	saveImageCache(dir, map[string]imageFile{"a.tar": file, "gone.tar": file})
-	cache, _ = loadImageCache(dir)
-	if len(cache) != 1 || !cache["a.tar"].same(file) {
-		t.Errorf("got %v", cache)
 	}
 }
 

@@ -74,7 +74,6 @@ func buildOptions() map[string]*option {
 		{name: "flannel-backend", on: onServer, only: []string{"host-gw"}},
 		{name: "write-kubeconfig", short: "o", on: onServer, env: "K3S_KUBECONFIG_OUTPUT"},
 		{name: "write-kubeconfig-mode", on: onServer, env: "K3S_KUBECONFIG_MODE"},
-		{name: "write-kubeconfig-group", on: onServer, env: "K3S_KUBECONFIG_GROUP"},
 		{name: "kube-apiserver-arg", kind: list, on: onServer},
 		{name: "kube-controller-manager-arg", kind: list, on: onServer},
 		{name: "kube-scheduler-arg", kind: list, on: onServer},
@@ -90,7 +89,6 @@ func buildOptions() map[string]*option {
 		{name: "etcd-disable-snapshots", kind: flag, on: onServer, only: []string{"true"}},
 		{name: "etcd-snapshot-dir", on: onServer},
 		{name: "etcd-snapshot-name", on: onServer},
-		{name: "etcd-snapshot-retention", on: onServer},
 	}
 	lack := func(on int, names ...string) {
 		for _, name := range names {
@@ -110,13 +108,13 @@ func buildOptions() map[string]*option {
 		"flannel-ipv6-masq", "flannel-external-ip", "egress-selector-mode", "servicelb-namespace",
 		"helm-job-image", "etcd-arg", "kube-cloud-controller-manager-arg", "kine-tls", "datastore-endpoint",
 		"datastore-cafile", "datastore-certfile", "datastore-keyfile", "etcd-expose-metrics",
-		"etcd-snapshot-schedule-cron", "etcd-snapshot-compress", "etcd-snapshot-reconcile-interval",
+		"etcd-snapshot-schedule-cron", "etcd-snapshot-retention", "etcd-snapshot-compress", "etcd-snapshot-reconcile-interval",
 		"etcd-s3", "etcd-s3-endpoint", "etcd-s3-endpoint-ca",
 		"etcd-s3-skip-ssl-verify", "etcd-s3-access-key", "etcd-s3-secret-key", "etcd-s3-session-token",
 		"etcd-s3-bucket", "etcd-s3-bucket-lookup-type", "etcd-s3-region", "etcd-s3-folder", "etcd-s3-proxy",
 		"etcd-s3-config-secret", "etcd-s3-insecure", "etcd-s3-timeout", "etcd-s3-retention",
 		"disable-scheduler", "disable-apiserver", "disable-controller-manager", "disable-etcd", "disable-agent",
-		"embedded-registry", "supervisor-metrics", "system-default-registry", "secrets-encryption",
+		"embedded-registry", "supervisor-metrics", "system-default-registry", "write-kubeconfig-group", "secrets-encryption",
 		"secrets-encryption-provider", "multi-cluster-cidr")
 	byName := make(map[string]*option, len(all))
 	for _, o := range all {
@@ -130,4 +128,5 @@ var lackingEnv = map[string]bool{
 	"K3S_DATASTORE_ENDPOINT": true, "K3S_DATASTORE_CAFILE": true, "K3S_DATASTORE_CERTFILE": true,
 	"K3S_DATASTORE_KEYFILE": true, "K3S_CLUSTER_SECRET": true, "K3S_SYSTEM_DEFAULT_REGISTRY": true,
 	"K3S_VPN_AUTH": true, "K3S_VPN_AUTH_FILE": true, "K3S_ROOTLESS_MTU": true, "K3S_URL_TOKEN": true,
+	"K3S_KUBECONFIG_GROUP": true,
 }

@@ -289,11 +289,6 @@ func startAPI(ctx context.Context, c *config, procs *processes, s *supervisor) e
 	if err := writeKubeconfig(c.kubeconfig, "https://127.0.0.1:"+apiPort, c.dataDir.tls("server-ca.crt"), admin, true, c.kubeconfigMode); err != nil {
 		return err
 	}
-	if c.kubeconfigGID >= 0 {
-		if err := os.Chown(c.kubeconfig, -1, c.kubeconfigGID); err != nil {
-			return err
-		}
-	}
 	logf("info", "Wrote kubeconfig %s", c.kubeconfig)
 	err := startControlPlane(ctx, c, procs, s.kube, func() {
 		s.apiReady.Store(true)

@@ -7,49 +7,26 @@ import (
 	"os"
 	"os/signal"
 	"path/filepath"
-	"sort"
-	"strconv"
+	"slices"
 	"strings"
 	"syscall"
-	"text/tabwriter"
 	"time"
 
 	"go.etcd.io/etcd/etcdutl/v3/snapshot"
 	"go.uber.org/zap"
 )
 
-// snapshotCommand is `k3s etcd-snapshot`. It talks to this host's etcd itself;
-// k3s asks its own supervisor, with the same outcome.
+// snapshotCommand is `k3s etcd-snapshot save`. It talks to this host's etcd
+// itself; k3s asks its own supervisor, with the same outcome.
 func snapshotCommand(args []string) error {
-	command := ""
-	if len(args) > 0 && !strings.HasPrefix(args[0], "-") {
-		command, args = args[0], args[1:]
+	if len(args) == 0 || args[0] != "save" {
+		return fmt.Errorf("labk3s lacks `k3s etcd-snapshot %s` (it has save)", strings.Join(args, " "))
 	}
-	// Its flags may be spelt with k3s's prefix or without; the positional
-	// arguments are the names to delete.
-	var flags, names []string
-	for i := 0; i < len(args); i++ {
-		arg := args[i]
-		if !strings.HasPrefix(arg, "-") {
-			names = append(names, arg)
-			continue
+	flags := slices.Clone(args[1:])
+	for i, flag := range flags {
+		if flag == "--name" { // short for the option of k3s
+			flags[i] = "--etcd-snapshot-name"
 		}
-		name, value, hasValue := strings.Cut(strings.TrimLeft(arg, "-"), "=")
-		switch name {
-		case "name", "dir":
-			name = "etcd-snapshot-" + name
-		case "snapshot-retention":
-			name = "etcd-snapshot-retention"
-		case "output", "o":
-			return fmt.Errorf("labk3s lacks the flag --%s of `k3s etcd-snapshot`", name)
-		}
-		if !hasValue {
-			if i++; i >= len(args) {
-				return fmt.Errorf("flag --%s needs a value", name)
-			}
-			value = args[i]
-		}
-		flags = append(flags, "--"+name+"="+value)
 	}
 	c, err := loadConfig("server", flags, os.Environ())
 	if err != nil {
@@ -60,17 +37,7 @@ func snapshotCommand(args []string) error {
 	}
 	ctx, stop := signal.NotifyContext(context.Background(), syscall.SIGTERM, syscall.SIGINT)
 	defer stop()
-	switch command {
-	case "save":
-		return saveSnapshot(ctx, c)
-	case "list", "ls", "l":
-		return listSnapshots(c)
-	case "delete":
-		return deleteSnapshots(c, names)
-	case "prune":
-		return pruneSnapshots(c)
-	}
-	return fmt.Errorf("labk3s lacks `k3s etcd-snapshot %s` (it has save, list, delete, prune)", command)
+	return saveSnapshot(ctx, c)
 }
 
 func saveSnapshot(ctx context.Context, c *config) error {
@@ -92,94 +59,6 @@ func saveSnapshot(ctx context.Context, c *config) error {
 		return err
 	}
 	logf("info", "Snapshot %s saved.", name)
-	return nil
-}
-
-type snapshotFile struct {
-	name, path string
-	size       int64
-	created    time.Time
-}
-
-func snapshots(c *config) ([]snapshotFile, error) {
-	entries, err := os.ReadDir(c.snapshotDir)
-	if err != nil && !os.IsNotExist(err) {
-		return nil, err
-	}
-	var files []snapshotFile
-	for _, entry := range entries {
-		info, err := entry.Info()
-		if err != nil || !info.Mode().IsRegular() || strings.HasSuffix(entry.Name(), ".part") {
-			continue
-		}
-		created := info.ModTime()
-		if i := strings.LastIndex(entry.Name(), "-"); i >= 0 {
-			if seconds, err := strconv.ParseInt(entry.Name()[i+1:], 10, 64); err == nil {
-				created = time.Unix(seconds, 0)
-			}
-		}
-		files = append(files, snapshotFile{entry.Name(), filepath.Join(c.snapshotDir, entry.Name()), info.Size(), created})
-	}
-	sort.Slice(files, func(i, j int) bool { return files[i].created.Before(files[j].created) })
-	return files, nil
-}
-
-func listSnapshots(c *config) error {
-	files, err := snapshots(c)
-	if err != nil {
-		return err
-	}
-	w := tabwriter.NewWriter(os.Stdout, 0, 0, 1, ' ', 0)
-	fmt.Fprintln(w, "Name\tLocation\tSize\tCreated")
-	for _, file := range files {
-		fmt.Fprintf(w, "%s\tfile://%s\t%d\t%s\n", file.name, file.path, file.size, file.created.UTC().Format(time.RFC3339))
-	}
-	return w.Flush()
-}
-
-func deleteSnapshots(c *config, names []string) error {
-	if len(names) == 0 {
-		return errors.New("no snapshots given for removal")
-	}
-	files, err := snapshots(c)
-	if err != nil {
-		return err
-	}
-	byName := map[string]string{}
-	for _, file := range files {
-		byName[file.name] = file.path
-	}
-	for _, name := range names {
-		path, ok := byName[name]
-		if !ok {
-			return fmt.Errorf("snapshot %s not found", name)
-		}
-		if err := os.Remove(path); err != nil {
-			return err
-		}
-		logf("info", "Snapshot %s deleted.", name)
-	}
-	return nil
-}
-
-func pruneSnapshots(c *config) error {
-	files, err := snapshots(c)
-	if err != nil {
-		return err
-	}
-	var same []snapshotFile
-	for _, file := range files {
-		if strings.HasPrefix(file.name, c.snapshotName+"-"+c.nodeName+"-") {
-			same = append(same, file)
-		}
-	}
-	for len(same) > c.snapshotKeep {
-		if err := os.Remove(same[0].path); err != nil {
-			return err
-		}
-		logf("info", "Snapshot %s deleted.", same[0].name)
-		same = same[1:]
-	}
 	return nil
 }
 

@@ -14,6 +14,7 @@ import (
 	"net/http/httputil"
 	"net/url"
 	"os"
+	"slices"
 	"strings"
 	"sync/atomic"
 	"syscall"
@@ -51,9 +52,7 @@ type supervisor struct {
 
 // agentConfig is what an agent takes over from its server.
 type agentConfig struct {
-	Version       string `json:"version"`
 	ClusterCIDR   string `json:"clusterCIDR"`
-	ServiceCIDR   string `json:"serviceCIDR"`
 	ClusterDNS    string `json:"clusterDNS"`
 	ClusterDomain string `json:"clusterDomain"`
 	NoKubeProxy   bool   `json:"disableKubeProxy"`
@@ -149,12 +148,9 @@ func (s *supervisor) handler() (http.Handler, error) {
 	}
 	mux := http.NewServeMux()
 	mux.HandleFunc("GET /cacerts", s.serveCA("server-ca"))
-	mux.HandleFunc("GET /ping", func(w http.ResponseWriter, _ *http.Request) { fmt.Fprint(w, "pong") })
 	node := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "node", "server") }
 	server := func(h http.HandlerFunc) http.HandlerFunc { return s.authorized(h, "server") }
 	mux.HandleFunc("GET /v1-k3s/config", node(s.serveConfig))
-	mux.HandleFunc("GET /v1-k3s/readyz", node(s.serveReady))
-	mux.HandleFunc("GET /v1-k3s/server-ca.crt", node(s.serveCA("server-ca")))
 	mux.HandleFunc("GET /v1-k3s/client-ca.crt", node(s.serveCA("client-ca")))
 	mux.HandleFunc("GET /v1-k3s/apiservers", node(s.serveAPIServers))
 	mux.HandleFunc("POST /v1-k3s/serving-kubelet.crt", node(s.signForNode("server-ca", func(name, ip string) leaf {
@@ -277,7 +273,7 @@ func (s *supervisor) peerUser(r *http.Request) *x509.Certificate {
 func (s *supervisor) authorized(next http.HandlerFunc, users ...string) http.HandlerFunc {
 	return func(w http.ResponseWriter, r *http.Request) {
 		name, secret, ok := r.BasicAuth()
-		if !ok || !s.tokenValid(r.Context(), name, secret, users) {
+		if !ok || !s.tokenValid(name, secret, users) {
 			logf("warning", "Rejected %s %s from %s: token is not valid", r.Method, r.URL.Path, r.RemoteAddr)
 			http.Error(w, "token is not valid", http.StatusUnauthorized)
 			return
@@ -286,21 +282,8 @@ func (s *supervisor) authorized(next http.HandlerFunc, users ...string) http.Han
 	}
 }
 
-func (s *supervisor) tokenValid(ctx context.Context, name, secret string, users []string) bool {
-	for _, user := range users {
-		switch {
-		case name != user && user == "node" && bootstrapToken.MatchString(name+"."+secret):
-			if s.apiReady.Load() && bootstrapTokenValid(ctx, s.kube, name, secret) {
-				return true
-			}
-		case name != user:
-		case same(secret, s.serverToken):
-			return true
-		case user == "node" && same(secret, s.agentToken):
-			return true
-		}
-	}
-	return false
+func (s *supervisor) tokenValid(name, secret string, users []string) bool {
+	return slices.Contains(users, name) && (same(secret, s.serverToken) || name == "node" && same(secret, s.agentToken))
 }
 
 func (s *supervisor) serveCA(name string) http.HandlerFunc {
@@ -312,18 +295,9 @@ func (s *supervisor) serveCA(name string) http.HandlerFunc {
 
 func (s *supervisor) serveConfig(w http.ResponseWriter, _ *http.Request) {
 	writeJSON(w, agentConfig{
-		Version: version, ClusterCIDR: s.config.clusterCIDR, ServiceCIDR: s.config.serviceCIDR,
-		ClusterDNS: s.config.clusterDNS, ClusterDomain: s.config.clusterDomain,
+		ClusterCIDR: s.config.clusterCIDR, ClusterDNS: s.config.clusterDNS, ClusterDomain: s.config.clusterDomain,
 		NoKubeProxy: s.config.noKubeProxy, StoragePath: s.config.storagePath,
 	})
-}
-
-func (s *supervisor) serveReady(w http.ResponseWriter, _ *http.Request) {
-	if !s.apiReady.Load() {
-		http.Error(w, "apiserver not ready", http.StatusServiceUnavailable)
-		return
-	}
-	fmt.Fprint(w, "ok")
 }
 
 // serveAPIServers lists where the API can be reached, for the agents' load
@@ -417,14 +391,14 @@ func writeJSON(w http.ResponseWriter, value any) {
 
 // apiServers reads the addresses behind the Service `kubernetes`.
 func apiServers(ctx context.Context, kube kubernetes.Interface) ([]string, error) {
-	slices, err := kube.DiscoveryV1().EndpointSlices("default").List(ctx, metav1.ListOptions{
+	found, err := kube.DiscoveryV1().EndpointSlices("default").List(ctx, metav1.ListOptions{
 		LabelSelector: "kubernetes.io/service-name=kubernetes",
 	})
 	if err != nil {
 		return nil, err
 	}
 	servers := []string{}
-	for _, slice := range slices.Items {
+	for _, slice := range found.Items {
 		for _, endpoint := range slice.Endpoints {
 			for _, address := range endpoint.Addresses {
 				for _, port := range slice.Ports {

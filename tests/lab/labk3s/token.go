@@ -20,10 +20,7 @@ type token struct {
 
 const tokenPrefix = "K10"
 
-var (
-	hexHash        = regexp.MustCompile(`^[0-9a-f]{64}$`)
-	bootstrapToken = regexp.MustCompile(`^([a-z0-9]{6})\.([a-z0-9]{16})$`)
-)
+var hexHash = regexp.MustCompile(`^[0-9a-f]{64}$`)
 
 // parseToken reads both forms; user names the one who joins with a short one.
 func parseToken(value, user string) (token, error) {
@@ -40,10 +37,6 @@ func parseToken(value, user string) (token, error) {
 		}
 		t.caHash, credentials = hash, rest
 	}
-	if m := bootstrapToken.FindStringSubmatch(credentials); m != nil {
-		t.user, t.secret = m[1], m[2]
-		return t, nil
-	}
 	if t.caHash == "" {
 		t.secret = credentials
 		return t, nil
@@ -58,9 +51,6 @@ func parseToken(value, user string) (token, error) {
 
 // String is the full form, as the files under /var/lib/rancher/k3s/server hold it.
 func (t token) String() string {
-	if bootstrapToken.MatchString(t.user + "." + t.secret) {
-		return tokenPrefix + t.caHash + "::" + t.user + "." + t.secret
-	}
 	return tokenPrefix + t.caHash + "::" + t.user + ":" + t.secret
 }
 

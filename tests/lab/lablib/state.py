@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass
-from ipaddress import IPv4Network
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +34,6 @@ class LabState:
     name: str
     subnet: str
     hosts: tuple[Host, ...]
-
-    @property
-    def gateway(self) -> str:
-        return str(next(iter(IPv4Network(self.subnet).hosts())))
 
     def specs(self) -> list[HostSpec]:
         return [HostSpec(host.name, host.group) for host in self.hosts]

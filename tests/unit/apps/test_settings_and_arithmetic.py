@@ -43,8 +43,6 @@ def test_queue_size() -> None:
         ({"RATE_HZ": "500"}, (500.0, 1)),
         ({"RATE_HZ": "250"}, (250.0, 2)),  # every other sample of the same sensor
         ({"RATE_HZ": "0.1"}, (0.1, 5000)),
-        ({"SENSOR_HZ": "30"}, (30.0, 1)),
-        ({"SENSOR_HZ": "30", "RATE_HZ": "10"}, (10.0, 3)),
     ],
 )
 def test_rates(environ: dict[str, str], expected: tuple[float, int]) -> None:
@@ -53,7 +51,7 @@ def test_rates(environ: dict[str, str], expected: tuple[float, int]) -> None:
 
 @pytest.mark.parametrize("rate", ["300", "1000"])
 def test_a_rate_that_the_sensor_cannot_give(rate: str) -> None:
-    with pytest.raises(settings.SettingError, match=f"RATE_HZ {rate} must be SENSOR_HZ 500 divided by a whole number"):
+    with pytest.raises(settings.SettingError, match=f"RATE_HZ {rate} must be 500, the sensor's, divided by a whole"):
         settings.rates({"RATE_HZ": rate})
 
 

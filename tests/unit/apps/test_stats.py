@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 import statistics
 
@@ -36,44 +35,3 @@ def test_few_values() -> None:
         "count": 1, "minimum": 4.0, "maximum": 4.0, "average": 4.0, "standard_deviation": 0.0, "moving_average": 4.0,
     }  # fmt: skip
     assert filled([1.0, 2.0, 3.0, 10.0], window=2).moving_average == 6.5
-
-
-@pytest.mark.parametrize("cut", [0, 1, 2, 700])
-def test_resumed_from_a_line_of_its_own_log(cut: int) -> None:
-    values = [float(n % 13) + 0.1 * n for n in range(1000)]
-    stats = RunningStats.resume(json.loads(json.dumps(filled(values[:cut]).report())), 100)
-    for value in values[cut:]:
-        stats.add(value)
-    whole = filled(values, 100)
-    assert {name: pytest.approx(figure) for name, figure in whole.report().items()} == stats.report()
-
-
-@pytest.mark.parametrize("report", [{"count": 3}, {"count": 3, "minimum": None}])
-def test_a_report_that_does_not_fit(report: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match="cannot go on"):
-        RunningStats.resume(report, 10)
-
-
-def test_window() -> None:
-    with pytest.raises(ValueError, match="window"):
-        RunningStats(0)
-
-
-def test_numpy_says_the_same() -> None:
-    pytest.importorskip("numpy")
-    from rosops_apps.stats_numpy import BatchStats  # noqa: PLC0415
-
-    source = random.Random(2)  # noqa: S311 - no secret
-    plain, batches = RunningStats(50), BatchStats(50)
-    assert batches.report() == {"count": 0}
-    for size in (1, 200, 0, 3, 700):
-        for _number in range(size):
-            value = source.gauss(21, 2)
-            plain.add(value)
-            batches.add(value)
-        assert batches.report() == pytest.approx(plain.report(), rel=1e-9)
-    resumed = BatchStats.resume(plain.report(), 50)
-    plain.add(4.0)
-    resumed.add(4.0)
-    keys = ("count", "minimum", "maximum", "average", "standard_deviation")
-    assert {key: resumed.report()[key] for key in keys} == pytest.approx({key: plain.report()[key] for key in keys})

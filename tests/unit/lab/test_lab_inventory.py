@@ -65,10 +65,6 @@ def test_host_keys_are_checked_whatever_the_path() -> None:
     assert variables["ansible_python_interpreter"] == "/usr/bin/python3"
 
 
-def test_the_gateway_is_the_subnets_first_address() -> None:
-    assert STATE.gateway == "10.70.1.1"
-
-
 def test_an_unknown_host_is_an_error_that_names_the_known_ones() -> None:
     with pytest.raises(LabError, match=r"no host robot9(.|\n)*edge1, robot1, robot2"):
         STATE.host("robot9")
