@@ -29,7 +29,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.sc
     running,
     settings,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import VERSIONS, image
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulated_robot import image
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.simulation import FAULTS, Simulation
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.update_objects import app
 from ansible_collections.rosops.fleet.tests.unit.robots import robot

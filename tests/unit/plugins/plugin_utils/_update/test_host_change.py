@@ -20,6 +20,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import host_change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import SLICE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
@@ -217,7 +219,11 @@ class Site:
         with self.call("api apply"):
             assert not dry_run
             assert {item["metadata"]["namespace"] for item in objects} <= {*self.claimed}
-            self.maps.update({map_key(item): item for item in objects})
+            for item in objects:
+                robot = item["metadata"]["namespace"].removeprefix("robot-")
+                assert item["metadata"]["name"] == "host-change-node1"
+                assert item["metadata"]["labels"][names.LABEL_ROBOT] == robot
+                self.maps[map_key(item)] = item
             return []
 
     def delete(self, objects: Sequence[Object], dry_run: bool = False) -> Sequence[Applied]:
@@ -237,8 +243,10 @@ class Site:
             if self.bad.get(self.version) == "rollout":
                 self.time += timeout
                 raise NotReadyError("node1 is not Ready")
+            assert objects[0] == {"apiVersion": "v1", "kind": "Node", "metadata": {"name": "node1"}}
             kinds = [item["kind"] for item in objects]
             assert kinds == ["Node", *["Deployment"] * (len(self.deployments) if self.ready_before else 0)]
+            assert 0.0 <= timeout <= 60.0
 
     # --- the host -----------------------------------------------------------------------------------------------------
 
@@ -291,8 +299,10 @@ class Site:
                 raise RosError("nothing listens at http://10.43.0.1:11411/")
             self.held = set()
 
-    def ready(self, _master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
+    def ready(self, master: str, conditions: Object, timeout: float, stable: float = 0.0) -> Seen:
         with self.call("ready"):
+            assert master.startswith("http://10.43.0.")
+            assert (timeout, stable) == (SLICE + 1.0, 1.0)
             assert "/rqt_gui_1" not in conditions["nodes"]
             assert all("min_rate" not in topic for topic in conditions["topics"])
             self.time += stable
@@ -374,6 +384,11 @@ def test_a_robot_at_rest_is_changed_and_proven() -> None:
     found = site.run()
     assert found is not None
     assert found.told().startswith("k3s v1.34.2 -> v1.34.3 in ")
+    assert (found.handoff, found.started, found.after) == (
+        "replace", site.wall() - site.time, {"k3s": {"image": "v1.34.3", "revision": ""}},
+    )  # fmt: skip
+    assert found.id == step_id("node1", ["k3s"], found.started)
+    assert {"gate", "wait", "apply", "verify"} == {*found.phases}
     assert [name for name in site.calls if name in ("hold", "make", "works", "ready", "proven", "release")] == [
         "hold", "make", "works", "ready", "proven", "release",
     ]  # fmt: skip
@@ -391,13 +406,30 @@ def test_a_host_on_which_no_robot_works_is_not_waited_for() -> None:
     assert not {"hold", "graph", "api claim"} & set(site.calls)
 
 
-@pytest.mark.parametrize("kind", ["works", "beat", "rollout", "graph"])
+def test_other_settings_of_the_same_version_are_told_as_such() -> None:
+    site = Site()
+    site.after = site.before
+    found = site.run()
+    assert found is not None
+    assert found.told().startswith("k3s v1.34.2 (settings) in ")
+
+
+WHY = {
+    "works": "new keeps ending",
+    "beat": "has not been heard of since",
+    "rollout": "is not Ready",
+    "graph": "missing",
+}
+
+
+@pytest.mark.parametrize("kind", WHY)
 def test_what_does_not_prove_itself_is_taken_back(kind: str) -> None:
     site = Site(bad={"new": kind})
-    word, reason = outcome(site)
-    assert word == "rolled-back"
-    assert reason
+    found = site.run()
+    assert found is not None
+    assert (found.outcome, WHY[kind] in found.reason, "rollback" in found.phases) == ("rolled-back", True, True)
     assert site.version == "old"
+    assert "k3s: it is taken back" in site.said
     if kind in ("beat", "graph"):  # the others say so themselves
         assert any("not yet" in text for text in site.said), "a long wait says what it waits for"
 
@@ -426,7 +458,7 @@ def test_what_a_robot_s_messages_have_to_say_is_waited_for() -> None:
     site = Site(robots=(asked,), charged_at=45.0)
     assert outcome(site)[0] == "updated"
     assert site.time > 45.0
-    assert any("/battery: not yet" in text for text in site.said)
+    assert any(text.startswith("k3s waits until robot1 is idle") and "/battery: not yet" in text for text in site.said)
     assert outcome(Site(robots=(asked,), charged_at=45.0), on_busy="defer")[0] == "deferred-busy"
     assert outcome(Site(robots=ROBOTS, charged_at=FOREVER))[0] == "updated"
 
@@ -598,6 +630,22 @@ def test_every_fault_at_every_call(bad: dict[str, str], fault: str) -> None:
         again = site.run()
         assert again is not None
         assert again.outcome == ("rolled-back" if bad else "updated"), (fault, at, found, again)
+
+
+# --- what was well before ------------------------------------------------------------------------------------------
+
+
+def test_only_what_was_well_before_is_asked_of_the_proof() -> None:
+    site: Any = Site()
+    ward = host_change.Ward(ROBOTS[0], site, World(site, site))
+    for wanted, there, well in (({"replicas": 2}, 1, False), ({"replicas": 2}, 2, True), ({}, 1, True), ({}, 0, False)):
+        item = {**deployment("robot1", True, "app 1"), "spec": wanted, "status": {"availableReplicas": there}}
+        ward.live = Live([item])
+        assert bool(ward.available()) is well, (wanted, there)
+
+
+def test_a_host_without_a_node_keeps_its_contract_under_a_name_of_its_own() -> None:
+    assert host_change.contract_name("") == "host-change"
 
 
 # --- which nodes are a robot's own ------------------------------------------------------------------------------------
