@@ -4,22 +4,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import ward
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 
-def shared_graph() -> dict[str, Any]:
+def shared_graph() -> Graph:
     nodes = {
-        "/robot1/planner": {"reachable": True, "uri": "http://a/"},
-        "/robot1/silent": {"reachable": False, "uri": "http://b/"},
-        "/robot1/dead": {"reachable": False, "uri": "http://c/", "refused": True},
-        "/robot2/planner": {"reachable": True, "uri": "http://d/"},
+        "/robot1/planner": {"pid": 1, "uri": "http://a/"},
+        "/robot1/silent": {"uri": "http://b/"},
+        "/robot1/dead": {"uri": "http://c/", "refused": True},
+        "/robot2/planner": {"pid": 1, "uri": "http://d/"},
     }
     actions = {f"{name}/plan": {"up": True, "servers": [name], "clients": []} for name in nodes}
-    return {"nodes": nodes, "topics": {}, "services": {}, "actions": actions}
+    return Graph.from_dict({"nodes": nodes, "actions": actions})
 
 
 def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:
