@@ -208,7 +208,7 @@ elapsed:
 """
 
 import time
-from typing import Any, Mapping, Sequence
+from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
@@ -216,7 +216,7 @@ from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
 from ..module_utils._ros.counters import sent
-from ..module_utils._ros.graph import Extras, Graph, Rate, around, everything, host_of
+from ..module_utils._ros.graph import Graph, Rate, around, everything, host_of
 from ..module_utils._ros.roslaunch import children, row
 
 INFO_ARGS = {
@@ -238,17 +238,13 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
     sockets = ServiceConnections() if params["service_connections"] else None
     state = ros.state(types=True)
     graph = ros.ask(state, around(state, params["nodes"]) if params["nodes"] else everything(state))
-    publishers = graph.heard(params["rate_nodes"])
-    extras = Extras(
-        rates(ros, graph, publishers, params) if params["rates"] else {},
-        ros.handshakes(graph, publishers) if params["md5sums"] else {},
+    heard = graph.heard(params["rate_nodes"])
+    found = graph.measured(
+        rates(ros, heard, params) if params["rates"] else {},
+        ros.handshakes(graph, heard.topics) if params["md5sums"] else {},
         sockets.count(graph) if sockets else {},
     )
-    found = graph.as_dict(extras)
-    if params["definitions"]:
-        for topic, said in extras.handshakes.items():
-            found["topics"][topic]["definition"] = said.definition
-    return {**found, "launched": launched(ros, graph, params)}
+    return {**found.as_dict(params["definitions"]), "launched": launched(ros, graph, params)}
 
 
 def launched(ros: Ros1Client, graph: Graph, params: dict[str, Any]) -> list[dict[str, Any]]:
@@ -256,20 +252,18 @@ def launched(ros: Ros1Client, graph: Graph, params: dict[str, Any]) -> list[dict
 
     Only there: an address of a pod that is gone would be waited for, and nobody takes it from the parameter server.
     """
-    wanted = [graph.nodes[name] for name in params["nodes"] or graph.nodes if name in graph.nodes]
+    wanted = [node for name in params["nodes"] or graph.names for node in graph.named(name)]
     hosts = {*params["launch_hosts"], *(host_of(node.uri) for node in wanted)}
-    return [row(child, graph.nodes) for child in children(ros, hosts)]
+    return [row(child, graph) for child in children(ros, hosts)]
 
 
-def rates(
-    ros: Ros1Client, graph: Graph, publishers: Mapping[str, Sequence[str]], params: dict[str, Any]
-) -> dict[str, Rate]:
-    """The rates of what is wanted of these publishers, by topic."""
-    wanted = publishers if params["rate_topics"] is None else params["rate_topics"]
-    measured = {topic: publishers[topic] for topic in wanted if topic in publishers}
+def rates(ros: Ros1Client, heard: Graph, params: dict[str, Any]) -> dict[str, Rate]:
+    """The rates of what is wanted of the publishers that are heard, by topic."""
+    named = heard.topics if params["rate_topics"] is None else params["rate_topics"]
+    wanted = [name for name in named if name in heard.topics]
     if params["rate_source"] == "counters":
-        return sent(ros, graph, measured, params["rate_seconds"])
-    return ros.rates(graph, dict.fromkeys(measured, params["rate_seconds"]), measured, patient=True)
+        return sent(ros, heard, wanted, params["rate_seconds"])
+    return ros.rates(heard, dict.fromkeys(wanted, params["rate_seconds"]), patient=True)
 
 
 def main() -> None:

@@ -78,11 +78,11 @@ def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> N
     until("their ends", ended)
     until("the nodes", lambda: {"/lives", "/killed"} <= set(scene.registered()))
     graph = ros.ask(state := ros.state(), everything(state))
-    pid = graph.nodes["/killed"].pid
+    pid = graph.node("/killed").pid
     assert pid is not None
     now = found()
     assert crash(now.pop("/again")).startswith("was started again ")
-    assert {name: crash(child, graph.nodes) for name, child in now.items()} == {
+    assert {name: crash(child, graph) for name, child in now.items()} == {
         "/arm/three": "",  # it may have done its work, as the next one has
         "/zero": "",
         "/waits": "ended with exit code 5",
@@ -92,8 +92,8 @@ def test_who_lives_ended_or_crashes_again_and_again(scene: Scene, run: Run) -> N
     os.kill(pid, signal.SIGKILL)
     until("its end", lambda: found()["/killed"].unexplained)
 
-    now, nodes = found(), ros.ask(state, everything(state)).nodes
-    assert crash(now["/killed"], nodes) == "died, as its registration is still there"
+    now, graph = found(), ros.ask(state, everything(state))
+    assert crash(now["/killed"], graph) == "died, as its registration is still there"
     assert [name for name in sorted(now) if now[name].unexplained] == ["/arm/three", "/killed", "/zero"]
     assert [(now[name].respawn, now[name].required, now[name].alive) for name in ("/lives", "/waits")] == [
         (False, True, True),

@@ -14,7 +14,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ro
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions, record
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look, look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, everything
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.listener import Listener
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read
 from scene import PYTHON, Scene, until
@@ -109,11 +109,11 @@ def test_an_update_of_a_publisher(scene: GraphScene) -> None:
     only = scene.read(rates=True, rate_topics=["/relayed"], rate_seconds=0.5)["topics"]
     assert [name for name, topic in only.items() if topic["rate"] is not None] == ["/relayed"]
 
-    contract = record(graph, ["/talker_old"], {"/talker_old": "/talker_new"})
-    assert contract["edges"] == [["/talker_new", "/chatter", "/listener"], ["/talker_new", "/chatter", "/relay"]]
-    assert set(contract["topics"]) == {"/chatter", "/config", "/talker_new/debug"}
-    assert contract["topics"]["/config"]["rate"] is None
-    assert set(contract["services"]) <= {"/trigger"}
+    contract = record(Graph.from_dict(graph), ["/talker_old"], {"/talker_old": "/talker_new"})
+    assert contract.edges == (("/talker_new", "/chatter", "/listener"), ("/talker_new", "/chatter", "/relay"))
+    assert set(contract.topics) == {"/chatter", "/config", "/talker_new/debug"}
+    assert contract.topics["/config"].first.rate is None
+    assert set(contract.services) <= {"/trigger"}
 
     # the new one at half the rate, beside the other: the sum would hide it
     wanted = conditions(contract, absent=["/talker_old"])

@@ -54,12 +54,11 @@ class Observer(Master):
         names = state.nodes()
         watched = snapshot.watched(state)
         uris, service_uris = self.look_up(names, watched)
-        actions = graph.action_names(state)
-        servers = {action: graph.action_of(state, action).servers for action in actions}
+        servers = {action: state.servers(action) for action in state.graph.actions}
         made = []
         for name in sorted(names, key=lambda name: (name in self.late, name)):
             services = tuple((one, service_uris[one]) for one in state.of(name, state.services) if one in watched)
-            made.append(Errand(name, uris[name], services, tuple(one for one in actions if name in servers[one])))
+            made.append(Errand(name, uris[name], services, tuple(one for one in servers if name in servers[one])))
         return made
 
     def launched(self, errands: Iterable[Errand]) -> list[Child]:

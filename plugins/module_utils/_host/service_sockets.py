@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Callable, Iterator, Mapping, NamedTuple, Tuple
 
 from .._common.errors import RosError
-from .._ros.graph import Connection, Graph
+from .._ros.graph import Connection, Graph, names_of
 from .._ros.rpc import address_of, in_parallel
 
 PERSISTENT_SECONDS = 0.5  # a plain call takes milliseconds
@@ -164,13 +164,13 @@ class ServiceConnections:
         if left > 0:
             self.sleep(left)
         after = namespaces(self.proc)
-        uris = {name: service.probe.uri for name, service in graph.services.items() if service.probe}
+        uris = {name: service.said.uri for name, service in graph.services.items()}
         ends = _resolved({name: uri for name, uri in uris.items() if uri})
         found = {}
         for name, end in ends.items():
             service = graph.services[name]
-            provider = (service.probe.provider if service.probe else "") or (*service.providers, "")[0]
-            topics = topic_ends(graph.nodes[provider].connections) if provider in graph.nodes else None
+            provider = service.said.provider or (*names_of(service.providers), "")[0]
+            topics = topic_ends(graph.node(provider).connections)
             number = persistent(self.before, after, end, topics) if topics is not None else None
             if number is not None:
                 found[name] = number

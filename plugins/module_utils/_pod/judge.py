@@ -12,13 +12,24 @@ contradicts.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping
+from typing import Iterable, Mapping
 
 from .._common.poll import FAIL, PASS, WAIT
 from .._ros.checks import Check, check_node, check_rate, check_service, count, left, listed
 from .._ros.conditions import TopicCondition
-from .._ros.contract import is_tool, least_rate_of
-from .._ros.graph import ANY_TYPE, PATIENCE, Graph, Handshake, MasterState, Node, Questions, Rate, action_of
+from .._ros.contract import Contract, Edge, Published, is_tool
+from .._ros.graph import (
+    ANY_TYPE,
+    PATIENCE,
+    Graph,
+    Handshake,
+    MasterState,
+    Node,
+    Questions,
+    Rate,
+    ServiceProbe,
+    names_of,
+)
 
 # Every node logs there, at no rate, and rosout connects by itself whenever it comes: not worth keeping anybody waiting.
 UNCOUNTED = frozenset({"/rosout"})
@@ -29,7 +40,7 @@ class Wanted:
     """What the own nodes have to show. `contract`: None where no update is under way."""
 
     nodes: tuple[str, ...]
-    contract: Mapping[str, Any] | None = None
+    contract: Contract | None = None
     min_rates: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -59,27 +70,29 @@ class Gap:
     role: str  # what the peer is to the topic: "subscriber" or "publisher"
 
     @property
-    def edge(self) -> list[str]:
+    def edge(self) -> Edge:
         """As a contract has it."""
         publisher, subscriber = (self.peer, self.node) if self.role == "publisher" else (self.node, self.peer)
-        return [publisher, self.topic, subscriber]
+        return publisher, self.topic, subscriber
 
 
-def gaps(state: MasterState, graph: Graph, own: Iterable[str]) -> list[Gap]:
+def gaps(graph: Graph, own: Iterable[str]) -> list[Gap]:
     """What the own nodes are not connected to yet. Tools that somebody has open do not count.
 
     A subscription counts when its publisher says so: the subscriber itself says it before any handshake.
     """
     found = []
-    for node in own:
-        for topic in state.of(node, state.publishers):
-            counted = [name for name in state.subscribers.get(topic, ()) if not is_tool(name)]
-            missing = graph.unreached(topic, node, counted)
-            found += [Gap(topic, node, name, "subscriber") for name in (counted if missing is None else missing)]
-        for topic in state.of(node, state.subscribers):
-            for name in state.publishers.get(topic, ()) if topic not in UNCOUNTED else ():
-                if not is_tool(name) and graph.unreached(topic, name, [node]) != []:
-                    found.append(Gap(topic, node, name, "publisher"))
+    for node in map(graph.node, own):
+        for topic in node.publications:
+            counted = [key for key in graph.topic(topic).subscribers if not is_tool(key.name)]
+            missing = graph.unreached(topic, node.key, counted)
+            found += [
+                Gap(topic, node.name, key.name, "subscriber") for key in (counted if missing is None else missing)
+            ]
+        for topic in node.subscriptions:
+            for key in graph.topic(topic).publishers if topic not in UNCOUNTED else ():
+                if not is_tool(key.name) and graph.unreached(topic, key, [node.key]) != []:
+                    found.append(Gap(topic, node.name, key.name, "publisher"))
     return [gap for gap in found if gap.topic not in UNCOUNTED]
 
 
@@ -92,21 +105,21 @@ def forgiven(gap: Gap, graph: Graph, wanted: Wanted, seconds: float) -> str:
     away = left(graph, gap.topic, gap.peer, gap.role)
     if away:
         return away
-    if wanted.contract and gap.edge not in wanted.contract["edges"] and seconds >= PATIENCE:
+    if wanted.contract and gap.edge not in wanted.contract.edges and seconds >= PATIENCE:
         return f"{gap.peer} was not connected to the version before, and is not to this one"
     return ""
 
 
-def judge(graph: Graph, state: MasterState, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Check]:
+def judge(graph: Graph, wanted: Wanted, forgiving: Mapping[Gap, str]) -> list[Check]:
     """All but rates and handshakes, which are read once all of this passes. `forgiving`: gaps that do not count."""
-    nodes = [graph.nodes[name] for name in wanted.nodes]
+    nodes = [graph.node(name) for name in wanted.nodes]
     checks = [check_node(graph, node.name) for node in nodes]
     alive = [node for node in nodes if node.reachable]
     if not alive:
         return checks
     if wanted.contract:
-        checks += _promised(graph, state, alive, wanted.contract)
-    open_gaps = gaps(state, graph, [node.name for node in alive])
+        checks += _promised(graph, alive, wanted.contract)
+    open_gaps = gaps(graph, [node.name for node in alive])
     for own in alive:
         if own.connections is None:
             checks.append(Check("node", own.name, WAIT, "it does not tell its connections"))
@@ -114,7 +127,7 @@ def judge(graph: Graph, state: MasterState, wanted: Wanted, forgiving: Mapping[G
         for topic in own.publications:
             unreached = [gap for gap in lacking if gap.topic == topic and gap.role == "subscriber"]
             if unreached:
-                checks.append(_reached(graph, unreached, forgiving, len(state.subscribers[topic])))
+                checks.append(_reached(graph, unreached, forgiving, len(graph.topic(topic).subscribers)))
         for topic in own.subscriptions:
             if topic not in UNCOUNTED:
                 unheard = [gap for gap in lacking if gap.topic == topic and gap.role == "publisher"]
@@ -123,52 +136,50 @@ def judge(graph: Graph, state: MasterState, wanted: Wanted, forgiving: Mapping[G
     return checks
 
 
-def _promised(graph: Graph, state: MasterState, own: list[Node], contract: Mapping[str, Any]) -> list[Check]:
-    typed = {**contract["topics"], **contract["subscriptions"]}
-    checks = [_type(node, topic, entry) for node in own for topic, entry in typed.items()]
-    return [*checks, _offered(own, contract, state), *_together(graph, own, contract)]
+def _promised(graph: Graph, own: list[Node], contract: Contract) -> list[Check]:
+    typed = {**{topic: one.definition.type for topic, one in contract.topics.items()}, **contract.subscriptions}
+    checks = [_type(node, topic, wanted or ANY_TYPE) for node in own for topic, wanted in typed.items()]
+    return [*checks, _offered(graph, own, contract), *_together(graph, own, contract)]
 
 
-def _type(own: Node, topic: str, entry: Mapping[str, Any]) -> Check:
-    wanted, found = entry.get("type") or ANY_TYPE, own.own_types.get(topic) or ANY_TYPE
+def _type(own: Node, topic: str, wanted: str) -> Check:
+    found = own.own_types.get(topic) or ANY_TYPE
     if ANY_TYPE in (wanted, found) or wanted == found:
         return Check("topic", topic, PASS, f"type {found}")
     return Check("topic", topic, FAIL, f"this version has the type {found}, the one before had {wanted}")
 
 
-def _offered(own: list[Node], contract: Mapping[str, Any], state: MasterState) -> Check:
+def _offered(graph: Graph, own: list[Node], contract: Contract) -> Check:
     """Everything that the version before had registered; what a node of it published, by that very node."""
     names = {node.name for node in own}
     published = {(name, node.name) for node in own for name in node.publications}
     subscribed = {name for node in own for name in node.subscriptions}
     served = {name for node in own for name in node.services}
-    lacking = [
-        f"does not start {name}" for name in contract["nodes"] if name not in names and len(contract["nodes"]) > 1
-    ]
+    lacking = [f"does not start {name}" for name in contract.nodes if name not in names and len(contract.nodes) > 1]
     lacking += [
         f"does not publish {name}"
-        for name, entry in contract["topics"].items()
-        if not all((name, node) in published for node in entry.get("publishers") or names)
+        for name, one in contract.topics.items()
+        if not all((name, node) in published for node in one.publishers or names)
     ]
     # without a publisher nobody has a reason to subscribe who takes whatever there is
-    wanted = [name for name in contract["subscriptions"] if name in state.publishers]
+    wanted = [name for name in contract.subscriptions if graph.topic(name).publishers]
     lacking += [f"does not subscribe to {name}" for name in wanted if name not in subscribed]
-    lacking += [f"does not offer the service {name}" for name in contract["services"] if name not in served]
+    lacking += [f"does not offer the service {name}" for name in contract.services if name not in served]
     lacking += [
         f"does not serve the action {name}"
-        for name in contract["actions"]
-        if not names & {*action_of(state, name).servers}
+        for name in contract.actions
+        if not names & {*names_of(graph.action(name).servers)}
     ]
     reason = "as the version before: " + "; ".join(lacking) if lacking else "offers what the version before did"
     return Check("node", own[0].name, WAIT if lacking else PASS, reason)
 
 
-def _together(graph: Graph, own: list[Node], contract: Mapping[str, Any]) -> Iterable[Check]:
+def _together(graph: Graph, own: list[Node], contract: Contract) -> Iterable[Check]:
     """What comes in the same step has to be there before the old version goes that it had: it may start later."""
-    members, names = set(contract.get("members", ())), {node.name for node in own}
-    for publisher, topic, subscriber in contract["edges"]:
+    members, names = set(contract.members), {node.name for node in own}
+    for publisher, topic, subscriber in contract.edges:
         ends = {publisher, subscriber}
-        if ends & names and ends <= members and graph.unreached(topic, publisher, [subscriber]) != []:
+        if ends & names and ends <= members and not graph.topic(topic).connects(publisher, subscriber):
             here, other = (publisher, subscriber) if publisher in names else (subscriber, publisher)
             yield Check("topic", topic, WAIT, f"{here} not connected to {other}, which is updated together with it")
 
@@ -193,19 +204,19 @@ def _heard(graph: Graph, lacking: list[Gap], forgiving: Mapping[Gap, str], topic
 
 
 def _told(graph: Graph, name: str) -> str:
-    node = graph.nodes.get(name, Node(name))
+    node = graph.node(name)
     return f"{name} ({node.error})" if node.asked and not node.reachable else name
 
 
 def _served(graph: Graph, own: Node, name: str) -> Check:
     check = check_service(graph, name)
-    probe = graph.services[name].probe if name in graph.services else None
-    if check.verdict == PASS and probe is not None and probe.provider not in ("", own.name):
-        return Check("service", name, WAIT, f"{probe.provider} answers at {probe.uri}, not {own.name}")
+    said = graph.services[name].said if name in graph.services else ServiceProbe()
+    if check.verdict == PASS and said.provider not in ("", own.name):
+        return Check("service", name, WAIT, f"{said.provider} answers at {said.uri}, not {own.name}")
     return check
 
 
-def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[str, Handshake]) -> list[Check]:
+def check_sums(graph: Graph, contract: Contract | None, found: Mapping[str, Handshake]) -> list[Check]:
     """Types of one name may differ in their definition; clients and subscribers of the old one are then refused.
 
     A topic's that was recorded and cannot be read now has to be asked again. (A service answers all of it or nothing.)
@@ -213,29 +224,27 @@ def check_sums(graph: Graph, contract: Mapping[str, Any] | None, found: Mapping[
     """
     if not contract:
         return []
-    services = {name: graph.services[name].probe for name in contract["services"] if name in graph.services}
-    sums = {
-        **{name: said.md5sum for name, said in found.items()},
-        **{name: probe.md5sum for name, probe in services.items() if probe},
-    }
+    sums = {name: said.md5sum for name, said in found.items()}
+    sums.update({name: graph.services[name].said.md5sum for name in contract.services if name in graph.services})
+    topics = {name: one.definition for name, one in contract.topics.items()}
     checks = []
-    for kind, entries in (("topic", contract["topics"]), ("service", contract["services"])):
-        for name, entry in entries.items():
-            old, new = entry.get("md5sum") or ANY_TYPE, sums.get(name, "")
+    for kind, definitions in (("topic", topics), ("service", contract.services)):
+        for name, definition in definitions.items():
+            old, new = definition.md5sum or ANY_TYPE, sums.get(name, "")
             if kind == "topic" and old != ANY_TYPE and not new:
                 checks.append(Check(kind, name, WAIT, "it does not tell the definition of its type"))
             elif ANY_TYPE not in (old, new or ANY_TYPE) and old != new:
-                what = f"definition of {entry.get('type') or 'its type'}"
+                what = f"definition of {definition.type or 'its type'}"
                 reason = f"this version's {what} has the md5sum {new}, the one before had {old}"
                 checks.append(Check(kind, name, FAIL, reason))
-    unlatched = [name for name, said in found.items() if _was_latched(contract["topics"][name], said.publisher)]
+    unlatched = [name for name, said in found.items() if _was_latched(contract.topics[name], said.publisher.name)]
     reason = "this version does not latch its messages, the one before did"
     return checks + [Check("topic", name, FAIL, reason) for name in unlatched if not found[name].latching]
 
 
-def _was_latched(entry: Mapping[str, Any], publisher: str) -> bool:
+def _was_latched(topic: Published, publisher: str) -> bool:
     """Of one publisher, where the version before had several."""
-    return bool((entry.get("publishers") or {}).get(publisher, entry).get("latched"))
+    return topic.publishers.get(publisher, topic.first).latched
 
 
 def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], float]:
@@ -256,10 +265,12 @@ def least_rates(own: Iterable[Node], wanted: Wanted) -> dict[tuple[str, str], fl
     return {key: hz for key, hz in found.items() if hz}
 
 
-def _recorded(contract: Mapping[str, Any] | None, topic: str, node: str) -> float:
-    entry = contract["topics"].get(topic) if contract else None
-    seen = (entry.get("publishers") or {node: entry}).get(node) if entry else None
-    return least_rate_of(seen, contract["tolerance"]) if contract and seen else 0.0
+def _recorded(contract: Contract | None, topic: str, node: str) -> float:
+    if contract is None or topic not in contract.topics:
+        return 0.0
+    there = contract.topics[topic]
+    sent = (there.publishers or {node: there.first}).get(node)
+    return sent.least_rate(contract.tolerance) if sent else 0.0
 
 
 def check_rates(least: Mapping[tuple[str, str], float], rates: Mapping[str, Rate]) -> list[Check]:

@@ -10,7 +10,7 @@ from typing import Callable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._ros.backend import Backend
-from .._ros.graph import BUSY_STATES, GOAL_STATES, MasterState, Questions, action_names, action_of
+from .._ros.graph import BUSY_STATES, GOAL_STATES, Graph, MasterState, Questions
 from .._step.objects import Object, annotations_of, has_node, node_of
 from .._step.words import MASTER, NODE
 from .way_back import Step
@@ -54,13 +54,14 @@ def _goals(ros: Backend, served_in: Callable[[MasterState], Mapping[str, tuple[s
     busy, unknown = [], []
     for action, servers in served.items():
         for server in servers:
-            reading = graph.actions[action].statuses[server]
+            node = graph.node(server)
+            reading = graph.actions[action].statuses[node.key]
             states = [state for states in reading.readings for state in states if state in BUSY_STATES]
             if states:
                 busy.append(f"{action} {GOAL_STATES[states[-1]]}")
-            elif len(reading.readings) < 2 and not graph.nodes[server].refused:
+            elif len(reading.readings) < 2 and not node.refused:
                 unknown.append(f"{action} of {server} ({reading.error or 'no second status'})")
-    alone = {action: servers[0] for action, servers in served.items() if action_of(state, action).servers == servers}
+    alone = {action: servers[0] for action, servers in served.items() if state.servers(action) == servers}
     return Goals(tuple(busy), tuple(unknown), alone)
 
 
@@ -84,11 +85,11 @@ def _served(ros: Backend, state: MasterState, step: Step) -> dict[str, tuple[str
 
 
 def _servers(state: MasterState) -> dict[str, tuple[str, ...]]:
-    return {name: action_of(state, name).servers for name in action_names(state)}
+    return {name: state.servers(name) for name in state.graph.actions}
 
 
 def _at(ros: Backend, state: MasterState, servers: Mapping[str, tuple[str, ...]], pods: Sequence[Object]) -> set[str]:
     """Those of the servers that are in these pods."""
     every = {name for found in servers.values() for name in found}
-    asked = ros.ask(state, Questions({name: frozenset() for name in every})).nodes if pods and every else {}
-    return {name for name, node in asked.items() if any(has_node(pod, name, node.uri) for pod in pods)}
+    asked = ros.ask(state, Questions({name: frozenset() for name in every})) if pods and every else Graph()
+    return {node.name for node in asked.nodes.values() if any(has_node(pod, node.name, node.uri) for pod in pods)}

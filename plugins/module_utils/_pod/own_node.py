@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
-from .._ros.graph import MasterState, Node, Questions, StatusReading, host_of
+from .._ros.graph import MasterState, Node, Questions, Service, StatusReading, host_of
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .calls import calls_under_way
@@ -73,7 +73,7 @@ def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[Ow
         graph = ros.ask(state, Questions({name: frozenset()}, services))
     except RosError as error:
         return None, str(error)
-    found = graph.nodes[name]
+    found = graph.node(name)
     if found.refused or not found.uri:
         return None, f"node {name}: registered, but down: {found.error}"
     if not is_here(found.uri):
@@ -103,13 +103,13 @@ def nodes_here(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[l
     try:
         state = ros.state()
         named = names_here(ros, settings, state)
-        found = ros.ask(state, Questions({name: frozenset() for name in named})).nodes
-        here = [name for name in named if not found[name].refused]
+        found = ros.ask(state, Questions({name: frozenset() for name in named}))
+        here = [name for name in named if not found.node(name).refused]
         services = {name: state.of(name, state.services) for name in here}
         asked = ros.ask(state, Questions({}, tuple(name for names in services.values() for name in names))).services
     except RosError as error:
         return [], str(error)
-    nodes = [OwnNode(name, found[name].uri, service_uris(asked, services[name])) for name in here]
+    nodes = [OwnNode(name, found.node(name).uri, service_uris(asked, services[name])) for name in here]
     return nodes, "" if nodes else "no node is registered from this pod's address"
 
 
@@ -127,8 +127,8 @@ def listens_here(port: int, proc: Path = Path("/proc")) -> bool:
     return False
 
 
-def service_uris(found: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, str]:
-    return {name: found[name].probe.uri for name in names if found[name].probe and found[name].probe.uri}
+def service_uris(found: Mapping[str, Service], names: tuple[str, ...]) -> dict[str, str]:
+    return {name: found[name].said.uri for name in names if found[name].said.uri}
 
 
 class OwnNode:

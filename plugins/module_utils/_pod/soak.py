@@ -89,8 +89,7 @@ def conditions(step: Step, rates: bool) -> dict[str, Any]:
         ros_contract.conditions(part)
         for member in step.members
         if member.name != MASTER
-        for part in (member.record.contract, member.record.contract.get("others"))
-        if part
+        for part in member.record.contract.parts
     ]
     found: dict[str, Any] = {key: [item for part in parts for item in part[key]] for key in LISTS}
     if not rates:

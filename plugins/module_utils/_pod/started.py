@@ -11,25 +11,29 @@ from __future__ import annotations
 import os
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Callable, Collection, Iterable, Mapping, Sequence
 
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend
 from .._ros.checks import Check
-from .._ros.contract import is_tool
+from .._ros.contract import Contract, is_tool
 from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions, host_of
 from .._ros.roslaunch import Child, children, crash
 from .._ros.silence import Silence
+from .._step.record import record_of
+from .._step.words import CONTRACT
 from .command import run_command
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
 from .launch import MANAGER
 from .own_node import is_here, names_here, ros_of, service_uris, state_of
-from .state import load_contract, load_settings, load_state, save_state
+from .state import load_settings, load_state, save_state
 
+HERE = Path(__file__).parent
 SECONDS = 10.0  # of looking in one call, before a reason is given
 INTERVAL, SLOW_INTERVAL = 0.1, 0.5  # slow once a call has ended in vain: then nobody waits for a tenth of a second
 CHILDREN_INTERVAL = 1.0
@@ -77,6 +81,21 @@ def started(settings: Mapping[str, Any], before: Mapping[str, Any], ros: Backend
     return "" if ended.verdict == PASS else message(ended.last)
 
 
+def load_contract(environ: Mapping[str, str], directory: Path = HERE) -> Contract | None:
+    """What this revision owes the graph until it is proven; None where that is nothing, or nothing is said of it.
+
+    It is a file that a step writes beside the pod. No clock ends it: a version that nobody proved is no better for
+    waiting.
+    """
+    try:
+        record = record_of({"data": {CONTRACT: (directory / CONTRACT).read_text("utf-8")}})
+    except (OSError, ValueError):
+        return None
+    judged = record.proven or record.soak  # from then on the keeper looks at it
+    meant = record.revision == environ.get("ROSOPS_REVISION", "") and not judged
+    return record.contract if record.contract.nodes and meant else None
+
+
 def message(checks: list[Check]) -> str:
     """One line; the same as long as nothing changes, so that Kubernetes counts an event instead of making new ones."""
     worst = overall([check.verdict for check in checks])
@@ -116,7 +135,7 @@ class Starting:
         except RosError as error:
             return [Check("master", self.ros.uri, WAIT, str(error)), *checks]
 
-    def _graph(self, contract: Mapping[str, Any] | None, whole: bool) -> list[Check]:
+    def _graph(self, contract: Contract | None, whole: bool) -> list[Check]:
         state = self.ros.state(types=True)
         ended = self._ended(state)
         if overall([check.verdict for check in ended]) == FAIL:  # all else only follows from it
@@ -127,13 +146,13 @@ class Starting:
         wanted = Wanted(found, contract, self.settings["min_rates"])
         began = self.now()
         graph = self.ros.ask(state, first_questions(state, found))
-        own = [graph.nodes[name] for name in found]
+        own = [graph.node(name) for name in found]
         elsewhere = [node for node in own if node.reachable and not is_here(node.uri)]
         if elsewhere:
             node = elsewhere[0]
             return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
         graph = self.silence.noted(self._peers(state, graph, found), began)
-        checks = judge(graph, state, wanted, self._forgiving(state, graph, wanted))
+        checks = judge(graph, wanted, self._forgiving(graph, wanted))
         checks += self._settled(own) if not (wanted.contract or self.settings["command"]) else []
         if whole and all(check.verdict == PASS for check in checks):
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
@@ -179,15 +198,15 @@ class Starting:
 
     def _peers(self, state: MasterState, graph: Graph, own: Iterable[str]) -> Graph:
         """The graph with the answers of those that the own nodes are not connected to."""
-        unasked = {gap.peer for gap in gaps(state, graph, own) if not graph.nodes[gap.peer].asked}
+        unasked = {gap.peer for gap in gaps(graph, own) if not graph.node(gap.peer).asked}
         if not unasked:
             return graph
-        answers = self.ros.ask(state, Questions({name: frozenset() for name in unasked})).nodes
-        return replace(graph, nodes={**graph.nodes, **{name: answers[name] for name in unasked}})
+        answers = self.ros.ask(state, Questions({name: frozenset() for name in unasked}))
+        return graph.answered(map(answers.node, unasked))
 
-    def _forgiving(self, state: MasterState, graph: Graph, wanted: Wanted) -> Mapping[Gap, str]:
+    def _forgiving(self, graph: Graph, wanted: Wanted) -> Mapping[Gap, str]:
         """The connections that are not there and are not waited for, each with the reason."""
-        self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(state, graph, wanted.nodes)}
+        self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(graph, wanted.nodes)}
         return {gap: forgiven(gap, graph, wanted, self.now() - since) for gap, since in self.missing.items()}
 
     def _settled(self, own: Iterable[Node]) -> list[Check]:
@@ -203,10 +222,9 @@ class Starting:
 
     def _streams(self, graph: Graph, own: Sequence[Node], wanted: Wanted) -> list[Check]:
         """What the nodes say of their topics, and their rates, as these nodes alone publish them."""
-        mine = {topic: tuple(node.name for node in own if topic in node.publications) for topic in graph.topics}
-        topics = {name: replace(topic, publishers=mine[name]) for name, topic in graph.topics.items()}
-        alone = replace(graph, topics=topics)
-        promised = [name for name in (wanted.contract or {}).get("topics", ()) if mine.get(name)]
+        mine = {topic: [node.key for node in own if topic in node.publications] for topic in graph.topics}
+        alone = graph.published_by(mine)
+        promised = [name for name in (wanted.contract.topics if wanted.contract else ()) if mine.get(name)]
         checks = check_sums(graph, wanted.contract, self.ros.handshakes(alone, promised) if promised else {})
         least = least_rates(own, wanted)
         if least and not checks:

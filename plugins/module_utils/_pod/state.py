@@ -1,13 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the code in a pod knows: the app's settings, its contract, and what an earlier call left.
-
-Settings come with the pod's revision, in its environment; the contract is a file, as a step writes it beside the pod.
-"""
+"""What the code in a pod knows: the app's settings, as they come with its revision, and what an earlier call left."""
 
 # importing pathlib would cost as much as all the rest of a call:
-# ruff: noqa: PTH100, PTH103, PTH105, PTH120, PTH123
+# ruff: noqa: PTH103, PTH105, PTH123
 from __future__ import annotations
 
 import json
@@ -19,7 +16,6 @@ TYPE_CHECKING = False  # typing's own costs its import
 if TYPE_CHECKING:
     from typing import Any, Mapping
 
-HERE = os.path.dirname(os.path.abspath(__file__))
 SCRATCH = f"/tmp/rosops-fleet-{os.getuid()}"  # noqa: S108
 DEFAULTS = {"actions": [], "stop_deadline": 20, "command": None, "min_rates": {}, "keeper": None}
 
@@ -42,18 +38,6 @@ def load_settings(environ: Mapping[str, str]) -> dict[str, Any]:
     return settings
 
 
-def load_contract(environ: Mapping[str, str], directory: str = HERE) -> dict[str, Any] | None:
-    """What this revision owes the graph until it is proven; None where that is nothing, or nothing is said of it.
-
-    No clock ends it: a version that nobody proved is no better for waiting. Beside what `contract.record` makes of the
-    graph it has `tolerance`, `ready_timeout` (seconds), and what `_step/record.py` says of it.
-    """
-    contract = _load(f"{directory}/contract.json")
-    judged = contract.get("proven") or contract.get("soak")  # from then on the keeper looks at it
-    meant = contract.get("revision") == environ.get("ROSOPS_REVISION", "") and not judged
-    return contract if contract.get("nodes") and meant else None
-
-
 def state_file(node: str) -> str:
     """Named after the node: a volume on /tmp may be another pod's, too."""
     return f"{SCRATCH}/{node.strip('/').replace('/', '.')}.json"
@@ -61,7 +45,11 @@ def state_file(node: str) -> str:
 
 def load_state(node: str) -> dict[str, Any]:
     """What an earlier call found out; empty if there was none, or nothing can be kept here."""
-    return _load(state_file(node))
+    try:
+        with open(state_file(node), encoding="utf-8") as file:
+            return _mapping(file.read())
+    except (OSError, ValueError):
+        return {}
 
 
 def save_state(node: str, state: Mapping[str, Any]) -> None:
@@ -74,14 +62,6 @@ def save_state(node: str, state: Mapping[str, Any]) -> None:
         os.replace(f"{path}.new", path)
     except OSError:
         pass
-
-
-def _load(path: str) -> dict[str, Any]:
-    try:
-        with open(path, encoding="utf-8") as file:
-            return _mapping(file.read())
-    except (OSError, ValueError):
-        return {}
 
 
 def _mapping(text: str) -> dict[str, Any]:

@@ -78,7 +78,7 @@ class Watchdog:
     def _answers(self, one: Hung) -> str:
         """A node that was silent in the last look of the keeper may be back."""
         try:
-            node = self.ros.ask(self.ros.state(), Questions({one.node: frozenset()})).nodes[one.node]
+            node = self.ros.ask(self.ros.state(), Questions({one.node: frozenset()})).node(one.node)
         except RosError:
             return ""
         return f"node {one.node} answers again" if node.reachable else ""

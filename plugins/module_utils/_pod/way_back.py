@@ -76,7 +76,7 @@ class Member:
     @property
     def actions(self) -> frozenset[str]:
         """Those of its own node, and those of the others that a launch file starts."""
-        return frozenset(name for part in self._contracts for name in part.get("actions") or ())
+        return frozenset(name for part in self.record.contract.parts for name in part.actions)
 
     @property
     def nodes_before(self) -> set[str]:
@@ -86,12 +86,8 @@ class Member:
         if node_of(self.before):
             return {node_of(self.before)}
         new, old = suffix_of(self.deployment), suffix_of(self.before)
-        named = [str(node) for part in self._contracts for node in part.get("nodes") or ()]
+        named = self.record.contract.all_nodes
         return {(node[: -len(new)] if new and node.endswith(new) else node) + old for node in named}
-
-    @property
-    def _contracts(self) -> tuple[Mapping[str, Any], ...]:
-        return self.record.contract, self.record.contract.get("others") or {}
 
     @property
     def differs(self) -> bool:

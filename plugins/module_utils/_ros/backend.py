@@ -27,15 +27,9 @@ class Backend(Protocol):
     def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
         """Topic -> what a publisher of it says; none, no entry."""
 
-    def rates(
-        self,
-        graph: Graph,
-        seconds: Mapping[str, float],
-        only: Mapping[str, Iterable[str]] | None = None,
-        patient: bool = False,
-    ) -> dict[str, Rate]:
+    def rates(self, graph: Graph, seconds: Mapping[str, float], patient: bool = False) -> dict[str, Rate]:
         """Count the messages of topics, all at the same time, each for its number of seconds.
 
-        `only` names the publishers to count for some of the topics; of the others it is all. If `patient`, slow topics
-        are counted for longer, some seconds at most, for as long as that may still make their rate known.
+        Those of the publishers that the topics have in this graph (`Graph.published_by`). If `patient`, slow topics are
+        counted for longer, some seconds at most, for as long as that may still make their rate known.
         """

@@ -14,7 +14,18 @@ from typing import Any, Iterable, Sequence
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
 from .contract import is_tool
-from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Handshake, Node, Rate, StatusReading, Topic
+from .graph import (
+    ANY_TYPE,
+    BUSY_STATES,
+    GOAL_STATES,
+    Graph,
+    Handshake,
+    NodeKey,
+    Rate,
+    StatusReading,
+    Topic,
+    names_of,
+)
 from .names import is_keeper
 
 RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher at just min_rate must not flap
@@ -41,29 +52,24 @@ def count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))
+def listed(names: Iterable[object]) -> str:
+    return ", ".join(sorted(map(str, names)))
 
 
-def living(graph: Graph, names: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Names split into those that answered and, with the reason, those that did not."""
+def living(graph: Graph, keys: Iterable[NodeKey]) -> tuple[list[NodeKey], list[str]]:
+    """Nodes split into those that answered and, with the reason, those that did not."""
     alive, dead = [], []
-    for name in names:
-        node = graph.nodes.get(name, Node(name))
+    for node in map(graph.at, keys):
         if node.reachable:
-            alive.append(name)
+            alive.append(node.key)
         else:
-            dead.append(f"{name} ({node.error or 'not asked'})")
+            dead.append(f"{node.name} ({node.error or 'not asked'})")
     return alive, dead
 
 
-def is_gone(graph: Graph, name: str) -> bool:
-    return graph.nodes.get(name, Node(name)).gone
-
-
 def check_node(graph: Graph, name: str) -> Check:
-    node = graph.nodes.get(name)
-    if node is None:
+    node = graph.node(name)
+    if not graph.named(name):
         return Check("node", name, WAIT, "not registered with the master")
     observed = {"uri": node.uri, "pid": node.pid, "refused": node.refused}
     if not node.reachable:
@@ -72,8 +78,8 @@ def check_node(graph: Graph, name: str) -> Check:
 
 
 def check_absent(graph: Graph, name: str) -> Check:
-    node = graph.nodes.get(name)
-    if node is None:
+    node = graph.node(name)
+    if not graph.named(name):
         return Check("absent", name, PASS, "gone from the graph")
     observed = {"uri": node.uri, "pid": node.pid}
     if node.gone:
@@ -94,13 +100,13 @@ def check_service(graph: Graph, name: str) -> Check:
     observed = {"provider": probe.provider, "type": probe.type, "uri": probe.uri}
     if probe.error:
         return Check("service", name, WAIT, f"registered by {providers}, but not served: {probe.error}", observed)
-    if probe.provider and probe.provider not in service.providers:
+    if probe.provider and probe.provider not in names_of(service.providers):
         reason = f"registered by {providers}, but {probe.provider} answers at {probe.uri}: a stale registration"
         return Check("service", name, WAIT, reason, observed)
     return Check("service", name, PASS, f"served by {probe.provider or providers}", observed)
 
 
-def _idle(server: str, status: StatusReading) -> tuple[str, str]:
+def _idle(server: NodeKey, status: StatusReading) -> tuple[str, str]:
     """Idle must be seen twice: a goal that is on its way stands in no list yet."""
     busy = [state for reading in status.readings for state in reading if state in BUSY_STATES]
     if busy:
@@ -116,27 +122,27 @@ def _idle(server: str, status: StatusReading) -> tuple[str, str]:
 
 
 def check_action(graph: Graph, wanted: ActionCondition) -> Check:
-    action = graph.actions.get(wanted.name)
-    if action is None or not (action.status_publishers or action.goal_subscribers):
+    action, goal = graph.action(wanted.name), graph.topic(f"{wanted.name}/goal")
+    parts = {
+        "publishes its status": graph.topic(f"{wanted.name}/status").publishers,
+        "takes its goals": goal.subscribers,
+        "takes its cancels": graph.topic(f"{wanted.name}/cancel").subscribers,
+    }
+    if not (parts["publishes its status"] or goal.subscribers):
         return Check("action", wanted.name, WAIT, "no action server is registered with the master")
-    observed: dict[str, Any] = {"servers": list(action.servers)}
+    observed: dict[str, Any] = {"servers": names_of(action.servers)}
     if not action.servers:
-        has = {
-            "publishes its status": action.status_publishers,
-            "takes its goals": action.goal_subscribers,
-            "takes its cancels": action.cancel_subscribers,
-        }
-        lacking = " and ".join(what for what, names in has.items() if not names) or "does all of it at once"
+        lacking = " and ".join(what for what, keys in parts.items() if not keys) or "does all of it at once"
         return Check("action", wanted.name, WAIT, f"no whole action server: no node {lacking}", observed)
-    read = {name: action.statuses.get(name, StatusReading(error="not asked")) for name in action.servers}
-    alive = [name for name, status in read.items() if status.readings]
-    observed["goals"] = {name: [GOAL_STATES.get(s, str(s)) for s in read[name].readings[-1]] for name in alive}
+    read = {key: action.statuses.get(key, StatusReading(error="not asked")) for key in action.servers}
+    alive = [key for key, status in read.items() if status.readings]
+    observed["goals"] = {key.name: [GOAL_STATES.get(s, str(s)) for s in read[key].readings[-1]] for key in alive}
     if not alive:
-        told = listed(f"{name} ({status.error})" for name, status in read.items())
+        told = listed(f"{key} ({status.error})" for key, status in read.items())
         return Check("action", wanted.name, WAIT, f"no status can be read: {told}", observed)
     if wanted.state == "idle":
-        counted = [name for name in read if name in alive or (name == wanted.server and not read[name].refused)]
-        seen = [_idle(name, read[name]) for name in counted]
+        counted = [key for key in read if key in alive or (key.name == wanted.server and not read[key].refused)]
+        seen = [_idle(key, read[key]) for key in counted]
         verdict = overall([one for one, _reason in seen])
         return Check(
             "action", wanted.name, verdict, "; ".join(reason for one, reason in seen if one == verdict), observed
@@ -150,8 +156,8 @@ def check_action(graph: Graph, wanted: ActionCondition) -> Check:
 # ---- topics and edges
 
 
-def _check_number(graph: Graph, what: str, names: tuple[str, ...], least: int) -> tuple[str, str]:
-    alive, dead = living(graph, names)
+def _check_number(graph: Graph, what: str, keys: Iterable[NodeKey], least: int) -> tuple[str, str]:
+    alive, dead = living(graph, keys)
     reason = count(len(alive), what)
     if len(alive) < least:
         reason += f" of at least {least}"
@@ -160,31 +166,31 @@ def _check_number(graph: Graph, what: str, names: tuple[str, ...], least: int) -
     return (PASS if len(alive) >= least else WAIT), reason
 
 
-def _check_type(graph: Graph, topic: Topic, wanted: str, names: Iterable[str]) -> tuple[str, str]:
+def _check_type(graph: Graph, topic: Topic, wanted: str, keys: Iterable[NodeKey]) -> tuple[str, str]:
     """A living node's own word counts; the master may still know the type of one that is gone."""
-    alive, _dead = living(graph, names)
-    claims = {name: graph.nodes[name].own_types.get(topic.name, "") for name in alive}
-    claims = {name: claim for name, claim in claims.items() if claim not in ("", ANY_TYPE)}
-    wrong = {name: claim for name, claim in claims.items() if claim != wanted}
+    alive, _dead = living(graph, keys)
+    claims = {key: graph.at(key).own_types.get(topic.name, "") for key in alive}
+    claims = {key: claim for key, claim in claims.items() if claim not in ("", ANY_TYPE)}
+    wrong = {f"{claim} at {key}" for key, claim in claims.items() if claim != wanted}
     if wrong:
-        return FAIL, f"the type is {listed({f'{claim} at {name}' for name, claim in wrong.items()})}, not {wanted}"
+        return FAIL, f"the type is {listed(wrong)}, not {wanted}"
     if claims or topic.type == wanted:
         return PASS, f"type {wanted}"
     return WAIT, f"the type is {topic.type or 'not known'} to the master, not {wanted}"
 
 
 def _check_publisher(graph: Graph, topic: Topic, name: str) -> tuple[str, str]:
-    if name not in topic.publishers:
+    if name not in names_of(topic.publishers):
         return WAIT, f"{name} does not publish it"
-    node = graph.nodes.get(name, Node(name))
+    node = graph.node(name)
     if not node.reachable:
         return WAIT, f"its publisher {name} is registered, but down: {node.error or 'not asked'}"
     return PASS, f"published by {name}"
 
 
-def _counted(names: Sequence[str]) -> Sequence[str]:
+def _counted(keys: Sequence[NodeKey]) -> Sequence[NodeKey]:
     """Without tools, which come and go; where there is nobody else, an app has such a name."""
-    return [name for name in names if not is_tool(name)] or names
+    return [key for key in keys if not is_tool(key.name)] or keys
 
 
 def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
@@ -196,15 +202,15 @@ def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
         lacking = "publisher" if not topic.publishers else "subscriber"
         return WAIT, f"not connected: no {lacking} is registered", []
     registered = {"publisher": topic.publishers, "subscriber": topic.subscribers}
-    ends = {role: _counted(names) for role, names in registered.items()}
-    alive = {role: [name for name in names if not is_gone(graph, name)] for role, names in ends.items()}
-    down = [name for names in ends.values() for name in names if is_gone(graph, name)]
-    for role, names in ends.items():
+    ends = {role: _counted(keys) for role, keys in registered.items()}
+    alive = {role: [key for key in keys if not graph.at(key).gone] for role, keys in ends.items()}
+    down = [key for keys in ends.values() for key in keys if graph.at(key).gone]
+    for role, keys in ends.items():
         if not alive[role]:
-            told = listed(f"{name} ({graph.nodes[name].error})" for name in names)
-            return WAIT, f"not connected: every {role} is registered, but down: {told}", list(topic.subscribers)
+            told = listed(f"{key} ({graph.at(key).error})" for key in keys)
+            return WAIT, f"not connected: every {role} is registered, but down: {told}", names_of(topic.subscribers)
     reasons: list[str] = []
-    missing_all: set[str] = set()
+    missing_all: set[NodeKey] = set()
     number = count(len(alive["subscriber"]), "subscriber")
     for publisher in alive["publisher"]:
         missing = graph.unreached(topic.name, publisher, alive["subscriber"])
@@ -216,28 +222,28 @@ def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
             reasons.append(f"{have} of {number} connected to {publisher}: missing {listed(missing)}")
     note = f"; down, so not counted: {listed(down)}" if down else ""
     if reasons:
-        return WAIT, "; ".join(reasons) + note, sorted(missing_all)
+        return WAIT, "; ".join(reasons) + note, names_of(sorted(missing_all))
     return PASS, f"{number} connected to {count(len(alive['publisher']), 'publisher')}{note}", []
 
 
-def _check_connected_to(graph: Graph, topic: Topic, publisher: str) -> tuple[str, str, list[str]]:
+def _check_connected_to(graph: Graph, topic: Topic, publisher: NodeKey) -> tuple[str, str, list[str]]:
     """Every subscriber that lives must be a destination of this publisher; what died is no fault of it."""
     counted = _counted(topic.subscribers)
     missing = graph.unreached(topic.name, publisher, counted)
     if missing is None:
-        return WAIT, _unknown(graph, publisher), list(counted)
-    dead = [name for name in missing if is_gone(graph, name)]
-    missing = [name for name in missing if name not in dead]
+        return WAIT, _unknown(graph, publisher), names_of(counted)
+    dead = [key for key in missing if graph.at(key).gone]
+    missing = [key for key in missing if key not in dead]
     alive = len(counted) - len(dead)
     note = f"; down, so not counted: {listed(dead)}" if dead else ""
     if missing:
         have = f"{alive - len(missing)} of {count(alive, 'subscriber')}"
-        return WAIT, f"{have} connected to {publisher}: missing {listed(missing)}{note}", missing
+        return WAIT, f"{have} connected to {publisher}: missing {listed(missing)}{note}", names_of(missing)
     return PASS, f"{count(alive, 'subscriber')} connected to {publisher}{note}", []
 
 
-def _unknown(graph: Graph, publisher: str) -> str:
-    why = graph.nodes.get(publisher, Node(publisher)).error or "it did not tell them"
+def _unknown(graph: Graph, publisher: NodeKey) -> str:
+    why = graph.at(publisher).error or "it did not tell them"
     return f"the connections of {publisher} are not known ({why})"
 
 
@@ -248,26 +254,27 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     parts: list[tuple[str, str]] = []
     observed: dict[str, Any] = {
         "type": topic.type,
-        "publishers": list(topic.publishers),
-        "subscribers": list(topic.subscribers),
+        "publishers": names_of(topic.publishers),
+        "subscribers": names_of(topic.subscribers),
     }
+    whose = graph.node(wanted.publisher).key if wanted.publisher else None
     if wanted.publisher:
         parts.append(_check_publisher(graph, topic, wanted.publisher))
     if wanted.type:
-        names = [wanted.publisher] if wanted.publisher else [*topic.publishers, *topic.subscribers]
-        parts.append(_check_type(graph, topic, wanted.type, names))
+        keys = [whose] if whose else [*topic.publishers, *topic.subscribers]
+        parts.append(_check_type(graph, topic, wanted.type, keys))
     least = wanted.publishers
     if least is None and wanted.subscribers is None and not wanted.connected and not wanted.publisher:
         least = 1
     if least is not None:
         # the keeper publishes in the place of one that has nothing to say yet
-        own = tuple(name for name in topic.publishers if not is_keeper(name))
+        own = [key for key in topic.publishers if not is_keeper(key.name)]
         parts.append(_check_number(graph, "publisher", own, least))
     if wanted.subscribers is not None:
         parts.append(_check_number(graph, "subscriber", topic.subscribers, wanted.subscribers))
-    if wanted.connected and (not wanted.publisher or parts[0][0] == PASS):
-        found = _check_connected_to(graph, topic, wanted.publisher) if wanted.publisher else None
-        verdict, reason, missing = found or _check_connected(graph, topic)
+    if wanted.connected and (not whose or parts[0][0] == PASS):
+        found = _check_connected_to(graph, topic, whose) if whose else _check_connected(graph, topic)
+        verdict, reason, missing = found
         parts.append((verdict, reason))
         observed["missing"] = missing
         observed["connections"] = len(topic.connections)
@@ -281,7 +288,8 @@ def check_rate(wanted: TopicCondition, rate: Rate | None) -> Check:
     """Of the whole topic, or of the publisher that is asked for."""
     least, whose = wanted.min_rate or 0.0, f" by {wanted.publisher}" if wanted.publisher else ""
     if rate is not None and wanted.publisher:
-        rate = rate.by.get(wanted.publisher, Rate(error=f"{wanted.publisher} does not publish it"))
+        own = (part for key, part in rate.by.items() if key.name == wanted.publisher)
+        rate = next(own, Rate(error=f"{wanted.publisher} does not publish it"))
     if rate is None:
         return Check(
             "rate", wanted.name, WAIT, f"not measured: at least {least:g} Hz is looked at once all else passes"
@@ -299,7 +307,7 @@ def check_latched(wanted: TopicCondition, said: Handshake | None) -> Check:
     """What a publisher says of itself; a value that a node latches later has to reach who comes later still."""
     if said is None:
         return Check("latched", wanted.name, WAIT, "not known: no publisher says whether it latches")
-    observed = {"publisher": said.publisher, "latching": said.latching}
+    observed = {"publisher": said.publisher.name, "latching": said.latching}
     if said.latching:
         return Check("latched", wanted.name, PASS, f"latched by {said.publisher}", observed)
     return Check("latched", wanted.name, FAIL, f"{said.publisher} publishes it without latching", observed)
@@ -310,28 +318,27 @@ def left(graph: Graph, topic: str, name: str, role: str) -> str:
 
     The same nodes are forgiven before a version takes over and afterwards.
     """
-    node = graph.nodes.get(name)
-    late = node is not None and not node.reachable and not node.gone
+    node = graph.node(name)
+    late = bool(graph.named(name)) and not node.reachable and not node.gone
     return "" if late else _unseen(graph, topic, name, role)
 
 
 def _unseen(graph: Graph, topic: str, name: str, role: str) -> str:
     """The same of this one look, in which it may only have been late."""
-    node, found = graph.nodes.get(name), graph.topics.get(topic, Topic(topic))
-    if node is None:
+    node, found = graph.node(name), graph.topic(topic)
+    if not graph.named(name):
         return f"{name} is not registered with the master"
     if not node.reachable:
         return f"{name} is registered, but down: {node.error or 'not asked'}"
     if role == "publisher":
-        return "" if name in found.publishers else f"{name} lives, but does not publish it"
-    return "" if name in found.subscribers else f"{name} lives, but does not subscribe to it"
+        return "" if name in names_of(found.publishers) else f"{name} lives, but does not publish it"
+    return "" if name in names_of(found.subscribers) else f"{name} lives, but does not subscribe to it"
 
 
 def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
     """A connection by its publisher's word. Where an end is gone that may leave by itself, nothing is left to ask."""
     name, ends = str(wanted), (wanted.publisher, wanted.subscriber)
-    topic = graph.topics.get(wanted.topic, Topic(wanted.topic))
-    if ends in topic.connections:
+    if graph.topic(wanted.topic).connects(*ends):
         return Check("edge", name, PASS, "connected", {"connected": True})
     roles = {"publisher": wanted.publisher, "subscriber": wanted.subscriber}
     away = {role: why for role, end in roles.items() if (why := _unseen(graph, wanted.topic, end, role))}
@@ -339,12 +346,12 @@ def check_edge(graph: Graph, wanted: EdgeCondition) -> Check:
     if peer_left:
         why = f"passes unconnected, as its peer left: {peer_left}"
         return Check("edge", name, PASS, why, {"connected": False})
-    publisher = graph.nodes.get(wanted.publisher, Node(wanted.publisher))
+    publisher = graph.node(wanted.publisher)
     if away:
         reason = "; ".join(away.values())
     elif publisher.connections is None:
-        reason = _unknown(graph, wanted.publisher)
+        reason = _unknown(graph, publisher.key)
     else:
         reason = f"{wanted.subscriber} is not connected to {wanted.publisher}"
-    silent = [end for end in ends if not graph.nodes.get(end, Node(end)).reachable]
+    silent = [end for end in ends if not graph.node(end).reachable]
     return Check("edge", name, WAIT, reason, {"connected": False, "silent": silent})

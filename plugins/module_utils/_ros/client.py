@@ -19,11 +19,11 @@ from .graph import (
     Graph,
     Handshake,
     MasterState,
+    NodeKey,
     Questions,
     Rate,
     ServiceProbe,
     StatusReading,
-    action_of,
 )
 from .master import Master
 from .names import is_keeper
@@ -47,7 +47,7 @@ class Ros1Client(Master):
 
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
         """Everything that is wanted, of all peers at the same time."""
-        actions = {name: action_of(state, name).servers for name in wanted.actions}
+        actions = {name: state.servers(name) for name in wanted.actions}
         servers = {server for names in actions.values() for server in names}
         uris, service_uris = self.look_up(sorted({*wanted.nodes, *servers}), wanted.services)
         known = {name: uri for name, uri in uris.items() if isinstance(uri, str)}
@@ -123,13 +123,14 @@ class Ros1Client(Master):
     # ---- streams: handshakes and rates
 
     def _open(
-        self, graph: Graph, sources: Sequence[tuple[str, str]]
-    ) -> dict[tuple[str, str], tuple[TimedSocket, dict[str, str]] | str]:
+        self, graph: Graph, sources: Sequence[tuple[str, NodeKey]]
+    ) -> dict[tuple[str, NodeKey], tuple[TimedSocket, dict[str, str]] | str]:
         """A stream of each (topic, publisher) with its handshake, all at the same time; or why there is none."""
-        uris: dict[str, Any] = {name: graph.nodes[name].uri for _topic, name in sources}
-        uris.update(self.look_up(sorted(name for name, uri in uris.items() if not uri))[0])
+        uris: dict[NodeKey, Any] = {key: graph.at(key).uri for _topic, key in sources}
+        unknown = {key.name: key for key, uri in uris.items() if not uri}
+        uris.update({unknown[name]: uri for name, uri in self.look_up(sorted(unknown))[0].items()})
 
-        def task(topic: str, publisher: str) -> Any:
+        def task(topic: str, publisher: NodeKey) -> Any:
             return subscribe(topic, _address(uris[publisher]), self.caller, Deadline(self.timeout))
 
         def failed(key: Any, error: BaseException) -> Any:
@@ -142,8 +143,8 @@ class Ros1Client(Master):
         """What a publisher of each topic says; one that stands in for others only where there is nobody else."""
         sources = []
         for topic in (graph.topics[name] for name in topics if name in graph.topics):
-            alive = [name for name in topic.publishers if graph.nodes[name].reachable]
-            sources += [(topic.name, name) for name in sorted(alive, key=is_keeper)[:1]]
+            alive = [key for key in topic.publishers if graph.at(key).reachable]
+            sources += [(topic.name, key) for key in sorted(alive, key=lambda key: is_keeper(key.name))[:1]]
         found = {}
         for (topic_name, publisher), stream in self._open(graph, sources).items():
             if not isinstance(stream, str):
@@ -154,18 +155,9 @@ class Ros1Client(Master):
                 found[topic_name] = Handshake(publisher, header.get("md5sum", ""), latching, definition)
         return found
 
-    def rates(
-        self,
-        graph: Graph,
-        seconds: Mapping[str, float],
-        only: Mapping[str, Iterable[str]] | None = None,
-        patient: bool = False,
-    ) -> dict[str, Rate]:
+    def rates(self, graph: Graph, seconds: Mapping[str, float], patient: bool = False) -> dict[str, Rate]:
         """See `Backend`. One of several publishers may be gone: what the others send is still the topic's rate."""
-        sources = []
-        for topic in (graph.topics[name] for name in seconds if name in graph.topics):
-            wanted = set((only or {}).get(topic.name, topic.publishers))
-            sources += [(topic.name, publisher) for publisher in topic.publishers if publisher in wanted]
+        sources = [(name, publisher) for name in seconds for publisher in graph.topic(name).publishers]
         opened = self._open(graph, sources)
         streams = {key: one for key, one in opened.items() if not isinstance(one, str)}
         counted = count_messages(streams, seconds, patient)
@@ -174,7 +166,7 @@ class Ros1Client(Master):
             by = {key[1]: rate for key, rate in counted.items() if key[0] == topic_name}
             errors = {key[1]: one for key, one in opened.items() if key[0] == topic_name and isinstance(one, str)}
             parts = list(by.values())
-            by.update({name: Rate(error=why) for name, why in errors.items()})
+            by.update({key: Rate(error=why) for key, why in errors.items()})
             if not parts:
                 found[topic_name] = Rate(error="; ".join(errors.values()) or "no publisher", by=by)
                 continue

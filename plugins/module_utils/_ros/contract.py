@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The contract of an update: what an app is to the ROS graph before it, in the names that hold after it.
 
-`record` takes it down from a graph as ros_graph_info returns it; `conditions` says it again as options of ros_ready.
+`record` takes it down from a graph; `conditions` says it again as options of ros_ready. `Contract.as_dict` is what lies
+in the cluster, where pods and keepers of other versions of the collection read it, too.
 
 Left out, because their absence afterwards is no loss:
 
@@ -19,14 +20,13 @@ Pure.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from typing import Any, Dict, Iterable, Mapping, Sequence, Tuple
+from typing import Any, Callable, Iterable, Mapping, Sequence, Tuple
 
-from .graph import ANY_TYPE
+from .graph import ANY_TYPE, Graph, NodeKey, Topic, names_of
 from .names import ANONYMOUS, KEEPER
 
-Contract = Dict[str, Any]
 Edge = Tuple[str, str, str]  # publisher, topic, subscriber
 
 TOLERANCE = 0.1
@@ -80,8 +80,198 @@ def renamed(name: str, renames: Mapping[str, str]) -> str:
     return name
 
 
+# ---- what is owed
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What a publisher gave: messages per second, None where nobody could tell; and whether it latched.
+
+    `least`: messages per second that it has to give by the inventory's word, whatever it gave.
+    """
+
+    rate: float | None = None
+    least: float | None = None
+    latched: bool = False
+
+    def least_rate(self, tolerance: float) -> float:
+        """Messages per second that its next version has to give: as was said, else less the tolerance; 0: any."""
+        if self.least is not None:
+            return float(self.least)
+        return max(round((self.rate or 0.0) * (1 - tolerance), 3), 0.0)
+
+    def as_dict(self) -> dict[str, Any]:
+        least = {} if self.least is None else {"least": self.least}
+        return {"rate": self.rate, **least, **({"latched": True} if self.latched else {})}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Sent:
+        return cls(data.get("rate"), data.get("least"), bool(data.get("latched")))
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What a topic or a service carries; empty: anything."""
+
+    type: str = ""
+    md5sum: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"type": self.type, "md5sum": self.md5sum or None}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Definition:
+        return cls(data.get("type") or "", data.get("md5sum") or "")
+
+
+@dataclass(frozen=True)
+class Published:
+    """`first` is what the first of the app's nodes sent, the only one that contracts before 1.0 have."""
+
+    definition: Definition = field(default_factory=Definition)
+    first: Sent = field(default_factory=Sent)
+    publishers: Mapping[str, Sent] = field(default_factory=dict)
+
+    def each(self, change: Callable[[Sent], Sent]) -> Published:
+        """With what was sent changed like this."""
+        publishers = {node: change(sent) for node, sent in self.publishers.items()}
+        return replace(self, first=change(self.first), publishers=publishers)
+
+    def as_dict(self) -> dict[str, Any]:
+        publishers = {node: sent.as_dict() for node, sent in self.publishers.items()}
+        return {**self.definition.as_dict(), **self.first.as_dict(), "publishers": publishers}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Published:
+        publishers = {node: Sent.from_dict(one) for node, one in (data.get("publishers") or {}).items()}
+        return cls(Definition.from_dict(data), Sent.from_dict(data), publishers)
+
+
+@dataclass(frozen=True)
+class Contract:
+    """What the nodes of an app are to the graph, under the names that they will have.
+
+    `node` is the first of them, whether it was there or not, `nodes` those that were, `members` all that the step gives
+    new names. `subscriptions`: topic -> type. `others`: what those nodes owe on which the pod's own probe has no word.
+    `tolerance`: the share by which rates may fall. `install`: of an installation, before which there was nothing.
+    """
+
+    node: str = ""
+    nodes: tuple[str, ...] = ()
+    members: tuple[str, ...] = ()
+    topics: Mapping[str, Published] = field(default_factory=dict)
+    subscriptions: Mapping[str, str] = field(default_factory=dict)
+    services: Mapping[str, Definition] = field(default_factory=dict)
+    actions: tuple[str, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    others: Contract | None = None
+    revision: str = ""
+    tolerance: float = TOLERANCE
+    install: bool = False
+
+    @property
+    def parts(self) -> tuple[Contract, ...]:
+        """Itself, and that of the other nodes."""
+        return (self, *((self.others,) if self.others else ()))
+
+    @property
+    def all_nodes(self) -> list[str]:
+        return [node for part in self.parts for node in part.nodes]
+
+    def renamed(self, renames: Mapping[str, str]) -> Contract:
+        """Every graph name in it after the nodes' renaming."""
+
+        def new(name: str) -> str:
+            return renamed(name, renames)
+
+        def all_new(names: Iterable[str]) -> tuple[str, ...]:
+            return tuple(map(new, names))
+
+        topics = {
+            new(name): replace(one, publishers={new(node): sent for node, sent in one.publishers.items()})
+            for name, one in self.topics.items()
+        }
+        return replace(
+            self,
+            node=new(self.node),
+            nodes=all_new(self.nodes),
+            members=all_new(self.members),
+            topics=topics,
+            subscriptions={new(name): one for name, one in self.subscriptions.items()},
+            services={new(name): one for name, one in self.services.items()},
+            actions=all_new(self.actions),
+            edges=tuple((new(one), new(topic), new(other)) for one, topic, other in self.edges),
+            others=self.others.renamed(renames) if self.others else None,
+        )
+
+    def owed(self, intended: Intended) -> Contract:
+        """What an earlier contract still asks for, in its own names: all but what an update is meant to change.
+
+        Of a node that is down now the graph shows nothing. What was proven of it is what it owes.
+        """
+
+        def stays(name: str) -> bool:
+            return not (matches(name, intended.ignore) or matches(renamed(name, intended.renamed), intended.ignore))
+
+        def meant(name: str, one: Published) -> Published:
+            hz = intended.rate(renamed(name, intended.renamed))
+            return one if hz is None else one.each(lambda sent: replace(sent, least=hz))
+
+        there = NOTHING if set(self.nodes) & set(intended.on_demand) else self
+        return replace(
+            self,
+            topics={name: meant(name, one) for name, one in there.topics.items() if stays(name)},
+            subscriptions={name: one for name, one in there.subscriptions.items() if stays(name)},
+            services={name: one for name, one in there.services.items() if stays(name)},
+            actions=tuple(filter(stays, there.actions)),
+            edges=tuple(edge for edge in there.edges if stays(edge[1])),
+            others=self.others.owed(intended) if self.others else None,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON has it; keepers and pods of the version before read it, too."""
+        return {
+            "revision": self.revision,
+            "tolerance": self.tolerance,
+            "node": self.node,
+            "nodes": list(self.nodes),
+            "members": list(self.members),
+            "topics": {name: one.as_dict() for name, one in self.topics.items()},
+            "subscriptions": {name: {"type": type_} for name, type_ in self.subscriptions.items()},
+            "services": {name: one.as_dict() for name, one in self.services.items()},
+            "actions": list(self.actions),
+            "edges": [list(edge) for edge in self.edges],
+            **({"others": self.others.as_dict()} if self.others else {}),
+            **({"install": True} if self.install else {}),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Contract:
+        """What is missing is not owed. AttributeError, TypeError or ValueError where it is no contract."""
+        return cls(
+            data.get("node") or "",
+            tuple(data.get("nodes") or ()),
+            tuple(data.get("members") or ()),
+            {name: Published.from_dict(one) for name, one in (data.get("topics") or {}).items()},
+            {name: one.get("type") or "" for name, one in (data.get("subscriptions") or {}).items()},
+            {name: Definition.from_dict(one) for name, one in (data.get("services") or {}).items()},
+            tuple(data.get("actions") or ()),
+            tuple((one, topic, other) for one, topic, other in data.get("edges") or ()),
+            cls.from_dict(data["others"]) if data.get("others") else None,
+            str(data.get("revision") or ""),
+            data.get("tolerance", TOLERANCE),
+            bool(data.get("install")),
+        )
+
+
+NOTHING = Contract()
+
+
+# ---- recording
+
+
 def record(  # noqa: PLR0913 - the last four have defaults and go into the result as they are
-    graph: Mapping[str, Any],
+    graph: Graph,
     nodes: Sequence[str],
     renames: Mapping[str, str] | None = None,
     revision: str = "",
@@ -92,83 +282,41 @@ def record(  # noqa: PLR0913 - the last four have defaults and go into the resul
 
     `renames` maps the nodes of everything that is updated together, so that edges between them keep both ends. A node
     that does not answer now leaves nothing to restore. A topic that none but nodes of the step use may change its
-    definition with them: its type is not asked for, as they connect only if they agree. `members` are the step's nodes.
+    definition with them: its type is not asked for, as they connect only if they agree.
     """
     taken = _Recorder(graph, nodes, renames or {}, intended)
     own = [taken.new(name) for name in nodes]
-    return {
-        "revision": revision,
-        "tolerance": tolerance,
-        "node": own[0] if own else "",
-        "nodes": [taken.new(name) for name in taken.alive],
-        "members": sorted(new for old, new in taken.renames.items() if old not in taken.words),
-        "topics": taken.topics(own[0] if own else ""),
-        "subscriptions": taken.subscriptions(),
-        "services": taken.services(),
-        "actions": taken.actions(),
-        "edges": sorted([taken.new(part) for part in edge] for edge in taken.edges()),
-    }
+    return Contract(
+        own[0] if own else "",
+        tuple(taken.new(name) for name in taken.alive),
+        tuple(sorted(new for old, new in taken.renames.items() if old not in taken.words)),
+        taken.topics(own[0] if own else ""),
+        taken.subscriptions(),
+        taken.services(),
+        taken.actions(),
+        tuple(sorted(taken.edges())),
+        revision=revision,
+        tolerance=tolerance,
+    )
 
 
-def owed(contract: Mapping[str, Any], intended: Intended) -> Contract:
-    """What an earlier contract still asks for, in its own names: all but what an update is meant to change.
-
-    Of a node that is down now the graph shows nothing. What was proven of it is what it owes.
-    """
-
-    def stays(name: str) -> bool:
-        return not (matches(name, intended.ignore) or matches(renamed(name, intended.renamed), intended.ignore))
-
-    def least(topic: str, entry: Mapping[str, Any]) -> dict[str, Any]:
-        hz = intended.rate(renamed(topic, intended.renamed))
-        return {**entry, "least": hz} if hz is not None else dict(entry)
-
-    def topic_of(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
-        publishers = {node: least(name, seen) for node, seen in (entry.get("publishers") or {}).items()}
-        return {**least(name, entry), **({"publishers": publishers} if publishers else {})}
-
-    nodes = contract.get("nodes") or ()
-    there = contract if not set(nodes) & set(intended.on_demand) else {"nodes": nodes}
-    others = contract.get("others")
-    return {
-        **contract,
-        "topics": {name: topic_of(name, one) for name, one in (there.get("topics") or {}).items() if stays(name)},
-        **{
-            key: {name: one for name, one in (there.get(key) or {}).items() if stays(name)}
-            for key in ("subscriptions", "services")
-        },
-        "actions": [name for name in there.get("actions") or () if stays(name)],
-        "edges": [edge for edge in there.get("edges") or () if stays(edge[1])],
-        **({"others": owed(others, intended)} if others else {}),
-    }
-
-
-def rated(graph: Mapping[str, Any], nodes: Sequence[str], intended: Intended) -> set[str]:
+def rated(graph: Graph, nodes: Sequence[str], intended: Intended) -> set[str]:
     """Those of the nodes that publish something at a rate that `record` would take down."""
     taken = _Recorder(graph, nodes, {}, intended)
-    topics = [entry for topic, entry in graph["topics"].items() if taken.counts(topic) and taken.has_rate(topic)]
-    return {name for entry in topics for name in taken.own(entry["publishers"])}
+    topics = [topic for name, topic in graph.topics.items() if taken.counts(name) and taken.has_rate(name)]
+    return {key.name for topic in topics for key in taken.own(topic.publishers)}
 
 
 class _Recorder:
-    def __init__(
-        self,
-        graph: Mapping[str, Any],
-        nodes: Sequence[str],
-        renames: Mapping[str, str],
-        intended: Intended,
-    ) -> None:
+    def __init__(self, graph: Graph, nodes: Sequence[str], renames: Mapping[str, str], intended: Intended) -> None:
         self.graph, self.renames, self.intended = graph, renames, intended
         self.names = {**intended.renamed, **renames}
-        self.words = {*graph["topics"], *graph["services"]}
-        self.alive = [name for name in nodes if self.answers(name)]
-        self.action_topics = {f"{action}/{part}" for action in graph["actions"] for part in ACTION_TOPICS}
+        self.words = {*graph.topics, *graph.services}
+        self.alive = [name for name in nodes if graph.node(name).reachable]
+        self.action_topics = {f"{action}/{part}" for action in graph.actions for part in ACTION_TOPICS}
 
     def new(self, name: str) -> str:
         return renamed(name, self.names)
-
-    def answers(self, node: str) -> bool:
-        return bool(self.graph["nodes"].get(node, {}).get("reachable"))
 
     def counts(self, topic: str) -> bool:
         action = topic.rpartition("/")[0] if topic in self.action_topics else ""
@@ -178,56 +326,44 @@ class _Recorder:
         """Under its old or its new name: who changes both writes one of them down."""
         return matches(name, self.intended.ignore) or matches(self.new(name), self.intended.ignore)
 
-    def inside(self, topic: str) -> bool:
+    def inside(self, topic: Topic) -> bool:
         """Whether the topic is the step's own business: several of its nodes use it, and nobody else does."""
-        entry = self.graph["topics"][topic]
-        ends = {name for name in self.peers([*entry["publishers"], *entry["subscribers"]]) if not is_tool(name)}
+        peers = self.peers((*topic.publishers, *topic.subscribers))
+        ends = {key.name for key in peers if not is_tool(key.name)}
         return len(ends) > 1 and ends <= set(self.renames)
 
-    def peers(self, names: Iterable[str]) -> list[str]:
+    def peers(self, keys: Iterable[NodeKey]) -> list[NodeKey]:
         """Nodes on the other side of a topic that an update must not lose."""
-        ours = [name for name in names if self.answers(name) and (name in self.alive or not is_tool(name))]
-        return [name for name in ours if name not in self.intended.on_demand]
+        ours = [key for key in keys if self.graph.at(key).reachable]
+        ours = [key for key in ours if key.name in self.alive or not is_tool(key.name)]
+        return [key for key in ours if key.name not in self.intended.on_demand]
 
-    def own(self, names: Iterable[str]) -> list[str]:
-        return [name for name in names if name in self.alive and name not in self.intended.on_demand]
+    def own(self, keys: Iterable[NodeKey]) -> list[NodeKey]:
+        return [key for key in keys if key.name in self.alive and key.name not in self.intended.on_demand]
 
     def edges(self) -> list[Edge]:
-        found = []
-        for topic, entry in self.graph["topics"].items():
-            for connection in entry["connections"] if self.counts(topic) else ():
-                ends = (connection["publisher"], connection["subscriber"])
-                there = len(self.peers(ends)) == 2 and self.own(ends)
-                if there and all(self.follows(topic, end) for end in ends):
-                    found.append((ends[0], topic, ends[1]))
-        return found
+        return [
+            (self.new(ends[0].name), self.new(name), self.new(ends[1].name))
+            for name, topic in self.graph.topics.items()
+            if self.counts(name)
+            for ends in topic.connections
+            if len(self.peers(ends)) == 2 and self.own(ends) and all(self.follows(name, end.name) for end in ends)
+        ]
 
-    def topics(self, first: str) -> dict[str, Any]:
+    def topics(self, first: str) -> dict[str, Published]:
         found = {}
-        for topic, entry in self.graph["topics"].items():
-            publishers = {self.new(name): self.publisher(topic, entry, name) for name in self.own(entry["publishers"])}
-            if publishers and self.counts(topic):
+        for name, topic in self.graph.topics.items():
+            publishers = {self.new(key.name): self.publisher(topic, key) for key in self.own(topic.publishers)}
+            if publishers and self.counts(name):
                 of_first = publishers.get(first) or next(iter(publishers.values()))
-                found[self.new(topic)] = {
-                    **({"type": "", "md5sum": None} if self.inside(topic) else definition(entry)),
-                    **of_first,
-                    "publishers": publishers,
-                }
+                any_ = self.inside(topic)
+                carried = Definition() if any_ else Definition(known(topic.type), known(topic.md5sum))
+                found[self.new(name)] = Published(carried, of_first, publishers)
         return found
 
-    def reached(self, entry: Mapping[str, Any]) -> list[str]:
-        """The subscribers that a living publisher is connected to."""
-        edges = entry["connections"]
-        return [edge["subscriber"] for edge in edges if self.answers(edge["publisher"])]
-
-    def publisher(self, topic: str, entry: Mapping[str, Any], name: str) -> dict[str, Any]:
-        rate, least = (entry.get("rates") or {}).get(name), self.intended.rate(self.new(topic))
-        latched = {"latched": True} if name in entry.get("latched", ()) else {}
-        return {
-            "rate": rate if self.has_rate(topic) else None,
-            **({} if least is None else {"least": least}),
-            **latched,
-        }
+    def publisher(self, topic: Topic, key: NodeKey) -> Sent:
+        rate = topic.rates.get(key) if self.has_rate(topic.name) else None
+        return Sent(rate, self.intended.rate(self.new(topic.name)), key.name in names_of(topic.latched))
 
     def has_rate(self, topic: str) -> bool:
         """An action's topics carry what its goals make them carry; its server is judged by its status."""
@@ -237,67 +373,56 @@ class _Recorder:
         """Whether a node goes on using the topic under the name that it will have."""
         return self.new(topic) == topic or node in self.renames
 
-    def subscriptions(self) -> dict[str, Any]:
+    def subscriptions(self) -> dict[str, str]:
         """Those over which something came: who subscribes to whatever there is does so again when it is there."""
         return {
-            self.new(topic): {"type": "" if self.inside(topic) else known(entry["type"])}
-            for topic, entry in self.graph["topics"].items()
-            if self.counts(topic) and self.own(self.reached(entry))
+            self.new(name): "" if self.inside(topic) else known(topic.type)
+            for name, topic in self.graph.topics.items()
+            if self.counts(name) and self.own(peer for key, peer in topic.connections if self.graph.at(key).reachable)
         }
 
-    def services(self) -> dict[str, Any]:
+    def services(self) -> dict[str, Definition]:
         return {
-            self.new(name): definition(entry)
-            for name, entry in self.graph["services"].items()
-            if entry["up"]
-            and self.own([entry["provider"]] if entry["provider"] else entry["providers"])
+            self.new(name): Definition(known(service.said.type), known(service.said.md5sum))
+            for name, service in self.graph.services.items()
+            if service.up
+            and self.own([self.graph.node(service.said.provider).key] if service.said.provider else service.providers)
             and not self.ignored(name)
             and not name.endswith(LOGGERS)
         }
 
-    def actions(self) -> list[str]:
-        return sorted(
-            self.new(name)
-            for name, entry in self.graph["actions"].items()
-            if entry["up"] and self.own(entry["servers"]) and not self.ignored(name)
-        )
+    def actions(self) -> tuple[str, ...]:
+        found = [name for name, one in self.graph.actions.items() if one.up and self.own(one.servers)]
+        return tuple(sorted(self.new(name) for name in found if not self.ignored(name)))
 
 
-def definition(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """What a topic or service carries: `{type, md5sum}`."""
-    return {"type": known(entry["type"]), "md5sum": known(entry.get("md5sum")) or None}
-
-
-def known(word: str | None) -> str:
+def known(word: str) -> str:
     """A type or md5sum, or nothing where the graph does not know it or a node takes any."""
-    return "" if word in (None, "", ANY_TYPE) else str(word)
+    return "" if word == ANY_TYPE else word
 
 
-def conditions(contract: Mapping[str, Any], tolerance: float | None = None, absent: Sequence[str] = ()) -> Contract:
+# ---- what is asked for afterwards
+
+
+def conditions(contract: Contract, tolerance: float | None = None, absent: Sequence[str] = ()) -> dict[str, Any]:
     """The contract as options of ros_ready. `absent`: the nodes of the old revision.
 
     An edge's end that is not ours may leave by itself, which is not the update's fault.
     """
-    share = contract["tolerance"] if tolerance is None else tolerance
-    ours = {contract["node"], *contract["nodes"]}
-    topics: list[Contract] = []
-    for name, topic in contract["topics"].items():
-        for publisher, seen in topic["publishers"].items():
-            entry = {"name": name, "publisher": publisher}
-            if topic["type"]:
-                entry["type"] = topic["type"]
-            least = least_rate_of(seen, share)
-            if least:
-                entry["min_rate"] = least
-            if seen.get("latched"):
-                entry["latched"] = True
-            topics.append(entry)
+    share = contract.tolerance if tolerance is None else tolerance
+    ours = {contract.node, *contract.nodes}
+    topics: list[dict[str, Any]] = []
+    for name, topic in contract.topics.items():
+        for publisher, sent in topic.publishers.items():
+            least = sent.least_rate(share)
+            given = {"type": topic.definition.type, "min_rate": least, "latched": sent.latched}
+            topics.append({"name": name, "publisher": publisher, **{key: one for key, one in given.items() if one}})
     return {
-        "nodes": list(contract["nodes"]),
+        "nodes": list(contract.nodes),
         "topics": topics,
-        "services": [{"name": name} for name in contract["services"]],
-        "actions": [{"name": name, "state": "up"} for name in contract["actions"]],
-        "edges": [_edge(edge, ours) for edge in contract["edges"]],
+        "services": [{"name": name} for name in contract.services],
+        "actions": [{"name": name, "state": "up"} for name in contract.actions],
+        "edges": [_edge(edge, ours) for edge in contract.edges],
         "absent": list(absent),
     }
 
@@ -307,14 +432,7 @@ def unstreamed(topics: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [{key: topic[key] for key in topic if key not in STREAMED} for topic in topics]
 
 
-def least_rate_of(entry: Mapping[str, Any], tolerance: float) -> float:
-    """Messages per second that a publisher has to give: as was said, else what it gave less the tolerance; 0: any."""
-    if entry.get("least") is not None:
-        return float(entry["least"])
-    return max(round((entry["rate"] or 0.0) * (1 - tolerance), 3), 0.0)
-
-
-def _edge(ends: Sequence[str], ours: set[str]) -> dict[str, str]:
+def _edge(ends: Edge, ours: set[str]) -> dict[str, str]:
     edge = dict(zip(("publisher", "topic", "subscriber"), ends))
     others = [end for end in ("publisher", "subscriber") if edge[end] not in ours]
     return {**edge, "peer": others[0]} if others else edge

@@ -8,10 +8,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping, Sequence
+from typing import Any, Callable, Iterable, Mapping
 
 from . import bus_stats
-from .graph import Graph, Rate
+from .graph import Graph, NodeKey, Rate
 from .master import Master
 from .rpc import Api, Deadline, in_parallel, reason
 
@@ -28,32 +28,27 @@ class _Counted:
 
 
 def sent(
-    ros: Master,
-    graph: Graph,
-    publishers: Mapping[str, Sequence[str]],
-    seconds: float,
-    sleep: Callable[[float], None] = time.sleep,
+    ros: Master, graph: Graph, topics: Iterable[str], seconds: float, sleep: Callable[[float], None] = time.sleep
 ) -> dict[str, Rate]:
-    """The rates of topics, each with the publishers to ask, over so many seconds, and of each publisher that tells.
+    """The rates of topics over so many seconds, and of each of their publishers in this graph that tells.
 
     A topic that nobody listens to is not in it: its publishers count nothing then.
     """
-    nodes = {name for names in publishers.values() for name in names if graph.nodes[name].reachable}
-    before = _counts(ros, graph, nodes)
+    publishers = {topic: graph.topic(topic).publishers for topic in topics}
+    nodes = {key for keys in publishers.values() for key in keys if graph.at(key).reachable}
+    before = _counts(ros, nodes)
     sleep(seconds)
-    after = _counts(ros, graph, nodes)
-    counted = {name: _grown(before[name], after[name]) for name in nodes}
-    found = {}
-    for topic, names in publishers.items():
-        rate = _rate(topic, {name: counted[name] for name in names if name in counted})
-        if rate is not None:
-            found[topic] = rate
-    return found
+    after = _counts(ros, nodes)
+    counted = {key: _grown(before[key], after[key]) for key in nodes}
+    rates = {
+        topic: _rate(topic, {key: counted[key] for key in keys if key in counted}) for topic, keys in publishers.items()
+    }
+    return {topic: rate for topic, rate in rates.items() if rate is not None}
 
 
-def _rate(topic: str, counted: Mapping[str, _Counted]) -> Rate | None:
+def _rate(topic: str, counted: Mapping[NodeKey, _Counted]) -> Rate | None:
     """The sum of what a topic's publishers sent."""
-    by = {name: _rate_of(one.messages[topic], one.seconds) for name, one in counted.items() if topic in one.messages}
+    by = {key: _rate_of(one.messages[topic], one.seconds) for key, one in counted.items() if topic in one.messages}
     if not by:
         errors = [one.error for one in counted.values() if one.error]
         return Rate(error="; ".join(errors)) if errors else None
@@ -73,7 +68,7 @@ def _grown(before: Any, after: Any) -> _Counted:
     return _Counted(bus_stats.sent(before[1], after[1]), after[0] - before[0])
 
 
-def _counts(ros: Master, graph: Graph, nodes: Iterable[str]) -> dict[str, Any]:
+def _counts(ros: Master, nodes: Iterable[NodeKey]) -> dict[NodeKey, Any]:
     """Node -> the time and its counts; or why it does not tell them."""
 
     def task(uri: str) -> Any:
@@ -81,7 +76,7 @@ def _counts(ros: Master, graph: Graph, nodes: Iterable[str]) -> dict[str, Any]:
             reply = api.raw("getBusStats", ros.caller)
             return time.monotonic(), bus_stats.stats(reply)
 
-    def failed(name: Any, error: BaseException) -> Any:
-        return f"{name}: {reason(error, graph.nodes[name].uri, ros.timeout)}"
+    def failed(key: NodeKey, error: BaseException) -> Any:
+        return f"{key}: {reason(error, key.participant, ros.timeout)}"
 
-    return in_parallel({name: partial(task, graph.nodes[name].uri) for name in nodes}, ros.timeout, failed)
+    return in_parallel({key: partial(task, key.participant) for key in nodes}, ros.timeout, failed)

@@ -9,8 +9,8 @@ mend; `fail` only for what a living node itself contradicts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Iterable, Mapping, Optional, Protocol, Tuple
+from dataclasses import dataclass
+from typing import Iterable, Mapping, Optional, Protocol, Sequence, Tuple
 
 from .._common.errors import RosError
 from .._common.poll import PASS, WAIT, overall
@@ -135,7 +135,7 @@ class Look:
 
 
 def rate_plan(conditions: Conditions) -> tuple[dict[str, float], dict[str, list[str]]]:
-    """How long to count each topic's messages, and whose, where that is not everybody's."""
+    """How long to count each topic's messages, and which nodes', where that is not everybody's."""
     rated = [topic for topic in conditions.topics if topic.min_rate]
     seconds: dict[str, float] = {}
     whose: dict[str, list[str]] = {}
@@ -149,12 +149,18 @@ def handshakes(ros: Backend, graph: Graph, conditions: Conditions) -> Said:
     """What the publishers say of the topics that have to be latched."""
     found = {}
     for topic in conditions.topics:
-        if topic.latched and topic.name in graph.topics:
-            entry = graph.topics[topic.name]
-            alone = replace(entry, publishers=(topic.publisher,)) if topic.publisher else entry
-            said = ros.handshakes(replace(graph, topics={topic.name: alone}), [topic.name])
+        if topic.latched:
+            alone = _by(graph, {topic.name: [topic.publisher]} if topic.publisher else {})
+            said = ros.handshakes(alone, [topic.name])
             found.update({(name, topic.publisher): handshake for name, handshake in said.items()})
     return found
+
+
+def _by(graph: Graph, nodes: Mapping[str, Sequence[str]]) -> Graph:
+    """The graph in which these nodes alone publish the topics."""
+    return graph.published_by(
+        {name: [key for key in graph.topic(name).publishers if key.name in own] for name, own in nodes.items()}
+    )
 
 
 def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, ears: Ears | None = None) -> Look:
@@ -172,7 +178,7 @@ def look(ros: Backend, conditions: Conditions, silence: Silence | None = None, e
         checks = [answers, *evaluate(graph, conditions), *_values(graph, conditions, ears)]
         last = [check for check in checks if check.kind in _STREAMED]
         if last and all(check.verdict == PASS for check in checks if check not in last):
-            rates = ros.rates(graph, seconds, only) if seconds else {}
+            rates = ros.rates(_by(graph, only), seconds) if seconds else {}
             said = handshakes(ros, graph, conditions)
             graph = _ask(ros, conditions, silence)
             checks = [answers, *evaluate(graph, conditions, rates, said), *_values(graph, conditions, ears)]

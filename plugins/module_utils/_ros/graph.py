@@ -8,9 +8,9 @@ Pure, and the same for every kind of ROS: nothing here opens a connection or kno
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Iterable, Mapping
+from typing import Any, Collection, Iterable, Mapping, NamedTuple, Tuple
 from urllib.parse import urlsplit
 
 ANY_TYPE = "*"  # what a node says that takes any message type
@@ -28,6 +28,27 @@ BUSY_STATES = frozenset({0, 1, 6, 7})
 Registrations = Mapping[str, "tuple[str, ...]"]
 
 
+class NodeKey(NamedTuple):
+    """Which node is meant. Several participants may each have a node of one name at the same time.
+
+    `participant` is where it is, in ROS 1 its URI; empty for a node that nobody was asked for, or that has no address.
+    """
+
+    name: str
+    participant: str = ""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+Keys = Tuple[NodeKey, ...]
+
+
+def names_of(keys: Iterable[NodeKey]) -> list[str]:
+    """Their names, each once."""
+    return list(dict.fromkeys(key.name for key in keys))
+
+
 # ---- what is asked, and what comes back
 
 
@@ -41,11 +62,15 @@ class MasterState:
     types: Mapping[str, str] = field(default_factory=dict)
 
     def nodes(self) -> list[str]:
-        return list(self.graph.nodes)
+        return names_of(self.graph.nodes)
 
     def of(self, node: str, part: Registrations) -> tuple[str, ...]:
         """What a node has of one of the three parts of this state."""
         return next(names.get(node, ()) for whole, names in self._by_node if whole is part)
+
+    def servers(self, action: str) -> tuple[str, ...]:
+        """The nodes with everything that a server of that action has."""
+        return tuple(names_of(self.graph.action(action).servers))
 
     @cached_property
     def _by_node(self) -> list[tuple[Registrations, Mapping[str, tuple[str, ...]]]]:
@@ -56,21 +81,28 @@ class MasterState:
     def graph(self) -> Graph:
         """The graph as it is registered: nobody asked, nobody known to be connected."""
         published, subscribed, served = (names for _part, names in self._by_node)
+        keys = {name: NodeKey(name) for name in sorted({*published, *subscribed, *served})}
         nodes = {
-            name: Node(
+            key: Node(
                 name,
                 publications=published.get(name, ()),
                 subscriptions=subscribed.get(name, ()),
                 services=served.get(name, ()),
             )
-            for name in sorted({*published, *subscribed, *served})
+            for name, key in keys.items()
         }
+
+        def ends(part: Registrations, name: str) -> Keys:
+            return tuple(keys[node] for node in part.get(name, ()))
+
         topics = {
-            name: Topic(name, self.types.get(name, ""), self.publishers.get(name, ()), self.subscribers.get(name, ()))
+            name: Topic(name, self.types.get(name, ""), ends(self.publishers, name), ends(self.subscribers, name))
             for name in sorted({*self.publishers, *self.subscribers})
         }
-        services = {name: Service(name, providers) for name, providers in self.services.items()}
-        return Graph(nodes, topics, services, {name: action_of(self, name) for name in action_names(self)})
+        services = {name: Service(name, ends(self.services, name)) for name in self.services}
+        found = Graph(nodes, topics, services)
+        actions = (found.action(name[: -len("/status")]) for name in topics if name.endswith("/status"))
+        return replace(found, actions={action.name: action for action in actions if action.servers})
 
 
 def _turned(part: Registrations) -> dict[str, tuple[str, ...]]:
@@ -124,29 +156,28 @@ class Rate:
     messages: int = 0
     seconds: float = 0.0
     error: str = ""
-    by: Mapping[str, Rate] = field(default_factory=dict, compare=False)
+    by: Mapping[NodeKey, Rate] = field(default_factory=dict, compare=False)
     known: float | None = None
     latched: bool = False
     few: bool = False
+
+    @property
+    def unknown(self) -> str:
+        """Why it is not known, though it was to be measured; empty where it is."""
+        if self.error or not self.few:
+            return self.error
+        number = {0: "no message", 1: "1 message"}.get(self.messages, f"{self.messages} messages")
+        return f"{number} in {self.seconds:.1f} s"
 
 
 @dataclass(frozen=True)
 class Handshake:
     """What a publisher says of a topic, whoever listens: its type's md5sum, and whether it latches."""
 
-    publisher: str
+    publisher: NodeKey
     md5sum: str = ""
     latching: bool = False
     definition: str = field(default="", compare=False)  # the text of its type and of those within it
-
-
-@dataclass(frozen=True)
-class Extras:
-    """What can be found out beside the graph itself, where it was asked for."""
-
-    rates: Mapping[str, Rate] = field(default_factory=dict)  # by topic
-    handshakes: Mapping[str, Handshake] = field(default_factory=dict)  # by topic
-    connections: Mapping[str, int] = field(default_factory=dict)  # by service
 
 
 # ---- the graph
@@ -185,6 +216,10 @@ class Node:
     silent: float = 0.0  # seconds for which it has answered in no look (silence.Silence)
 
     @property
+    def key(self) -> NodeKey:
+        return NodeKey(self.name, self.uri)
+
+    @property
     def reachable(self) -> bool:
         """It answered under its registered address. A registration alone outlives its process."""
         return self.pid is not None
@@ -197,88 +232,264 @@ class Node:
 
 @dataclass(frozen=True)
 class Topic:
+    """`rate` (Hz of all publishers together) to `definition` are known where they were asked for: `Graph.measured`.
+
+    `rates` has the publishers whose rate may be expected of them from now on, `latched` those that latch; `rate_error`
+    says why a rate that was to be measured is not known.
+    """
+
     name: str
     type: str = ""
-    publishers: tuple[str, ...] = ()
-    subscribers: tuple[str, ...] = ()
-    connections: tuple[tuple[str, str], ...] = ()  # (publisher, subscriber), by the publishers' word
+    publishers: Keys = ()
+    subscribers: Keys = ()
+    connections: tuple[tuple[NodeKey, NodeKey], ...] = ()  # (publisher, subscriber), by the publishers' word
+    rate: float | None = None
+    rates: Mapping[NodeKey, float] = field(default_factory=dict)
+    latched: Keys = ()
+    rate_error: str = ""
+    md5sum: str = ""
+    definition: str | None = None
+
+    def connects(self, publisher: str, subscriber: str) -> bool:
+        return any((one.name, other.name) == (publisher, subscriber) for one, other in self.connections)
 
 
 @dataclass(frozen=True)
 class Service:
+    """`connections`: how many its clients keep open; None where nobody asked for it, or it cannot be told."""
+
     name: str
-    providers: tuple[str, ...] = ()
+    providers: Keys = ()
     probe: ServiceProbe | None = None
+    connections: int | None = None
+
+    @property
+    def up(self) -> bool:
+        return bool(self.probe and not self.probe.error)
+
+    @property
+    def said(self) -> ServiceProbe:
+        """What its provider says; nothing where nobody was asked."""
+        return self.probe or ServiceProbe()
 
 
 @dataclass(frozen=True)
 class Action:
-    """The five topics of an actionlib action, by the nodes that stand on its server's side."""
+    """An action of actionlib. `servers` are the nodes with everything that a server has."""
 
     name: str
     type: str = ""
-    status_publishers: tuple[str, ...] = ()
-    goal_subscribers: tuple[str, ...] = ()
-    cancel_subscribers: tuple[str, ...] = ()
-    clients: tuple[str, ...] = ()
-    statuses: Mapping[str, StatusReading] = field(default_factory=dict)
+    servers: Keys = ()
+    clients: Keys = ()
+    statuses: Mapping[NodeKey, StatusReading] = field(default_factory=dict)
 
     @property
-    def servers(self) -> tuple[str, ...]:
-        """Nodes with everything that an action server has."""
-        whole = set(self.status_publishers) & set(self.goal_subscribers) & set(self.cancel_subscribers)
-        return tuple(sorted(whole))
+    def goals(self) -> dict[NodeKey, tuple[int, ...]]:
+        """The states of the goals in the last status of each server that tells its own."""
+        return {key: status.readings[-1] for key, status in self.statuses.items() if status.readings}
+
+    @property
+    def up(self) -> bool:
+        return any(server in self.goals for server in self.servers)
+
+    @property
+    def busy(self) -> bool:
+        return any(state in BUSY_STATES for listed in self.goals.values() for state in listed)
 
 
 @dataclass(frozen=True)
 class Graph:
-    nodes: Mapping[str, Node] = field(default_factory=dict)
+    """What every reader of a ROS graph is handed. JSON is made of it, and read, by `as_dict` and `from_dict` alone.
+
+    Whatever names a node, as a topic its publishers, has its key. Who knows a name only asks `named`, or `node`.
+    """
+
+    nodes: Mapping[NodeKey, Node] = field(default_factory=dict)
     topics: Mapping[str, Topic] = field(default_factory=dict)
     services: Mapping[str, Service] = field(default_factory=dict)
     actions: Mapping[str, Action] = field(default_factory=dict)
 
-    def unreached(self, topic: str, publisher: str, subscribers: Iterable[str] | None = None) -> list[str] | None:
-        """The subscribers (all registered ones, or these) that a publisher is not connected to; None: it does not tell.
+    @cached_property
+    def _by_name(self) -> Mapping[str, tuple[Node, ...]]:
+        found: dict[str, list[Node]] = {}
+        for key in sorted(self.nodes, key=lambda key: (key.name, not self.nodes[key].reachable)):
+            found.setdefault(key.name, []).append(self.nodes[key])
+        return {name: tuple(nodes) for name, nodes in found.items()}
+
+    @property
+    def names(self) -> list[str]:
+        """All nodes' names, sorted, each once."""
+        return list(self._by_name)
+
+    def named(self, name: str) -> tuple[Node, ...]:
+        """All nodes of that name; those that answer come first."""
+        return self._by_name.get(name, ())
+
+    def node(self, name: str) -> Node:
+        """The node of that name, of several the one that answers; one that is not in the graph was not asked."""
+        return next(iter(self.named(name)), Node(name))
+
+    def at(self, key: NodeKey) -> Node:
+        """That very node; one that is not in the graph was not asked."""
+        return self.nodes.get(key, Node(*key))
+
+    def topic(self, name: str) -> Topic:
+        """One that is not in the graph has nobody."""
+        return self.topics.get(name, Topic(name))
+
+    def action(self, name: str) -> Action:
+        """One that is not in the graph is what its topics show."""
+        if name in self.actions:
+            return self.actions[name]
+        goal = self.topic(f"{name}/goal")
+        whole = {*self.topic(f"{name}/status").publishers} & {*goal.subscribers}
+        servers = tuple(sorted(whole & {*self.topic(f"{name}/cancel").subscribers}))
+        type_ = goal.type[: -len("Goal")] if goal.type.endswith("ActionGoal") else ""
+        return Action(name, type_, servers, goal.publishers)
+
+    def unreached(self, topic: str, publisher: NodeKey, subscribers: Iterable[NodeKey]) -> list[NodeKey] | None:
+        """Those of the subscribers that a publisher is not connected to; None: it does not tell.
 
         What "connected" means everywhere: the publisher itself reports the subscriber as a destination. The
         subscriber's word is worth nothing: it reports a connection before the handshake.
         """
-        if self.nodes.get(publisher, Node(publisher)).connections is None:
+        if self.at(publisher).connections is None:
             return None
-        found = self.topics.get(topic, Topic(topic))
-        reached = {peer for name, peer in found.connections if name == publisher}
-        return [name for name in (found.subscribers if subscribers is None else subscribers) if name not in reached]
+        reached = {peer for key, peer in self.topic(topic).connections if key == publisher}
+        return [key for key in subscribers if key not in reached]
 
-    def heard(self, nodes: Iterable[str] = ()) -> dict[str, tuple[str, ...]]:
-        """Topic -> its publishers. With `nodes`: these alone, and of each only the topics that somebody listens to.
+    def heard(self, nodes: Collection[str] = ()) -> Graph:
+        """The graph of what can be listened to. With `nodes`: of what these publish, where somebody listens to it.
 
         Whoever subscribes to a topic that nobody listens to may make its publisher begin to work: image_transport
         encodes, depth pipelines compute, only while they have a subscriber.
         """
-        wanted = set(nodes)
-        if not wanted:
-            return {name: topic.publishers for name, topic in self.topics.items()}
-        found = {
-            name: tuple(dict.fromkeys(publisher for publisher, _peer in topic.connections if publisher in wanted))
-            for name, topic in self.topics.items()
+        if not nodes:
+            return self
+        own = {
+            name: [key for key, _peer in topic.connections if key.name in nodes] for name, topic in self.topics.items()
         }
-        return {name: publishers for name, publishers in found.items() if publishers}
+        topics = self.published_by(own).topics.items()
+        return replace(self, topics={name: topic for name, topic in topics if topic.publishers})
 
-    def as_dict(self, extras: Extras | None = None) -> dict[str, Any]:
-        """The graph as JSON-able data, the shape that ros_graph_info returns."""
-        more = extras or Extras()
+    def published_by(self, publishers: Mapping[str, Iterable[NodeKey]]) -> Graph:
+        """The graph in which some of its topics have these publishers alone, so that no others are listened to."""
+        own = {name: tuple(dict.fromkeys(keys)) for name, keys in publishers.items() if name in self.topics}
+        topics = {name: replace(self.topics[name], publishers=keys) for name, keys in own.items()}
+        return replace(self, topics={**self.topics, **topics})
+
+    # ---- what is found out later
+
+    def answered(self, nodes: Iterable[Node]) -> Graph:
+        """The graph with what these nodes say, each in the place of the one of its name that nobody had asked."""
+        said = {node.key: node for node in nodes}
+        moved = {NodeKey(key.name): key for key in said}
+
+        def new(keys: Iterable[NodeKey]) -> Keys:
+            return tuple(moved.get(key, key) for key in keys)
+
+        def told(topic: Topic) -> Topic:
+            if not any(key in moved for key in (*topic.publishers, *topic.subscribers)):
+                return topic  # most of them, where few nodes of a large graph were asked
+            edges = zip(new(key for key, _peer in topic.connections), new(peer for _key, peer in topic.connections))
+            ends = new(topic.publishers), new(topic.subscribers)
+            return replace(topic, publishers=ends[0], subscribers=ends[1], connections=tuple(edges))
+
+        services = {name: replace(one, providers=new(one.providers)) for name, one in self.services.items()}
+        actions = {
+            name: replace(
+                one,
+                servers=new(one.servers),
+                clients=new(one.clients),
+                statuses=dict(zip(new(one.statuses), one.statuses.values())),
+            )
+            for name, one in self.actions.items()
+        }
+        topics = {name: told(topic) for name, topic in self.topics.items()}
+        return Graph({**dict(zip(new(self.nodes), self.nodes.values())), **said}, topics, services, actions)
+
+    def measured(
+        self,
+        rates: Mapping[str, Rate],
+        handshakes: Mapping[str, Handshake] | None = None,
+        connections: Mapping[str, int] | None = None,
+    ) -> Graph:
+        """The graph with rates and handshakes of topics, and the number of connections of services."""
+        said, open_ = handshakes or {}, connections or {}
+        topics = {name: _measured(topic, rates.get(name), said.get(name)) for name, topic in self.topics.items()}
+        services = {name: replace(one, connections=open_.get(name)) for name, one in self.services.items()}
+        return replace(self, topics=topics, services=services)
+
+    # ---- JSON
+
+    def as_dict(self, definitions: bool = False) -> dict[str, Any]:
+        """The graph as JSON-able data, the shape that ros_graph_info returns. Nodes are called by their names alone."""
         return {
-            "nodes": {name: _node_dict(node) for name, node in sorted(self.nodes.items())},
-            "topics": {
-                name: _topic_dict(topic, more.rates.get(name), more.handshakes.get(name))
-                for name, topic in sorted(self.topics.items())
-            },
-            "services": {
-                name: _service_dict(service, more.connections.get(name))
-                for name, service in sorted(self.services.items())
-            },
+            "nodes": {name: _node_dict(self.node(name)) for name in self.names},
+            "topics": {name: _topic_dict(topic, definitions) for name, topic in sorted(self.topics.items())},
+            "services": {name: _service_dict(service) for name, service in sorted(self.services.items())},
             "actions": {name: _action_dict(action) for name, action in sorted(self.actions.items())},
         }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Graph:
+        """What `as_dict` made, or somebody wrote by hand: what is missing is not known.
+
+        AttributeError, KeyError, TypeError or ValueError where it is no graph.
+        """
+        nodes = {name: _node_of(name, one) for name, one in data.get("nodes", {}).items()}
+
+        def key(name: str) -> NodeKey:
+            return nodes[name].key if name in nodes else NodeKey(name)
+
+        def keys(names: Iterable[str] | None) -> Keys:
+            return tuple(key(name) for name in names or ())
+
+        topics = {
+            name: Topic(
+                name,
+                one.get("type") or "",
+                keys(one.get("publishers")),
+                keys(one.get("subscribers")),
+                tuple((key(edge["publisher"]), key(edge["subscriber"])) for edge in one.get("connections") or ()),
+                one.get("rate"),
+                {key(node): hz for node, hz in (one.get("rates") or {}).items()},
+                keys(one.get("latched")),
+                one.get("rate_error") or "",
+                one.get("md5sum") or "",
+                one.get("definition"),
+            )
+            for name, one in data.get("topics", {}).items()
+        }
+        services = {
+            name: Service(name, keys(one.get("providers")), _probe_of(one), one.get("connections"))
+            for name, one in data.get("services", {}).items()
+        }
+        actions = {
+            name: Action(
+                name,
+                one.get("type") or "",
+                servers := keys(one.get("servers")),
+                keys(one.get("clients")),
+                _statuses_of(one, servers),
+            )
+            for name, one in data.get("actions", {}).items()
+        }
+        return cls({node.key: node for node in nodes.values()}, topics, services, actions)
+
+
+def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:
+    by = sorted(rate.by.items()) if rate else []
+    latched = {key for key, part in by if part.latched} | ({said.publisher} if said and said.latching else set())
+    return replace(
+        topic,
+        rate=None if rate is None or rate.unknown else round(rate.hz, 3),
+        rates={key: round(part.known, 3) for key, part in by if part.known is not None},
+        latched=tuple(sorted(latched)),
+        rate_error=rate.unknown if rate else "",
+        md5sum=said.md5sum if said else "",
+        definition=said.definition if said else None,
+    )
 
 
 def _node_dict(node: Node) -> dict[str, Any]:
@@ -294,54 +505,60 @@ def _node_dict(node: Node) -> dict[str, Any]:
     }
 
 
-def _hertz(rate: Rate | None) -> float | None:
-    return None if rate is None or rate.error or rate.few else round(rate.hz, 3)
+def _node_of(name: str, data: Mapping[str, Any]) -> Node:
+    uri, error = data.get("uri") or "", data.get("error") or ""
+    pid = data.get("pid") if data.get("reachable", True) else None
+    topics = tuple(data.get("publications") or ()), tuple(data.get("subscriptions") or ())
+    services = tuple(data.get("services") or ())
+    return Node(name, uri, pid, bool(uri or error), error, *topics, services, refused=bool(data.get("refused")))
 
 
-def _topic_dict(topic: Topic, rate: Rate | None, said: Handshake | None) -> dict[str, Any]:
-    publishers = sorted(rate.by.items()) if rate else []
-    latched = {name for name, part in publishers if part.latched}
+def _topic_dict(topic: Topic, definitions: bool) -> dict[str, Any]:
     return {
         "type": topic.type,
-        "md5sum": said.md5sum or None if said else None,
-        "publishers": list(topic.publishers),
-        "subscribers": list(topic.subscribers),
-        "connections": [{"publisher": publisher, "subscriber": peer} for publisher, peer in topic.connections],
-        "rate": _hertz(rate),
-        "rates": {name: round(part.known, 3) for name, part in publishers if part.known is not None},
-        "latched": sorted(latched | ({said.publisher} if said and said.latching else set())),
-        "rate_error": _unknown(rate),
+        "md5sum": topic.md5sum or None,
+        "publishers": names_of(topic.publishers),
+        "subscribers": names_of(topic.subscribers),
+        "connections": [{"publisher": key.name, "subscriber": peer.name} for key, peer in topic.connections],
+        "rate": topic.rate,
+        "rates": {key.name: hz for key, hz in topic.rates.items()},
+        "latched": names_of(topic.latched),
+        "rate_error": topic.rate_error,
+        **({"definition": topic.definition} if definitions and topic.definition is not None else {}),
     }
 
 
-def _unknown(rate: Rate | None) -> str:
-    """Why a rate that was to be measured is not known."""
-    if rate is None or rate.error or not rate.few:
-        return rate.error if rate else ""
-    number = {0: "no message", 1: "1 message"}.get(rate.messages, f"{rate.messages} messages")
-    return f"{number} in {rate.seconds:.1f} s"
+def _service_dict(service: Service) -> dict[str, Any]:
+    said = asdict(service.said)
+    return {"providers": names_of(service.providers), **said, "up": service.up, "connections": service.connections}
 
 
-def _service_dict(service: Service, connections: int | None) -> dict[str, Any]:
-    probe = service.probe or ServiceProbe()
-    up = bool(service.probe and not probe.error)
-    return {"providers": list(service.providers), **asdict(probe), "up": up, "connections": connections}
+def _probe_of(data: Mapping[str, Any]) -> ServiceProbe | None:
+    parts = {part: data.get(part) or "" for part in ("uri", "provider", "type", "error", "md5sum")}
+    return ServiceProbe(**parts) if data.get("up", bool(parts["uri"])) or parts["error"] else None
 
 
 def _action_dict(action: Action) -> dict[str, Any]:
-    goals = {server: list(status.readings[-1]) for server, status in action.statuses.items() if status.readings}
-    states = [GOAL_STATES.get(state, str(state)) for listed in goals.values() for state in listed]
+    states = [GOAL_STATES.get(state, str(state)) for listed in action.goals.values() for state in listed]
     return {
         "type": action.type,
-        "servers": list(action.servers),
-        "clients": list(action.clients),
-        "up": any(server in goals for server in action.servers),
-        "busy": any(state in BUSY_STATES for listed in goals.values() for state in listed),
+        "servers": names_of(action.servers),
+        "clients": names_of(action.clients),
+        "up": action.up,
+        "busy": action.busy,
         "goals": {state: states.count(state) for state in sorted(set(states))},
     }
 
 
-# ---- what a look asks for, and what registrations show
+def _statuses_of(data: Mapping[str, Any], servers: Keys) -> dict[NodeKey, StatusReading]:
+    """JSON does not say whose an action's goals are: they are the first server's."""
+    numbers = {word: number for number, word in GOAL_STATES.items()}
+    told = (data.get("goals") or {}).items()
+    goals = tuple(numbers[word] if word in numbers else int(word) for word, count in told for _one in range(count))
+    return {servers[0]: StatusReading((goals,))} if data.get("up") and servers else {}
+
+
+# ---- what a look asks for
 
 
 def host_of(uri: str) -> str:
@@ -357,7 +574,7 @@ def everything(state: MasterState) -> Questions:
     return Questions(
         {name: frozenset({"bus"}) for name in state.nodes()},
         tuple(sorted(state.services)),
-        tuple(action_names(state)),
+        tuple(state.graph.actions),
     )
 
 
@@ -366,7 +583,7 @@ def around(state: MasterState, nodes: Iterable[str]) -> Questions:
 
     And every action: one that was not asked must not look idle.
     """
-    own = [name for name in dict.fromkeys(nodes) if name in state.graph.nodes]
+    own = [name for name in dict.fromkeys(nodes) if state.graph.named(name)]
     asked = {name: frozenset({"bus"}) for name in own}
     for name in own:
         for topic in state.of(name, state.subscribers):
@@ -376,24 +593,4 @@ def around(state: MasterState, nodes: Iterable[str]) -> Questions:
             for peer in state.subscribers.get(topic, ()):
                 asked.setdefault(peer, frozenset())
     services = [service for name in own for service in state.of(name, state.services)]
-    return Questions(asked, tuple(sorted(dict.fromkeys(services))), tuple(action_names(state)))
-
-
-def action_of(state: MasterState, name: str, statuses: Mapping[str, StatusReading] | None = None) -> Action:
-    """The action of that name as the registrations show it, whole or not."""
-    goal_type = state.types.get(f"{name}/goal", "")
-    return Action(
-        name,
-        goal_type[: -len("Goal")] if goal_type.endswith("ActionGoal") else "",
-        state.publishers.get(f"{name}/status", ()),
-        state.subscribers.get(f"{name}/goal", ()),
-        state.subscribers.get(f"{name}/cancel", ()),
-        state.publishers.get(f"{name}/goal", ()),
-        statuses or {},
-    )
-
-
-def action_names(state: MasterState) -> list[str]:
-    """Every action with a whole server: one node publishes its status and takes its goals and cancels."""
-    names = [topic[: -len("/status")] for topic in state.publishers if topic.endswith("/status")]
-    return sorted(name for name in names if action_of(state, name).servers)
+    return Questions(asked, tuple(sorted(dict.fromkeys(services))), tuple(state.graph.actions))

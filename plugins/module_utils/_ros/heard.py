@@ -13,7 +13,7 @@ from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT
 from .checks import Check, listed
 from .conditions import ValueCondition
-from .graph import Graph
+from .graph import Graph, names_of
 from .messages import numbers, value_at
 
 CLOSE = 1e-6  # of a number that a message has with 32 bits, to the one that is written in a condition
@@ -55,9 +55,8 @@ class Heard:
 def check_value(graph: Graph, heard: Heard, now: float) -> Check:
     """Who cannot be heard may say anything: that is waited for."""
     wanted = heard.condition
-    topic = graph.topics.get(wanted.topic)
-    publishers = topic.publishers if topic else ()
-    observed: dict[str, Any] = {"publishers": list(publishers)}
+    publishers = names_of(graph.topic(wanted.topic).publishers)
+    observed: dict[str, Any] = {"publishers": publishers}
     if heard.unheard:
         told = listed(f"{node} ({why})" for node, why in heard.unheard.items())
         verdict, reason = WAIT, f"not known, as publishers cannot be heard: {told}"

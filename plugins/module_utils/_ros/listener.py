@@ -13,7 +13,7 @@ from typing import Any, Callable, Mapping, Sequence, Tuple
 from .._common.errors import RosError
 from .checks import Check
 from .conditions import ValueCondition
-from .graph import Graph
+from .graph import Graph, names_of
 from .heard import Heard, check_value
 from .master import Master
 from .messages import Definition
@@ -52,8 +52,8 @@ class Listener:
     # ---- streams
 
     def _sources(self, graph: Graph) -> set[Source]:
-        topics = {one.condition.topic for one in self._heard} & set(graph.topics)
-        pairs = [(topic, publisher) for topic in topics for publisher in graph.topics[topic].publishers]
+        topics = {one.condition.topic for one in self._heard}
+        pairs = [(topic, publisher) for topic in topics for publisher in names_of(graph.topic(topic).publishers)]
         uris = self._ros.look_up({publisher: None for _topic, publisher in sorted(pairs)})[0]
         return {(topic, publisher, uris[publisher]) for topic, publisher in pairs}
 

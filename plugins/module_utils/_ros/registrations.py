@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any, Iterable, Mapping, Sequence
 
-from .graph import MasterState
+from .graph import ANY_TYPE, Graph, MasterState
 
 ALIVE = "alive"
 DEAD = "dead"  # its address refuses connections or cannot be reached
@@ -101,27 +101,23 @@ class Plan:
 # ---- data -> snapshot
 
 
-def from_graph(graph: Mapping[str, Any]) -> dict[str, Entry]:
-    """The registrations in a graph as ros_graph_info returns it."""
-    topics, services = graph.get("topics") or {}, graph.get("services") or {}
+def from_graph(graph: Graph) -> dict[str, Entry]:
+    """The registrations in a graph."""
 
     def types(names: Iterable[str]) -> dict[str, str]:
-        return {name: (topics.get(name) or {}).get("type") or "*" for name in names}
+        return {name: graph.topic(name).type or ANY_TYPE for name in names}
 
+    uris = {name: service.said.uri for name, service in graph.services.items()}
     return {
-        name: Entry(
-            node["uri"],
-            node.get("pid"),
-            types(node.get("publications") or ()),
-            types(node.get("subscriptions") or ()),
-            {
-                service: services[service]["uri"]
-                for service in node.get("services") or ()
-                if (services.get(service) or {}).get("uri")
-            },
+        node.name: Entry(
+            node.uri,
+            node.pid,
+            types(node.publications),
+            types(node.subscriptions),
+            {name: uris[name] for name in node.services if uris.get(name)},
         )
-        for name, node in (graph.get("nodes") or {}).items()
-        if node.get("uri")
+        for node in graph.nodes.values()
+        if node.uri
     }
 
 
@@ -132,8 +128,8 @@ def from_master(state: MasterState, uris: Mapping[str, str], service_uris: Mappi
         entries[node] = Entry(
             uri,
             None,
-            {topic: state.types.get(topic, "*") for topic in state.of(node, state.publishers)},
-            {topic: state.types.get(topic, "*") for topic in state.of(node, state.subscribers)},
+            {topic: state.types.get(topic, ANY_TYPE) for topic in state.of(node, state.publishers)},
+            {topic: state.types.get(topic, ANY_TYPE) for topic in state.of(node, state.subscribers)},
             {name: service_uris[name] for name in state.of(node, state.services) if name in service_uris},
         )
     return entries

@@ -18,9 +18,9 @@ from .graph import (
     Graph,
     MasterState,
     Node,
+    NodeKey,
     ServiceProbe,
     StatusReading,
-    action_of,
 )
 
 
@@ -125,26 +125,27 @@ def build(
     statuses: Mapping[str, Mapping[str, StatusReading]] | None = None,
 ) -> Graph:
     """Registrations and answers -> graph. A node without an answer stands in it as not asked."""
-    registered, probes, statuses = state.graph, probes or {}, statuses or {}
     doubtful = shared_uris({name: answer.uri for name, answer in answers.items()})
-    answered = {name: _node(state, name, answer, name in doubtful) for name, answer in answers.items()}
-    edges: dict[str, set[tuple[str, str]]] = {}
-    for node in answered.values():
-        for connection in node.connections or ():
-            if connection.direction != "i" and connection.connected and connection.topic in registered.topics:
-                edges.setdefault(connection.topic, set()).add((node.name, connection.peer))
-    connected = {
-        name: replace(registered.topics[name], connections=tuple(sorted(found))) for name, found in edges.items()
-    }
+    answered = [_node(state, name, answer, name in doubtful) for name, answer in answers.items()]
+    graph = state.graph.answered(answered)
+    edges: dict[str, set[tuple[NodeKey, NodeKey]]] = {}
+    for node in answered:
+        for one in node.connections or ():
+            if one.direction != "i" and one.connected and one.topic in graph.topics:
+                edges.setdefault(one.topic, set()).add((node.key, graph.node(one.peer).key))
+    connected = {name: replace(graph.topics[name], connections=tuple(sorted(found))) for name, found in edges.items()}
     probed = {
-        name: replace(registered.services[name], probe=probe)
-        for name, probe in probes.items()
-        if name in registered.services
+        name: replace(graph.services[name], probe=probe)
+        for name, probe in (probes or {}).items()
+        if name in graph.services
     }
-    asked = {name: action_of(state, name, found) for name, found in statuses.items()}
-    return Graph(
-        {**registered.nodes, **answered},
-        {**registered.topics, **connected},
-        {**registered.services, **probed},
-        {**registered.actions, **asked},
+    asked = {
+        name: replace(graph.action(name), statuses={graph.node(server).key: one for server, one in found.items()})
+        for name, found in (statuses or {}).items()
+    }
+    return replace(
+        graph,
+        topics={**graph.topics, **connected},
+        services={**graph.services, **probed},
+        actions={**graph.actions, **asked},
     )

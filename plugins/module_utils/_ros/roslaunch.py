@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, Callable, Container, Iterable, Mapping, Sequence
 
-from .graph import Node, host_of
+from .graph import Graph, host_of
 from .master import Master
 from .replies import unwrap
 from .rpc import Api, Deadline, in_parallel
@@ -63,22 +63,22 @@ class Child:
         return not self.alive and self.exit_code is None
 
 
-def crash(child: Child, nodes: Mapping[str, Node] | None = None) -> str:
+def crash(child: Child, graph: Graph = Graph()) -> str:  # noqa: B008 - it is frozen
     """What is wrong with a process, in words that follow its name; nothing where it lives, has done its work, or nobody
-    can tell. `nodes` are those of the graph: one that has ended well takes its registrations away.
+    can tell. One that has ended well takes its registrations out of the `graph`.
     """
     again = f"was started again {child.spawned - 1} time{'s'[: child.spawned > 2]}" if child.spawned > 1 else ""
     if child.alive or child.exit_code == 0:
         return again
     ended = f"ended with {how(child.exit_code)}" if child.exit_code is not None else ""
-    if child.unexplained and _left_behind(child, nodes or {}):
+    if child.unexplained and _left_behind(child, graph):
         ended = "died, as its registration is still there"
     return " and ".join(part for part in (again, ended) if part)
 
 
-def row(child: Child, nodes: Mapping[str, Node]) -> dict[str, Any]:
+def row(child: Child, graph: Graph) -> dict[str, Any]:
     """A process as JSON-able data, with its node's name and what is wrong with it."""
-    return {**asdict(child), "node": child.node, "crash": crash(child, nodes)}
+    return {**asdict(child), "node": child.node, "crash": crash(child, graph)}
 
 
 def how(exit_code: int) -> str:
@@ -94,10 +94,9 @@ def how(exit_code: int) -> str:
         return f"signal {-exit_code}"
 
 
-def _left_behind(child: Child, nodes: Mapping[str, Node]) -> bool:
+def _left_behind(child: Child, graph: Graph) -> bool:
     """Its node is registered at its host, where nothing listens any more."""
-    node = nodes.get(child.node)
-    return node is not None and node.refused and host_of(node.uri) == child.host
+    return any(node.refused and host_of(node.uri) == child.host for node in graph.named(child.node))
 
 
 # ---- asking

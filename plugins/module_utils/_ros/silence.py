@@ -27,5 +27,5 @@ class Silence:
         silent = [node for node in graph.nodes.values() if node.asked and not node.reachable]
         self.since = {node.name: self.since.get(node.name, began) for node in silent}
         ended = self.now()
-        nodes = {node.name: replace(node, silent=ended - self.since[node.name]) for node in silent}
+        nodes = {node.key: replace(node, silent=ended - self.since[node.name]) for node in silent}
         return replace(graph, nodes={**graph.nodes, **nodes}) if nodes else graph

@@ -14,7 +14,7 @@ from typing import Callable, Mapping, Tuple
 
 from .._common.errors import RosError
 from .arrivals import Arrivals
-from .graph import Rate
+from .graph import NodeKey, Rate
 from .rpc import Deadline, TimedSocket
 from .tcpros import FrameCounter
 from .transport import read_frame, subscribe
@@ -64,8 +64,8 @@ Opened = Tuple[TimedSocket, Mapping[str, str]]  # a topic's stream and the publi
 
 
 def count_messages(
-    streams: Mapping[tuple[str, str], Opened], seconds: Mapping[str, float], patient: bool = False
-) -> dict[tuple[str, str], Rate]:
+    streams: Mapping[tuple[str, NodeKey], Opened], seconds: Mapping[str, float], patient: bool = False
+) -> dict[tuple[str, NodeKey], Rate]:
     """Read all streams, by topic and publisher, until each topic's time is over. One thread; messages are skipped.
 
     A stream's time begins when it was opened: what it sent while others were still being opened (one dead peer takes
@@ -74,7 +74,7 @@ def count_messages(
     """
     counted = {key: _Counted(*opened) for key, opened in streams.items()}
     buffer = memoryview(bytearray(1 << 18))
-    rates: dict[tuple[str, str], Rate] = {}
+    rates: dict[tuple[str, NodeKey], Rate] = {}
     with selectors.DefaultSelector() as selector:
         for key, stream in counted.items():
             stream.sock.setblocking(False)

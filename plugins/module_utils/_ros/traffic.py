@@ -35,9 +35,10 @@ def app_of(node: str) -> str:
     return REVISION.sub("", node)
 
 
-def _connections(topic: ros.Topic) -> list[tuple[str, str]]:
-    """Those to apps. Who only looks, such as an update's gate or this account itself, is not registered."""
-    return [one for one in topic.connections if one[1] in topic.subscribers and not is_keeper(one[1])]
+def _listening(topic: ros.Topic) -> set[str]:
+    """Apps that are connected. Who only looks, such as an update's gate or this account itself, is not registered."""
+    peers = (peer for _publisher, peer in topic.connections if peer in topic.subscribers)
+    return {app_of(peer.name) for peer in peers if not is_keeper(peer.name)}
 
 
 @dataclass
@@ -90,12 +91,11 @@ class Traffic:
         """Who listens now, and whether it is connected."""
         self.looks += 1
         for name, topic in graph.topics.items():
-            if _connections(topic) and name not in LOGS:
+            if _listening(topic) and name not in LOGS:
                 self.topics.setdefault(name, Topic())
         for name, known in self.topics.items():
-            now = graph.topics.get(name, ros.Topic(name))
-            connected = {app_of(subscriber) for _publisher, subscriber in _connections(now)}
-            publishers = [graph.nodes[one] for one in now.publishers if one in graph.nodes]
+            now = graph.topic(name)
+            connected, publishers = _listening(now), map(graph.at, now.publishers)
             untold = any(one.connections is None and not one.gone for one in publishers)  # busy, so nobody knows
             for app in {*known.unconnected, *connected}:
                 missed = app not in connected and not untold

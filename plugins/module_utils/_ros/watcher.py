@@ -13,7 +13,7 @@ from typing import Any, Callable, Tuple
 
 from .._common.errors import RosError
 from .client import Ros1Client
-from .graph import Graph, Questions
+from .graph import Questions
 from .messages import Definition
 from .rpc import in_parallel
 from .streams import TopicStream
@@ -37,18 +37,15 @@ class Watcher:
         graph = self._ros.ask(state, Questions({name: frozenset({"bus"}) for name in state.nodes()}, (), ()))
         with self._lock:
             self.traffic.look(graph)
-            wanted = {name: graph.topics[name].publishers for name in self.traffic.topics if name in graph.topics}
-        sources = self._sources(graph, wanted)
+            topics = [graph.topic(name) for name in self.traffic.topics]
+        sources = {
+            (topic.name, key.name, uri) for topic in topics for key in topic.publishers if (uri := graph.at(key).uri)
+        }
         for key, stream in list(self._streams.items()):
             if key not in sources or not stream.open:
                 self._streams.pop(key).close()
         tasks = {key: partial(self._open, key) for key in sources if key not in self._streams}
         in_parallel(tasks, self._ros.timeout, lambda _key, _error: None)
-
-    def _sources(self, graph: Graph, wanted: dict[str, tuple[str, ...]]) -> set[Source]:
-        pairs = [(topic, publisher) for topic, publishers in wanted.items() for publisher in publishers]
-        uris = {publisher: graph.nodes[publisher].uri for _topic, publisher in pairs if publisher in graph.nodes}
-        return {(topic, publisher, uris[publisher]) for topic, publisher in pairs if uris.get(publisher)}
 
     def _open(self, key: Source) -> None:
         topic, _publisher, uri = key

@@ -12,9 +12,10 @@ snapshot). So it names its run and its revision, and counts for nothing else.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Mapping, Sequence
 
+from .._ros.contract import NOTHING, Contract
 from .objects import Object, annotations_of, name_of, revision_of
 from .words import CONTRACT, HISTORY, SOAKING, UPDATING
 
@@ -26,7 +27,7 @@ GOING_BACK = "going back"  # the version before, brought back and not yet proven
 UNKNOWN = "unknown"  # nobody has written down that it was brought: it may be at work
 UNPROVEN = (INSTALLED, ON_TRIAL, GOING_BACK)
 
-READY_TIMEOUT = 180.0  # seconds, where the contract does not say it
+READY_TIMEOUT = 180.0  # seconds, where the record does not say it
 
 
 @dataclass(frozen=True)
@@ -51,43 +52,30 @@ def mark_of(deployment: Object | None, key: str = UPDATING) -> Mark | None:
 
 @dataclass(frozen=True)
 class Record:
-    """`contract` is what the revision owes, with `revision`, `run`, `apps` of the step, `install` and `proven`;
-    `history` are earlier versions that were proven, the last one first."""
+    """`contract` is what the revision owes, `history` earlier versions that were proven, the last one first.
 
-    contract: Mapping[str, Any] = field(default_factory=dict)
+    `run` is which run wrote it (empty: a collection before 1.0), `apps` are those of its step, in the step's order.
+    `watch`: seconds for which the keeper is to watch the version, which its run has found good; `ends`: how many of its
+    containers' lives had ended by then.
+    """
+
+    contract: Contract = NOTHING
     history: Sequence[Mapping[str, Any]] = ()
+    run: str = ""
+    apps: tuple[str, ...] = ()
+    proven: bool = False
+    ready_timeout: float = READY_TIMEOUT
+    watch: float = 0.0
+    ends: int = 0
 
     @property
     def revision(self) -> str:
-        return str(self.contract.get("revision") or "")
-
-    @property
-    def run(self) -> str:
-        """Which run wrote it; empty where a collection before 1.0 did."""
-        return str(self.contract.get("run") or "")
-
-    @property
-    def apps(self) -> tuple[str, ...]:
-        """The apps of its step, in the step's order."""
-        return tuple(map(str, self.contract.get("apps") or ()))
-
-    @property
-    def proven(self) -> bool:
-        return bool(self.contract.get("proven"))
-
-    @property
-    def ready_timeout(self) -> float:
-        return float(self.contract.get("ready_timeout") or READY_TIMEOUT)
+        return self.contract.revision
 
     @property
     def soak(self) -> float:
-        """Seconds for which the keeper watches the version, since its run has found it good; 0: it does not."""
-        return 0.0 if self.proven else float(self.contract.get("soak") or 0.0)
-
-    @property
-    def ends(self) -> int:
-        """How many of its containers' lives had ended when its run found it good."""
-        return int(self.contract.get("ends") or 0)
+        """Seconds for which the keeper still has to watch the version before it is proven; 0: it does not."""
+        return 0.0 if self.proven else self.watch
 
     @property
     def before(self) -> Object | None:
@@ -98,7 +86,7 @@ class Record:
     @property
     def never_proven(self) -> bool:
         """Neither its version nor any before it."""
-        return bool(self.contract.get("install")) and not (self.proven or self.history)
+        return self.contract.install and not (self.proven or self.history)
 
     def is_history(self, revision: str) -> bool:
         """Whether that is one of the versions that were proven before."""
@@ -110,22 +98,37 @@ class Record:
 
     def fulfilled(self) -> Record:
         """Once its revision is proven."""
-        return replace(self, contract={**self.contract, "proven": True})
+        return replace(self, proven=True)
 
     def found_good(self, soak: float, ends: int) -> Record:
         """Once its run has seen that it fulfils its contract, and leaves it to the keeper to prove it."""
-        return replace(self, contract={**self.contract, "soak": soak, "ends": ends})
+        return replace(self, watch=soak, ends=ends)
 
     def data(self) -> dict[str, str]:
         """As the ConfigMap has it."""
-        return {CONTRACT: json.dumps(self.contract, sort_keys=True), HISTORY: json.dumps(self.history, sort_keys=True)}
+        said = {"run": self.run, "apps": self.apps, "proven": self.proven, "ready_timeout": self.ready_timeout}
+        watched = {"soak": self.watch, "ends": self.ends} if self.watch else {}
+        contract = json.dumps({**self.contract.as_dict(), **said, **watched}, sort_keys=True)
+        return {CONTRACT: contract, HISTORY: json.dumps(self.history, sort_keys=True)}
 
 
 def record_of(item: Object | None) -> Record:
     """That of a ConfigMap. What cannot be read there is not there."""
     data = (item or {}).get("data") or {}
-    contract, history = _json(data.get(CONTRACT)), _json(data.get(HISTORY))
-    return Record(contract if isinstance(contract, dict) else {}, _entries(history))
+    said, history = _json(data.get(CONTRACT)) or {}, _entries(_json(data.get(HISTORY)))
+    try:
+        return Record(
+            Contract.from_dict(said),
+            history,
+            str(said.get("run") or ""),
+            tuple(map(str, said.get("apps") or ())),
+            bool(said.get("proven")),
+            float(said.get("ready_timeout") or READY_TIMEOUT),
+            float(said.get("soak") or 0.0),
+            int(said.get("ends") or 0),
+        )
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return Record(history=history)
 
 
 def _entries(history: Any) -> tuple[Mapping[str, Any], ...]:

@@ -16,7 +16,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import stable
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import LOGGERS, is_tool, known
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Topic, host_of, names_of
 
 KIND, VERSION = "rosops.fleet/recording", 1
 OTHERS = "rehearsal-others"  # plays the nodes that are no app's
@@ -68,46 +68,48 @@ def parts(data: Any, where: str) -> dict[str, Part]:
     if data.get("version") != VERSION:
         raise SpecError(f"{where} is of version {data.get('version')}, not {VERSION}: record the robot again")
     try:
-        return _parts(data["apps"], data["graph"])
+        graph = {part: data["graph"][part] for part in ("nodes", "topics", "services", "actions")}
+        return _parts(data["apps"], Graph.from_dict(graph))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         told = f"{type(error).__name__}: {error}"
         raise SpecError(f"{where} is damaged ({told}): record the robot again") from error
 
 
-def _parts(apps: list[Mapping[str, Any]], graph: Mapping[str, Any]) -> dict[str, Part]:
+def _parts(apps: list[Mapping[str, Any]], graph: Graph) -> dict[str, Part]:
     at: dict[str, list[str]] = {}
     for app in apps:
         for address in app["addresses"]:
             at.setdefault(address, []).append(app["name"])
     nodes: dict[str, dict[str, Node]] = {}
-    for name, node in sorted(graph["nodes"].items()):
-        if node["reachable"] and name != LOG_NODE and not is_tool(name):
-            owners = at.get(host_of(node["uri"]), [])  # several share the address of a host, which tells nothing
+    for name in graph.names:
+        node = graph.node(name)
+        if node.reachable and name != LOG_NODE and not is_tool(name):
+            owners = at.get(host_of(node.uri), [])  # several share the address of a host, which tells nothing
             own = nodes.setdefault(owners[0] if len(owners) == 1 else OTHERS, {})
             own[stable(name)] = _node(graph, name)
     placements = {app["name"]: str(app["placement"]) for app in apps}
     return {app: Part(placements.get(app, "local"), tuple(own.values())) for app, own in sorted(nodes.items())}
 
 
-def _node(graph: Mapping[str, Any], node: str) -> Node:
-    topics = {name: topic for name, topic in sorted(graph["topics"].items()) if name not in LOG_TOPICS}
-    subscribes = (_called(name, topic) for name, topic in topics.items() if node in topic["subscribers"])
+def _node(graph: Graph, node: str) -> Node:
+    topics = {name: topic for name, topic in sorted(graph.topics.items()) if name not in LOG_TOPICS}
+    subscribes = (
+        Called(stable(name), known(one.type), known(one.md5sum))
+        for name, one in topics.items()
+        if node in names_of(one.subscribers)
+    )
     services = (
-        _called(name, one)
-        for name, one in sorted(graph["services"].items())
-        if one["up"] and one["provider"] == node and not name.endswith(LOGGERS)
+        Called(stable(name), known(one.said.type), known(one.said.md5sum))
+        for name, one in sorted(graph.services.items())
+        if one.up and one.said.provider == node and not name.endswith(LOGGERS)
     )
     return Node(stable(node), tuple(_published(graph, topics, node)), tuple(subscribes), tuple(services))
 
 
-def _published(graph: Mapping[str, Any], topics: Mapping[str, Any], node: str) -> Iterator[Published]:
+def _published(graph: Graph, topics: Mapping[str, Topic], node: str) -> Iterator[Published]:
     """A topic's publishers have an even share of its rate. One whose type nobody told cannot be played."""
-    fixed = {f"{action}/{word}": hz for action in graph["actions"] for word, hz in RATES.items()}
+    fixed = {f"{action}/{word}": hz for action in graph.actions for word, hz in RATES.items()}
     for name, topic in topics.items():
-        if node in topic["publishers"] and known(topic["type"]) and known(topic["md5sum"]):
-            rate = fixed.get(name, float(topic["rate"] or 0) / len(topic["publishers"]))
-            yield Published(stable(name), topic["type"], str(topic["definition"]), bool(topic["latched"]), rate)
-
-
-def _called(name: str, one: Mapping[str, Any]) -> Called:
-    return Called(stable(name), known(one["type"]), known(one["md5sum"]))
+        if node in names_of(topic.publishers) and known(topic.type) and known(topic.md5sum):
+            rate = fixed.get(name, float(topic.rate or 0) / len(topic.publishers))
+            yield Published(stable(name), topic.type, str(topic.definition), bool(topic.latched), rate)

@@ -8,15 +8,16 @@ The five topics of an action are one link, and a topic that nobody listens to is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import itertools
+from collections.abc import Iterable, Iterator
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import ACTION_TOPICS
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Topic, host_of, names_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import apps_of, owners_of
 
 Row = dict[str, Any]
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
-ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
 
 
 class Places:
@@ -26,9 +27,9 @@ class Places:
         self._apps = list(apps)
         self._nodes = {str(row["address"]): str(row["name"]) for row in nodes if row.get("address")}
 
-    def of(self, graph: str, node: Mapping[str, Any]) -> dict[str, str]:
+    def of(self, graph: str, uri: str) -> dict[str, str]:
         """`at`: the host, or the bare address of a process that no pod of ours has. `app`: empty where nobody knows."""
-        address = host_of(str(node.get("uri") or ""))
+        address = host_of(uri)
         here = [row for row in apps_of(graph, self._apps) if address in row.get("addresses", ())]
         if len(_hosts(here)) > 1:  # pods of two clusters may have it: then the robot's own is meant
             here = [row for row in here if row["robot"] == graph]
@@ -41,41 +42,41 @@ def _hosts(rows: Iterable[Row]) -> set[str]:
     return {host for row in rows for host in row["nodes"]}
 
 
-def links(robot: str, graph: Mapping[str, Any]) -> list[Row]:
+def links(robot: str, graph: Graph) -> list[Row]:
     """Who hears whom: robot, name, action, publishers, subscribers, and as `broken` the pairs of these that are
     registered, alive and not connected."""
-    topics = {name: one for name, one in (graph.get("topics") or {}).items() if name not in PLUMBING_TOPICS}
-    up = {name for name, node in (graph.get("nodes") or {}).items() if node.get("reachable")}
-    actions = graph.get("actions") or {}
-    of_actions = {f"{name}/{part}" for name in actions for part in ACTION_TOPICS}
-    found = [_action_link(name, topics, up) for name in sorted(actions)]
-    found += [_link(name, topic, up) for name, topic in sorted(topics.items()) if name not in of_actions]
+    of_actions = {f"{name}/{part}" for name in graph.actions for part in ACTION_TOPICS}
+    found = [_action_link(name, graph) for name in sorted(graph.actions)]
+    found += [
+        _link(name, topic, graph)
+        for name, topic in sorted(graph.topics.items())
+        if name not in of_actions | PLUMBING_TOPICS
+    ]
     return [{"robot": robot, **link} for link in found if link["subscribers"]]
 
 
-def _link(name: str, topic: Mapping[str, Any], up: set[str]) -> Row:
+def _link(name: str, topic: Topic, graph: Graph) -> Row:
     return {
         "name": name,
         "action": False,
-        "publishers": list(topic.get("publishers") or []),
-        "subscribers": list(topic.get("subscribers") or []),
-        "broken": list(_broken(topic, up)),
+        "publishers": names_of(topic.publishers),
+        "subscribers": names_of(topic.subscribers),
+        "broken": list(_broken(topic, graph)),
     }
 
 
-def _broken(topic: Mapping[str, Any], up: set[str]) -> Iterator[list[str]]:
+def _broken(topic: Topic, graph: Graph) -> Iterator[list[str]]:
     """By the publishers' own word. What a node that does not answer is connected to, nobody knows."""
-    there = {(one.get("publisher"), one.get("subscriber")) for one in topic.get("connections") or []}
-    for publisher in topic.get("publishers") or []:
-        for subscriber in topic.get("subscribers") or []:
-            if publisher in up and subscriber in up and (publisher, subscriber) not in there:
-                yield [publisher, subscriber]
+    for ends in itertools.product(topic.publishers, topic.subscribers):
+        if all(graph.at(end).reachable for end in ends) and ends not in topic.connections:
+            yield names_of(ends)
 
 
-def _action_link(name: str, topics: Mapping[str, Mapping[str, Any]], up: set[str]) -> Row:
+def _action_link(name: str, graph: Graph) -> Row:
     """From its clients to its server; goals have to get there, results have to come back."""
-    goal, result = (topics.get(f"{name}/{part}", {}) for part in ("goal", "result"))
-    back = [[client, server] for server, client in _broken(result, up)]
-    broken = [*_broken(goal, up), *(pair for pair in back if pair[0] in (goal.get("publishers") or []))]
+    goal, result = graph.topic(f"{name}/goal"), graph.topic(f"{name}/result")
+    clients = names_of(goal.publishers)
+    back = [[client, server] for server, client in _broken(result, graph)]
+    broken = [*_broken(goal, graph), *(pair for pair in back if pair[0] in clients)]
     pairs = [list(pair) for pair in dict.fromkeys(map(tuple, broken))]
-    return {**_link(name, goal, up), "action": True, "broken": pairs}
+    return {**_link(name, goal, graph), "action": True, "broken": pairs}

@@ -19,6 +19,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ways_back
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_ready, is_terminating, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import condition, last_end, meta, why_not_ready
@@ -243,39 +244,38 @@ def claim_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mappin
 
 
 def graph_rows(
-    graphs: Mapping[str, Mapping[str, Any]], places: Places, promised: Mapping[str, Mapping[str, Row]]
+    graphs: Mapping[str, Graph], places: Places, promised: Mapping[str, Mapping[str, Row]]
 ) -> tuple[list[Row], list[Row]]:
-    """ROS nodes, and topics; of each robot, as ros_graph_info returns its graph, and as `promised_rates` does."""
+    """ROS nodes, and topics; of each robot's graph, with what `promised_rates` says of it."""
     nodes, topics = [], []
     for robot, graph in sorted(graphs.items()):
         promises = promised.get(robot, {})
-        for name, node in sorted((graph.get("nodes") or {}).items()):
+        for node in (node for name in graph.names for node in graph.named(name)):
             nodes.append(
                 {
                     "robot": robot,
-                    "name": name,
-                    **places.of(robot, node),
-                    "reachable": bool(node.get("reachable")),
-                    "error": node.get("error") or "",
-                    "publications": len(node.get("publications") or []),
-                    "subscriptions": len(node.get("subscriptions") or []),
-                    "services": list(node.get("services") or []),
+                    "name": node.name,
+                    **places.of(robot, node.uri),
+                    "reachable": node.reachable,
+                    "error": node.error,
+                    "publications": len(node.publications),
+                    "subscriptions": len(node.subscriptions),
+                    "services": list(node.services),
                 }
             )
-        for name, topic in sorted({**{name: {} for name in promises}, **(graph.get("topics") or {})}.items()):
-            if name in PLUMBING_TOPICS:
-                continue
+        for name in sorted({*promises, *graph.topics} - PLUMBING_TOPICS):
+            topic = graph.topic(name)
             topics.append(
                 {
                     "robot": robot,
                     "name": name,
-                    "type": topic.get("type") or "",
-                    "publishers": len(topic.get("publishers") or []),
-                    "subscribers": len(topic.get("subscribers") or []),
-                    "connections": len(topic.get("connections") or []),
-                    "rate": topic.get("rate"),
+                    "type": topic.type,
+                    "publishers": len(topic.publishers),
+                    "subscribers": len(topic.subscribers),
+                    "connections": len(topic.connections),
+                    "rate": topic.rate,
                     "promised": promises.get(name),
-                    "note": topic.get("rate_error") or "",
+                    "note": topic.rate_error,
                 }
             )
     return nodes, topics
@@ -392,8 +392,9 @@ def status_rows(
     reports: Mapping[str, str],
     promised: Mapping[str, Mapping[str, Row]] = MappingProxyType({}),
 ) -> dict[str, list[Row]]:
-    """All sections: hosts, problems and what the clusters hold (`fleet`), ROS graphs by robot, texts of reports.
+    """All sections: hosts, problems and what the clusters hold (`fleet`), texts of reports.
 
+    `graphs` are those of ros_graph_info, by robot.
     `promised` are the rates of topics, by robot, of apps that may not be there yet.
     Outcomes are those that the clusters keep (`runs`, `updates`) and those of reports: the newer one of each host.
     """
@@ -404,7 +405,8 @@ def status_rows(
         graph: {topic: one for topic, one in topics.items() if (one["robot"], one["app"]) in there}
         for graph, topics in promised.items()
     }
-    ros_nodes, topics = graph_rows(graphs, places, kept)
+    known = {robot: Graph.from_dict(graph) for robot, graph in graphs.items()}
+    ros_nodes, topics = graph_rows(known, places, kept)
     crashes, ended = launched_rows(fleet.get("apps", ()), graphs)
     found, unreadable = read_reports(reports)
     return {
@@ -413,7 +415,7 @@ def status_rows(
         "ended": ended,
         "ros_nodes": ros_nodes,
         "topics": topics,
-        "links": [link for robot, graph in sorted(graphs.items()) for link in links(robot, graph)],
+        "links": [link for robot, graph in sorted(known.items()) for link in links(robot, graph)],
         "outcomes": outcome_rows(_by_time([*found, *fleet.get("runs", ())])),
         "steps": step_rows(_by_time([*fleet.get("updates", ()), *found])),
     }

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
@@ -84,7 +84,7 @@ def word_of(error: FleetError, begun: bool = False) -> str:
 class Learned:
     """What a run knows of a robot's graph."""
 
-    graph: Graph = field(default_factory=lambda: NO_GRAPH)
+    graph: Graph = NO_GRAPH
     recorded: bool = False
     stale: bool = False  # a step has changed the graph since
     rated: frozenset[str] = frozenset()  # nodes of which the rates at rest are known

@@ -55,8 +55,7 @@ class ModuleHost:
         asked: dict[str, Any] = {"md5sums": True, "service_connections": True}
         if nodes:
             asked = {"rates": True, "rate_seconds": rate_seconds, "rate_nodes": list(nodes)}
-        found: Graph = self._well("ros_graph_info", {"master_uri": master, **asked})["graph"]
-        return found
+        return Graph.from_dict(self._well("ros_graph_info", {"master_uri": master, **asked})["graph"])
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         actions: Sequence[Object] = calm.actions
@@ -78,7 +77,7 @@ class ModuleHost:
         return Seen(_verdict(found), str(found.get("msg") or ""))
 
     def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
-        asked = {"master_uri": master, "graph": graph, "nodes": list(nodes), "state": "present"}
+        asked = {"master_uri": master, "graph": graph.as_dict(), "nodes": list(nodes), "state": "present"}
         self._well("ros_registrations", asked)
 
     def reap(self, master: str, nodes: Sequence[str]) -> None:

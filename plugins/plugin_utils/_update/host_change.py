@@ -327,7 +327,7 @@ def contract_name(node: str) -> str:
 def own_nodes(graph: Graph, robot: Robot) -> list[str]:
     """The robot's nodes but somebody's tools; where it shares a master they are below its name."""
     below = "/" if robot.master.mode == "robot" else f"/{names.ros_name(robot.name)}/"
-    return [name for name in sorted(graph["nodes"]) if name.startswith(below) and not ros_contract.is_tool(name)]
+    return [name for name in graph.names if name.startswith(below) and not ros_contract.is_tool(name)]
 
 
 def conditions(graph: Graph, nodes: Sequence[str]) -> Object:

@@ -10,11 +10,11 @@ from collections.abc import Collection, Mapping, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched import worth_keeping
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended, matches
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, names_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
 
 # Whether the keeper keeps it.
 LATCHED = {
@@ -57,15 +57,14 @@ def intended(apps: Collection[App], robot: Robot, old_nodes: Mapping[str, str], 
 
 def allowed(graph: Graph, nodes: Sequence[str], wanted: Intended) -> list[str]:
     """What a step of these nodes (as they are called now) would allow, in words; what nobody has now is not told."""
+    own = set(nodes)
     topics = {
-        name: entry
-        for name, entry in sorted(graph["topics"].items())
-        if set(nodes) & {*entry["publishers"], *entry["subscribers"]}
+        name: topic
+        for name, topic in sorted(graph.topics.items())
+        if own & {*names_of((*topic.publishers, *topic.subscribers))}
     }
-    services = {
-        name for name, entry in graph["services"].items() if set(nodes) & {entry["provider"], *entry["providers"]}
-    }
-    actions = {name for name, entry in graph["actions"].items() if set(nodes) & set(entry["servers"])}
+    services = {name for name, one in graph.services.items() if own & {one.said.provider, *names_of(one.providers)}}
+    actions = {name for name, action in graph.actions.items() if own & {*names_of(action.servers)}}
     there = [*topics, *sorted(services), *sorted(actions)]
     found = [f"{name} may be missing or of another type" for name in there if matches(name, wanted.ignore)]
     found += [
@@ -73,15 +72,15 @@ def allowed(graph: Graph, nodes: Sequence[str], wanted: Intended) -> list[str]:
         for before, after in wanted.renamed.items()
         if any(name == before or name.startswith(f"{before}/") for name in there)
     ]
-    for name, entry in topics.items():
+    for name, topic in topics.items():
         hz = wanted.rate(wanted.renamed.get(name, name))
-        was = [rate for node in nodes if (rate := (entry.get("rates") or {}).get(node))]
+        was = [rate for key, rate in topic.rates.items() if key.name in own and rate]
         if hz is not None:
             carried = f" (now {max(was):g} Hz)" if was else ""
             found.append(f"{name} may carry {'any rate' if not hz else f'{hz:g} Hz or more'}{carried}")
     found += [f"{node} may have other topics and services: its clients ask for them" for node in wanted.on_demand]
     for node in nodes:
-        latched = [name for name, entry in topics.items() if node in (entry.get("latched") or ())]
-        heard = [name for name, entry in topics.items() if node in entry["subscribers"]]
+        latched = [name for name, topic in topics.items() if node in names_of(topic.latched)]
+        heard = [name for name, topic in topics.items() if node in names_of(topic.subscribers)]
         found += [f"what {node} latched on {name} {LATCHED[wanted.keeps]}" for name in worth_keeping(latched, heard)]
     return found

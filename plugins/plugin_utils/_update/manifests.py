@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import NOTHING, Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
     annotations_of,
     app_of,
@@ -22,11 +23,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import NO_CONTRACT, Contract
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
 
 HISTORY_KEPT = 5
-INSTALL = {**NO_CONTRACT, "install": True}  # of what is only just to come
+INSTALL = Contract(install=True)  # of what is only just to come
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Bounds:
 
 def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
     """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
-    maps = [_update_map(item, step, contracts.get(app_of(item), NO_CONTRACT), bounds, now) for item in step.workloads]
+    maps = [_update_map(item, step, contracts.get(app_of(item), NOTHING), bounds, now) for item in step.workloads]
     # the node's name is taken by what runs: for the time of the step the old one goes first
     objects = with_strategy(step.objects, RECREATE_STRATEGY) if step.drifted else step.objects
     return [*maps, *marked(objects, run_of(now))]
@@ -84,15 +84,15 @@ def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> l
 def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
     """No clock ends a contract: it counts for its revision until it says `proven`."""
     app, metadata = app_of(deployment), deployment["metadata"]
-    limits = {"tolerance": bounds.tolerance, "ready_timeout": bounds.ready_timeout}
     # one that is taken over from an earlier step says nothing of this one
-    said = {"revision": revision_of(deployment), "run": run_of(now), "apps": list(step.apps), "proven": False}
+    owed = replace(contract, revision=revision_of(deployment), tolerance=bounds.tolerance)
+    record = Record(owed, _history(app, step, now), run_of(now), tuple(step.apps), ready_timeout=bounds.ready_timeout)
     labels = object_labels(app, metadata["labels"].get(names.LABEL_ROBOT))
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
         "metadata": {"name": names.update_name(app), "namespace": metadata["namespace"], "labels": labels},
-        "data": Record({**contract, **limits, **said}, _history(app, step, now)).data(),
+        "data": record.data(),
     }
 
 

@@ -35,7 +35,7 @@ def own_nodes(named: Mapping[str, str], graph: Graph, pods: Iterable[Object]) ->
         address = (pod.get("status") or {}).get("podIP")
         if address:
             apps_at.setdefault(address, set()).add(pod["metadata"]["labels"].get(names.LABEL_APP, ""))
-    at = {node: host_of(entry.get("uri") or "") for node, entry in sorted(graph["nodes"].items())}
+    at = {node.name: host_of(node.uri) for name in graph.names for node in graph.named(name)}
     found = {}
     for app, name in named.items():
         others = [node for node, address in at.items() if apps_at.get(address) == {app} and not is_tool(node)]

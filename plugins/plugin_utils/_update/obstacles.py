@@ -8,7 +8,7 @@ It shows names and types: a device, a port or a file that both would write to it
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, names_of
 
 # Who publishes one of these moves the robot, and who takes it obeys.
 MOVING = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "trajectory_msgs/JointTrajectory")
@@ -19,17 +19,17 @@ AGREEING = ("state_publisher", "static_transform")
 
 def obstacle(graph: Graph, node: str) -> str:
     """What the node does that two of it would undo, in words; empty: nothing that shows."""
-    for name, action in sorted(graph["actions"].items()):
-        if node in action["servers"]:
+    for name, action in sorted(graph.actions.items()):
+        if node in names_of(action.servers):
             return f"serves the action {name}, of which two servers lose goals"
-    for name, topic in sorted(graph["topics"].items()):
-        type_ = topic["type"]
-        moves = type_ in MOVING or type_.startswith(MOVING_PACKAGES)
-        if moves and node in topic["publishers"]:
-            return f"publishes {name} ({type_}), so two of it would both move the robot"
-        if moves and node in topic["subscribers"]:
-            return f"obeys {name} ({type_}), and two of it would"
+    for name, topic in sorted(graph.topics.items()):
+        moves = topic.type in MOVING or topic.type.startswith(MOVING_PACKAGES)
+        publishes = node in names_of(topic.publishers)
+        if moves and publishes:
+            return f"publishes {name} ({topic.type}), so two of it would both move the robot"
+        if moves and node in names_of(topic.subscribers):
+            return f"obeys {name} ({topic.type}), and two of it would"
         agrees = any(word in node for word in AGREEING)
-        if name.endswith("/tf") and node in topic["publishers"] and not agrees:
+        if name.endswith("/tf") and publishes and not agrees:
             return f"publishes {name}, where two of it would contradict each other"
     return ""

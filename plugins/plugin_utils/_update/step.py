@@ -11,7 +11,8 @@ from datetime import datetime
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import NOTHING, Contract
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, host_of, names_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_keeper
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
     app_of,
@@ -32,16 +33,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import S
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
     read_records,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Live, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Live, Object
 
 AGAIN_AND_AGAIN, SHORT_LIFE = 3, 10.0  # restarts of a container, and seconds
 EVER = "1970-01-01T00:00:00+00:00"
 LISTS = ("nodes", "topics", "services", "actions", "absent", "edges")
 UNASKED = "-e update_on_busy=force changes the robot without asking it"
-NO_GRAPH: Graph = {"nodes": {}, "topics": {}, "services": {}, "actions": {}}
-NO_CONTRACT: Mapping[str, Any] = ros_contract.record(NO_GRAPH, ())  # of what is nothing to the graph
-
-Contract = Mapping[str, Any]  # what an app is to the graph, as _ros/contract.py records it
+NO_GRAPH = Graph()
 
 
 @dataclass(frozen=True)
@@ -63,14 +61,14 @@ def step_gate(step: Step, graph: Graph, live: Live, images: Mapping[str, Collect
     nodes = {node for found in own.values() for node in found}
     recorded = [node for app, found in own.items() if app not in step.unproven for node in found]
     records = read_records(live.maps)
-    kept = {app: records.get(app, Record()).contract or NO_CONTRACT for app in step.unproven}
+    kept = {app: records.get(app, Record()).contract for app in step.unproven}
     # an app that is down at this moment shows nothing to hold the next version to; what was proven of it does
     down = {
         app: record.contract
         for app in step.apps
         if app not in kept and (record := _running(step, app, records)) and _missing(record.contract, graph)
     }
-    kept |= {app: ros_contract.owed(contract, step.intended) for app, contract in down.items()}
+    kept |= {app: contract.owed(step.intended) for app, contract in down.items()}
     follows = _succession(step, graph, own, kept)
     resting = actions_to_rest(graph, nodes, [*step.actions, *step.idle])
     return Gate(
@@ -93,7 +91,7 @@ def _running(step: Step, app: str, records: Mapping[str, Record]) -> Record | No
 
 def _missing(contract: Contract, graph: Graph) -> list[str]:
     """Its nodes that do not answer."""
-    return [node for node in _nodes_in(contract) if not (graph["nodes"].get(node) or {}).get("reachable")]
+    return [node for node in contract.all_nodes if not graph.node(node).reachable]
 
 
 def _down(contracts: Mapping[str, Contract], graph: Graph) -> list[str]:
@@ -114,10 +112,12 @@ def _silent(step: Step, records: Mapping[str, Record], pods: Sequence[Object], g
         action
         for app in step.apps
         if app not in step.unproven and (record := _running(step, app, records)) and _may_come(app, pods)
-        for part in _parts(record.contract)
-        for action in part.get("actions") or ()
+        for part in record.contract.parts
+        for action in part.actions
     }
-    served = {name for name, action in graph["actions"].items() if any(_lives(graph, one) for one in action["servers"])}
+    served = {
+        name for name, action in graph.actions.items() if any(not graph.at(one).refused for one in action.servers)
+    }
     return [{"name": name} for name in sorted(known - served)]
 
 
@@ -148,7 +148,7 @@ def _succession(step: Step, graph: Graph, own: Mapping[str, Sequence[str]], kept
             new = _since(kept[app], launch).nodes.values()
             found |= Succession({node.removesuffix(launch.new) + launch.old: node for node in new})
         else:
-            found |= succession(launch, own.get(app, ()), [*graph["topics"], *graph["services"]])
+            found |= succession(launch, own.get(app, ()), [*graph.topics, *graph.services])
     return found
 
 
@@ -166,36 +166,27 @@ def _contracts(
     in `others`: nodes beside that of the app's name, and those that begin when the old ones have ended.
     """
     if step.kind == "master" and not step.unproven:
-        return {app: ros_contract.record(graph, sorted(graph["nodes"])) for app in step.apps}
-    renames = {str(kept[app].get("node")): new for app, new in step.new_nodes.items() if app in kept and new}
+        return {app: ros_contract.record(graph, graph.names) for app in step.apps}
+    renames = {kept[app].node: new for app, new in step.new_nodes.items() if app in kept and kept[app].node and new}
     for app, launch in step.launched.items():
         if app in kept:
             renames |= _since(kept[app], launch).renames
     return {
-        app: _renamed(kept[app], renames) if app in kept else _recorded(step, graph, app, own.get(app, []), follows)
+        app: kept[app].renamed(renames) if app in kept else _recorded(step, graph, app, own.get(app, []), follows)
         for app in step.apps
     }
 
 
 def _since(contract: Contract, launch: Launched) -> Succession:
     """From the names in a contract, which are those of the revision that it was made for."""
-    revision = f"_{contract.get('revision')}"
-    suffixed = any(node.endswith(revision) for node in _nodes_in(contract))
+    revision = f"_{contract.revision}"
+    suffixed = any(node.endswith(revision) for node in contract.all_nodes)
     return _names_in(contract, replace(launch, old=revision if suffixed else ""))
 
 
-def _parts(contract: Contract) -> list[Contract]:
-    return [contract, contract.get("others") or {}]
-
-
-def _nodes_in(contract: Contract) -> list[str]:
-    return [node for part in _parts(contract) for node in part.get("nodes") or ()]
-
-
 def _names_in(contract: Contract, launch: Launched) -> Succession:
-    keys = ("topics", "services", "subscriptions")
-    there = [name for part in _parts(contract) for key in keys for name in part.get(key) or ()]
-    return succession(launch, _nodes_in(contract), there)
+    there = [name for part in contract.parts for name in (*part.topics, *part.services, *part.subscriptions)]
+    return succession(launch, contract.all_nodes, there)
 
 
 def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str], follows: Succession) -> Contract:
@@ -203,14 +194,14 @@ def _recorded(step: Step, graph: Graph, app: str, nodes: Sequence[str], follows:
     if launch:
         judged = [node for node in nodes if not (launch.new and launch.is_held(node))]
     else:
-        judged = [node for node in nodes if node == first and node in graph["nodes"]] or list(nodes)
+        judged = [node for node in nodes if node == first and graph.named(node)] or list(nodes)
     others = [node for node in nodes if node not in judged]
     meant = step.intended
     if first in meant.on_demand or (launch and launch.on_demand):  # then all that its launch file starts is
         meant = replace(meant, on_demand=(*meant.on_demand, *nodes))
     contract = ros_contract.record(graph, judged, follows.renames, intended=meant)
     beside = ros_contract.record(graph, others, follows.renames, intended=meant)
-    return {**contract, "others": beside} if others else contract
+    return replace(contract, others=beside) if others else contract
 
 
 def _outage(step: Step, own: Mapping[str, Sequence[str]]) -> list[str]:
@@ -236,10 +227,10 @@ def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> lis
                     "of it do no harm"
                 )
     for app, node in step.new_nodes.items():
-        there = graph["nodes"].get(node) or {}
-        if there.get("reachable") and node != step.old_nodes.get(app) and app not in step.unproven:
+        there = graph.node(node)
+        if there.reachable and node != step.old_nodes.get(app) and app not in step.unproven:
             problems.append(
-                f"another node is up under the name {node} that the new revision of {app} will have ({there['uri']}); "
+                f"another node is up under the name {node} that the new revision of {app} will have ({there.uri}); "
                 "stop it, or change node_name"
             )
     return problems
@@ -248,10 +239,10 @@ def _problems(step: Step, graph: Graph, own: Mapping[str, Sequence[str]]) -> lis
 def _warnings(graph: Graph, nodes: Collection[str]) -> list[str]:
     """What the step cannot keep from being noticed: connections that their clients keep open and cannot renew."""
     return [
-        f"service {name} of {', '.join(service['providers'])} has {service['connections']} open connections: calls "
+        f"service {name} of {', '.join(names_of(one.providers))} has {one.connections} open connections: calls "
         "under way, or a persistent ServiceProxy, which does not reconnect by itself: its client fails until made anew"
-        for name, service in sorted(graph["services"].items())
-        if {*nodes} & set(service["providers"]) and service.get("connections")
+        for name, one in sorted(graph.services.items())
+        if {*nodes} & {*names_of(one.providers)} and one.connections
     ]
 
 
@@ -261,8 +252,8 @@ def _nameless(graph: Graph, pods: Iterable[Object]) -> list[str]:
     return [
         f"{name} of {apps[host]} has an anonymous name, as a tool that somebody has open: nobody waits for it as a "
         "subscriber. Give it a name (__name:=)"
-        for name, node in sorted(graph["nodes"].items())
-        if (host := host_of(node.get("uri") or "")) in apps and ros_contract.is_tool(name) and not is_keeper(name)
+        for name in graph.names
+        if (host := host_of(graph.node(name).uri)) in apps and ros_contract.is_tool(name) and not is_keeper(name)
     ]
 
 
@@ -273,8 +264,10 @@ def actions_to_rest(graph: Graph, nodes: Collection[str], besides: Iterable[str]
     `server` stands where it is one of them: goals that come meanwhile are for the next one. An action that nobody
     serves cannot be busy. A server that lives and tells nothing may be.
     """
+    # nothing listens where a dead one was; one that only does not answer may be at work
     served = {
-        name: [one for one in action["servers"] if _lives(graph, one)] for name, action in graph["actions"].items()
+        name: names_of(key for key in action.servers if not graph.at(key).refused)
+        for name, action in graph.actions.items()
     }
     replaced = {name: [one for one in servers if one in nodes] for name, servers in served.items()}
     wanted = dict.fromkeys([*(name for name in sorted(replaced) if replaced[name]), *besides])
@@ -312,32 +305,24 @@ def new_pods(step: Step, pods: Iterable[Object]) -> list[Object]:
 def unanswered(calm: Calm, graph: Graph) -> list[str]:
     """Topics of which messages are asked for and that nobody publishes."""
     topics = dict.fromkeys(one["topic"] for one in calm.when)
-    return [topic for topic in topics if not graph["topics"].get(topic, {}).get("publishers")]
+    return [topic for topic in topics if not graph.topic(topic).publishers]
 
 
 def at_work(graph: Graph, rest: Iterable[Object]) -> bool:
     """Whether any of these actions was busy, or told nothing, when the graph was recorded."""
-    found = [graph["actions"].get(one["name"]) for one in rest]
-    return any(action is None or action["busy"] or not action["up"] for action in found)
-
-
-def _lives(graph: Graph, node: str) -> bool:
-    """Nothing listens where a dead one was; one that only does not answer may be at work."""
-    return not (graph["nodes"].get(node) or {}).get("refused")
+    found = [graph.actions.get(one["name"]) for one in rest]
+    return any(action is None or action.busy or not action.up for action in found)
 
 
 def with_rates(graph: Graph, rated: Graph) -> Graph:
-    """The graph with the rates that were measured of some nodes at another time."""
-    topics = {
-        name: {
-            **topic,
-            "rates": {**topic["rates"], **found.get("rates", {})},
-            "latched": sorted({*topic.get("latched", ()), *found.get("latched", ())}),
-        }
-        for name, topic in graph["topics"].items()
-        for found in [rated["topics"].get(name, {})]
-    }
-    return {**graph, "topics": topics}
+    """The graph with the rates that were measured of some nodes at another time, wherever those nodes are now."""
+    topics = {}
+    for name, topic in graph.topics.items():
+        found = rated.topic(name)
+        rates = {graph.node(key.name).key: hz for key, hz in found.rates.items()}
+        latched = {graph.node(key.name).key for key in found.latched}
+        topics[name] = replace(topic, rates={**topic.rates, **rates}, latched=tuple(sorted({*topic.latched, *latched})))
+    return replace(graph, topics=topics)
 
 
 def local_images(step: Step) -> list[str]:
@@ -383,27 +368,15 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
     """
     old = {new: before for before, new in {**step.intended.renamed, **step.renames}.items()}
     for app, launch in step.launched.items():
-        contract = gate.contracts.get(app, NO_CONTRACT)
+        contract = gate.contracts.get(app, NOTHING)
         old |= _names_in(contract, replace(launch, old=launch.new, new=launch.old)).renames
-    found = _united(_conditions([_renamed(one, old) for one in gate.contracts.values()], tolerance))
+    found = _united(_conditions([one.renamed(old) for one in gate.contracts.values()], tolerance))
     found["topics"] = ros_contract.unstreamed(found["topics"])
     return found
 
 
 def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[dict[str, Any]]:
-    each = [part for contract in contracts for part in (contract, contract.get("others")) if part]
-    return [ros_contract.conditions(part, tolerance) for part in each]
-
-
-def _renamed(value: Any, renames: Mapping[str, str]) -> Any:
-    """Every graph name in it after the nodes' renaming."""
-    if isinstance(value, str):
-        return ros_contract.renamed(value, renames)
-    if isinstance(value, list):
-        return [_renamed(item, renames) for item in value]
-    if isinstance(value, Mapping):
-        return {_renamed(key, renames): _renamed(item, renames) for key, item in value.items()}
-    return value
+    return [ros_contract.conditions(part, tolerance) for contract in contracts for part in contract.parts]
 
 
 def _united(parts: Sequence[Mapping[str, Any]], absent: Sequence[str] = ()) -> dict[str, Any]:

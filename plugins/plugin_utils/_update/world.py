@@ -14,11 +14,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros import graph as ros_graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
 
 Object = Mapping[str, Any]
-Graph = Mapping[str, Any]  # as ros_graph_info returns it
+Graph = ros_graph.Graph
 
 
 class AwayError(FleetError):

@@ -6,13 +6,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
     MasterState,
+    NodeKey,
     Questions,
     Rate,
     ServiceProbe,
+    names_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 
@@ -56,9 +59,9 @@ class World:
         fields.update(subscriptions=known.subscriptions, **({"pid": None} if "error" in changes else {}))
         self.answers[node] = NodeAnswer(**{**fields, **changes})
 
-    def own(self, topic: str) -> tuple[str, ...]:
+    def own(self, topic: str) -> list[str]:
         """The pod's own nodes that publish it."""
-        return tuple(node for node in self.publishers[topic] if node.endswith("_0a1b2c3d"))
+        return [node for node in self.publishers[topic] if node.endswith("_0a1b2c3d")]
 
     # ---- the ROS backend
 
@@ -83,22 +86,25 @@ class World:
         return build(state, answers, {name: self.probes[name] for name in wanted.services if name in self.probes})
 
     def handshakes(self, graph: Graph, topics: Any) -> dict[str, Handshake]:
-        assert all(graph.topics[name].publishers == self.own(name) for name in topics)  # its own word, nobody else's
+        assert all(
+            names_of(graph.topics[name].publishers) == self.own(name) for name in topics
+        )  # its own word, nobody else's
         self.asked.append("handshakes")
-        said = {name: Handshake(self.own(name)[0], self.sums.get(name, ""), name in self.latching) for name in topics}
+        own = {name: graph.topics[name].publishers[0] for name in topics}
+        said = {name: Handshake(key, self.sums.get(name, ""), name in self.latching) for name, key in own.items()}
         return {name: one for name, one in said.items() if name in self.sums}
 
-    def rates(self, graph: Graph, seconds: Any, only: Any = None, patient: bool = False) -> dict[str, Rate]:
-        assert (only, patient) == (None, False)
-        assert all(graph.topics[name].publishers == self.own(name) for name in seconds)
+    def rates(self, graph: Graph, seconds: Any, patient: bool = False) -> dict[str, Rate]:
+        assert not patient
+        assert all(names_of(graph.topics[name].publishers) == self.own(name) for name in seconds)
         self.asked.append("rates")
         rates = {name: Rate(self.hz.get(name, 0.0), 50, seconds[name]) for name in seconds}
-        return {name: Rate(rate.hz, 50, rate.seconds, by={OWN: rate}) for name, rate in rates.items()}
+        return {name: Rate(rate.hz, 50, rate.seconds, by={NodeKey(OWN, URI): rate}) for name, rate in rates.items()}
 
 
-def contract(**changes: Any) -> dict[str, Any]:
+def contract(**changes: Any) -> Contract:
     """What the version before gave."""
-    return {
+    owed: dict[str, Any] = {
         "revision": "0a1b2c3d",
         "tolerance": 0.1,
         "node": OWN,
@@ -110,3 +116,4 @@ def contract(**changes: Any) -> dict[str, Any]:
         "edges": [[OWN, "/out", SUBSCRIBER], [PUBLISHER, "/in", OWN]],
         **changes,
     }
+    return Contract.from_dict(owed)

@@ -40,21 +40,16 @@ class FakeMaster:
         answers = recorded_answers()
         return build(state, {name: answers[name] for name in wanted.nodes})
 
-    def rates(
-        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]], patient: bool
-    ) -> dict[str, Rate]:
+    def rates(self, graph: Graph, seconds: Mapping[str, float], patient: bool) -> dict[str, Rate]:
         assert (patient, set(seconds) <= set(graph.topics)) == (True, True)
         return {
-            name: Rate(5.0, 10, taken, by={publisher: Rate(2.4, known=2.5) for publisher in only[name]})
+            name: Rate(5.0, 10, taken, by={key: Rate(2.4, known=2.5) for key in graph.topics[name].publishers})
             for name, taken in seconds.items()
         }
 
     def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
-        return {
-            name: Handshake("/talker_a", "99", name == "/chatter", "string data")
-            for name in topics
-            if name in graph.topics
-        }
+        a = graph.node("/talker_a").key
+        return {name: Handshake(a, "99", name == "/chatter", "string data") for name in topics if name in graph.topics}
 
 
 class FakeSockets:
@@ -141,10 +136,10 @@ def test_rates_by_counters_subscribe_to_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(FakeMaster, "rates", None)
-    monkeypatch.setattr(ros_graph_info, "sent", lambda _ros, _graph, publishers, seconds: {
+    monkeypatch.setattr(ros_graph_info, "sent", lambda _ros, _graph, topics, seconds: {
         "/chatter": Rate(100.0, int(100 * seconds), seconds),
         "/rosout": Rate(0.5, 1, seconds, few=True),
-    } if "/chatter" in publishers else {})  # fmt: skip
+    } if "/chatter" in topics else {})  # fmt: skip
     topics = run(monkeypatch, capsys, rates=True, rate_source="counters")["graph"]["topics"]
     assert (topics["/chatter"]["rate"], topics["/chatter"]["rates"]) == (100.0, {})
     assert (topics["/rosout"]["rate"], topics["/rosout"]["rate_error"]) == (None, "1 message in 2.0 s")

@@ -44,8 +44,8 @@ class FakeMaster:
         assert isinstance(self.now, Graph)
         return self.now
 
-    def rates(self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Any]) -> dict[str, Rate]:
-        del graph, only
+    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
+        del graph
         return {name: Rate(100.0, 100, 1.0) for name in seconds}
 
 

@@ -5,17 +5,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import judge as probe
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     PATIENCE,
     Handshake,
     MasterState,
     Node,
+    NodeKey,
     Rate,
     ServiceProbe,
 )
@@ -31,17 +32,17 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
 )
 
 
-def judged(world: World, owed: dict[str, Any] | None = None, seconds: float = 0.0) -> tuple[str, str]:
+def judged(world: World, owed: Contract | None = None, seconds: float = 0.0) -> tuple[str, str]:
     """Verdict, and the reasons of what is not as it should be; `seconds` for which all of it has been so."""
     state, wanted = world.state(types=True), probe.Wanted((OWN,), owed)
     graph = world.ask(state, probe.first_questions(state, [OWN]))
-    missing = probe.gaps(state, graph, [OWN])
-    unasked = {gap.peer for gap in missing if not graph.nodes[gap.peer].asked}
-    peers = world.ask(state, probe.Questions({name: frozenset() for name in unasked})).nodes
+    missing = probe.gaps(graph, [OWN])
+    unasked = {gap.peer for gap in missing if not graph.node(gap.peer).asked}
+    peers = world.ask(state, probe.Questions({name: frozenset() for name in unasked}))
     silence = Silence(lambda: seconds)
-    asked = silence.noted(replace(graph, nodes={**graph.nodes, **{name: peers[name] for name in unasked}}), 0.0)
+    asked = silence.noted(graph.answered(map(peers.node, unasked)), 0.0)
     forgiving = {gap: probe.forgiven(gap, asked, wanted, seconds) for gap in missing}
-    checks = probe.judge(asked, state, wanted, forgiving)
+    checks = probe.judge(asked, wanted, forgiving)
     return overall([check.verdict for check in checks]), "; ".join(str(c) for c in checks if c.verdict != PASS)
 
 
@@ -146,7 +147,7 @@ LONG = PATIENCE
 @pytest.mark.parametrize("change", [_publisher_is_late, _subscriber_is_late])
 @pytest.mark.parametrize("owed", [None, contract()])
 def test_a_peer_that_hangs_is_waited_for_no_longer_than_a_slow_one_needs(
-    change: Callable[[World], None], owed: dict[str, Any] | None
+    change: Callable[[World], None], owed: Contract | None
 ) -> None:
     world = World()
     change(world)
@@ -199,7 +200,7 @@ def test_a_tool_that_hangs_holds_up_no_look() -> None:
     asked = probe.first_questions(state, [OWN])
     assert not [name for name in asked.nodes if name.startswith("/rostopic")]
     assert PUBLISHER in asked.nodes
-    assert probe.gaps(state, world.ask(state, asked), [OWN]) == []
+    assert probe.gaps(world.ask(state, asked), [OWN]) == []
 
 
 def test_rosout_is_not_waited_for() -> None:
@@ -263,7 +264,7 @@ def test_definitions_must_be_the_same(sums: dict[str, str], service: str, words:
     world = World()
     world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", OWN, md5sum=service)
     state = world.state()
-    said = {name: Handshake(OWN, md5sum) for name, md5sum in sums.items()}
+    said = {name: Handshake(NodeKey(OWN), md5sum) for name, md5sum in sums.items()}
     checks = probe.check_sums(world.ask(state, probe.first_questions(state, [OWN])), contract(), said)
     assert [check.verdict for check in checks] == ([FAIL if sums else WAIT] if words else [])
     assert words in "".join(str(check) for check in checks)
@@ -273,10 +274,10 @@ def test_definitions_must_be_the_same(sums: dict[str, str], service: str, words:
 @pytest.mark.parametrize(
     ("was", "said", "good"),
     [
-        (True, Handshake(OWN, "bb", latching=True), True),
-        (True, Handshake(OWN, "bb", latching=False), False),
-        (False, Handshake(OWN, "bb", latching=False), True),
-        (False, Handshake(OWN, "bb", latching=True), True),
+        (True, Handshake(NodeKey(OWN), "bb", latching=True), True),
+        (True, Handshake(NodeKey(OWN), "bb", latching=False), False),
+        (False, Handshake(NodeKey(OWN), "bb", latching=False), True),
+        (False, Handshake(NodeKey(OWN), "bb", latching=True), True),
         (True, None, True),  # not published at all, or late: that is said elsewhere
     ],
 )
@@ -291,9 +292,9 @@ def test_what_was_latched_has_to_be_so_again(was: bool, said: Handshake | None, 
 def test_rates_are_the_higher_of_what_is_promised_and_what_was() -> None:
     world = World()
     state = world.state()
-    own = world.ask(state, probe.first_questions(state, [OWN])).nodes[OWN]
+    own = world.ask(state, probe.first_questions(state, [OWN])).node(OWN)
 
-    def least(owed: dict[str, Any] | None, **promised: float) -> dict[tuple[str, str], float]:
+    def least(owed: Contract | None, **promised: float) -> dict[tuple[str, str], float]:
         return probe.least_rates([own], probe.Wanted((OWN,), owed, {f"/{name}": hz for name, hz in promised.items()}))
 
     assert least(None) == {}
@@ -318,14 +319,14 @@ def test_what_is_promised_of_a_topic_is_owed_by_all_of_an_apps_nodes_together() 
     both = probe.least_rates([one, two], probe.Wanted(wanted.nodes, contract(topics=owed), wanted.min_rates))
     assert both == {("/diagnostics", one.name): 9.0, ("/diagnostics", ""): 2.0}
     half = Rate(1.0, 9, 1.0)
-    rates = {"/diagnostics": Rate(2.0, 18, 1.0, by={one.name: half, two.name: half})}
+    rates = {"/diagnostics": Rate(2.0, 18, 1.0, by={one.key: half, two.key: half})}
     assert [check.verdict for check in probe.check_rates({("/diagnostics", ""): 2.0}, rates)] == [PASS]
 
 
 @pytest.mark.parametrize(("hz", "verdict"), [(90.0, PASS), (89.5, PASS), (45.0, WAIT), (0.0, WAIT)])
 def test_half_the_rate_is_not_ready(hz: float, verdict: str) -> None:
     rate = Rate(hz, 9, 1.0)
-    checks = probe.check_rates({("/out", OWN): 90.0}, {"/out": Rate(hz, 9, 1.0, by={OWN: rate})})
+    checks = probe.check_rates({("/out", OWN): 90.0}, {"/out": Rate(hz, 9, 1.0, by={NodeKey(OWN): rate})})
     assert [check.verdict for check in checks] == [verdict]
 
 

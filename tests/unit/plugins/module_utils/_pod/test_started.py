@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as started_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import Child
@@ -163,7 +165,7 @@ def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_what_is_not_latched_any_more_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World()
-    topics = contract()["topics"]
+    topics = contract().as_dict()["topics"]
     owe(monkeypatch, topics={"/out": {**topics["/out"], "latched": True}})
     assert started(world) == (
         "cannot become ready: topic /out: this version does not latch its messages, the one before did"
@@ -374,6 +376,38 @@ def test_a_contract_counts_for_whoever_names_his_nodes_himself(
     assert two_nodes.asked == []
     owe_both(monkeypatch)
     assert "does not start" in started(two_nodes, expect_node=False, app="base", here={OWN: URI})
+
+
+ENVIRON = {"ROSOPS_REVISION": "0a1b2c3d"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "counts"),
+    [
+        ({}, True),
+        ({"until": 99}, True),  # seconds since 1970: no clock lets a version in, whoever's it is
+        ({"proven": False}, True),
+        ({"proven": True}, False),
+        ({"soak": 120.0}, False),  # the keeper looks at it
+        ({"revision": "ffffffff"}, False),
+        ({"revision": ""}, False),
+        ({"nodes": []}, False),  # nothing was there before that answered
+    ],
+)
+def test_a_contract_means_one_revision_until_it_is_proven(
+    tmp_path: Path, changes: dict[str, Any], counts: bool
+) -> None:
+    contract = {"revision": "0a1b2c3d", "nodes": ["/r1/a_0a1b2c3d"], "ready_timeout": 120, "apps": ["a"], **changes}
+    (tmp_path / "contract.json").write_text(json.dumps(contract))
+    found = started_command.load_contract(ENVIRON, tmp_path)
+    assert found == (Contract.from_dict(contract) if counts else None)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", "{"])
+def test_a_contract_that_is_none(tmp_path: Path, text: str) -> None:
+    (tmp_path / "contract.json").write_text(text)
+    assert started_command.load_contract(ENVIRON, tmp_path) is None
+    assert started_command.load_contract(ENVIRON, tmp_path / "none") is None
 
 
 def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
@@ -39,34 +38,6 @@ def test_without_settings_a_pod_is_still_asked_for_its_node(text: str | None) ->
     assert (found["node"], found["expect_node"]) == ("/r1/a_0a1b2c3d", False)
     kept.save_state("/r1/a_0a1b2c3d", {"uri": "http://u", "pid": 7})
     assert kept.load_settings(environ)["expect_node"] is True
-
-
-@pytest.mark.parametrize(
-    ("changes", "counts"),
-    [
-        ({}, True),
-        ({"until": 99}, True),  # seconds since 1970: no clock lets a version in, whoever's it is
-        ({"proven": False}, True),
-        ({"proven": True}, False),
-        ({"revision": "ffffffff"}, False),
-        ({"revision": ""}, False),
-        ({"nodes": []}, False),  # nothing was there before that answered
-    ],
-)
-def test_a_contract_means_one_revision_until_it_is_proven(
-    tmp_path: Path, changes: dict[str, Any], counts: bool
-) -> None:
-    contract = {"revision": "0a1b2c3d", "nodes": ["/r1/a_0a1b2c3d"], "ready_timeout": 120, "apps": ["a"], **changes}
-    (tmp_path / "contract.json").write_text(json.dumps(contract))
-    found = kept.load_contract(ENVIRON, str(tmp_path))
-    assert found == (contract if counts else None)
-
-
-@pytest.mark.parametrize("text", ["", "{}", "[]", "{"])
-def test_a_contract_that_is_none(tmp_path: Path, text: str) -> None:
-    (tmp_path / "contract.json").write_text(text)
-    assert kept.load_contract(ENVIRON, str(tmp_path)) is None
-    assert kept.load_contract(ENVIRON, str(tmp_path / "none")) is None
 
 
 def test_state_is_kept_per_node_for_this_user_alone(scratch: Path) -> None:

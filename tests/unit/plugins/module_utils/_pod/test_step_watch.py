@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -16,7 +17,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import Sile
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.step_watch import LOOK, Robot, Staying, StepWatch
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
-    Action,
     Graph,
     MasterState,
     Node,
@@ -186,20 +186,15 @@ class World:
         return self.state_now
 
     def ask(self, state: MasterState, wanted: Questions) -> Graph:
-        nodes = {
-            name: Node(
+        nodes = [
+            Node(
                 name, self.uris.get(name, ""), pid=77 if name in self.answering else None, refused=name in self.refused
             )
             for name in wanted.nodes
-        }
-        servers = {name: state.publishers[f"{name}/status"] for name in wanted.actions}
-        found = {
-            name: Action(
-                name, statuses={one: self.goals.get(one, StatusReading(error="mute")) for one in servers[name]}
-            )
-            for name in wanted.actions
-        }
-        return Graph(nodes, {}, {}, found)
+        ]
+        graph = state.graph.answered(nodes)
+        statuses = {node.key: self.goals.get(node.name, StatusReading(error="mute")) for node in nodes}
+        return replace(graph, actions={name: replace(graph.action(name), statuses=statuses) for name in wanted.actions})
 
     def serve(self, action: str, *nodes: str) -> None:
         self.state_now = MasterState(
@@ -466,9 +461,11 @@ def test_where_nothing_can_be_held_it_is_looked_twice_all_the_same() -> None:
 
 def launch_contract() -> dict[str, Any]:
     """What the engine leaves of an app that is a launch file, whose nodes it found by their pod's address."""
-    contracts = step_gate(launch_step(), launch_graph(), Live(pods=[engine_pod("nav", "10.42.0.8")])).contracts
-    assert contracts["nav"]["actions"] == ["/move_base"]
-    return dict(contracts["nav"])
+    contracts = step_gate(
+        launch_step(), Graph.from_dict(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
+    ).contracts
+    assert contracts["nav"].actions == ("/move_base",)
+    return contracts["nav"].as_dict()
 
 
 @pytest.mark.parametrize("node", ["", "/nav"])

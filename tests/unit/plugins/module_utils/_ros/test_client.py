@@ -16,7 +16,13 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import P
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Handshake, Questions, Rate, everything
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    Handshake,
+    Questions,
+    Rate,
+    everything,
+    names_of,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import encode_header
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import DEAD, Peers, frames, recorded
 
@@ -331,7 +337,7 @@ def test_each_publishers_rate_comes_from_the_same_count(ros: Replay) -> None:
     master = ros.start()
     graph = master.ask(master.state(), Questions())
     rate = master.rates(graph, {"/chatter": 0.4})["/chatter"]
-    assert {name: part.messages for name, part in rate.by.items()} == {"/talker_a": 30, "/talker_b": 30}
+    assert {key.name: part.messages for key, part in rate.by.items()} == {"/talker_a": 30, "/talker_b": 30}
     assert (rate.messages, rate.hz) == (60, sum(part.hz for part in rate.by.values()))
     assert len([fields for fields in ros.handshakes if fields.get("topic") == "/chatter"]) == 2
 
@@ -340,8 +346,9 @@ def test_only_the_publishers_asked_for_are_counted(ros: Replay) -> None:
     ros.messages = [framed(b"hello") * 30]
     master = ros.start()
     graph = master.ask(master.state(), Questions())
-    rates = master.rates(graph, {"/chatter": 0.2, "/chatter_relay": 0.2}, {"/chatter": ["/talker_b", "/nobody"]})
-    assert {name: list(rate.by) for name, rate in rates.items()} == {
+    alone = graph.published_by({"/chatter": [graph.node("/talker_b").key]})
+    rates = master.rates(alone, {"/chatter": 0.2, "/chatter_relay": 0.2})
+    assert {name: names_of(rate.by) for name, rate in rates.items()} == {
         "/chatter": ["/talker_b"],
         "/chatter_relay": ["/relay"],
     }
@@ -353,8 +360,9 @@ def test_a_publisher_that_is_gone_stands_in_the_rates_with_its_reason(ros: Repla
     ros.nodes["/talker_a"] = f"http://127.0.0.1:{ros.peers.dead()}/"
     master = ros.start()
     rate = master.rates(master.ask(master.state(), Questions()), {"/chatter": 0.2})["/chatter"]
-    assert (rate.error, rate.by["/talker_b"].messages) == ("", 5)
-    assert rate.by["/talker_a"].error.startswith("/talker_a: nothing listens at")
+    of = {key.name: part for key, part in rate.by.items()}
+    assert (rate.error, of["/talker_b"].messages) == ("", 5)
+    assert of["/talker_a"].error.startswith("/talker_a: nothing listens at")
 
 
 def test_handshakes_come_from_the_first_publisher_that_lives(ros: Replay) -> None:
@@ -363,9 +371,9 @@ def test_handshakes_come_from_the_first_publisher_that_lives(ros: Replay) -> Non
     graph = master.ask(master.state(), everything(master.state()))
     md5sum = "992ce8a1687cec8c8bd883ec73ca41d1"
     assert master.handshakes(graph, ["/chatter", "/chatter_relay", "/nothing", "/work/result"]) == {
-        "/chatter": Handshake("/talker_b", md5sum),
-        "/chatter_relay": Handshake("/relay", md5sum),
-        "/work/result": Handshake("/worker", md5sum),
+        "/chatter": Handshake(graph.node("/talker_b").key, md5sum),
+        "/chatter_relay": Handshake(graph.node("/relay").key, md5sum),
+        "/work/result": Handshake(graph.node("/worker").key, md5sum),
     }
     assert graph.services["/trigger"].probe is not None
     assert graph.services["/trigger"].probe.md5sum == "937c9679a518e3a18d831e57125ea522"
@@ -378,7 +386,7 @@ def test_a_refusal_counts_when_it_comes_twice(ros: Replay) -> None:
     master = ros.start(timeout=SHORT)
     asked = ["/talker_a", "/talker_b", "/relay"]
     graph = master.ask(master.state(), Questions(dict.fromkeys(asked, frozenset())))
-    assert {name: graph.nodes[name].refused for name in asked} == {
+    assert {name: graph.node(name).refused for name in asked} == {
         "/talker_a": True,  # dead
         "/talker_b": False,  # late: it may only be busy
         "/relay": False,

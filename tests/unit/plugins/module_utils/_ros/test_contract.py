@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import EdgeCondition, conditions_from
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import (
+    Contract,
     Intended,
-    conditions,
     is_tool,
-    record,
     renamed,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras, Rate, ServiceProbe, StatusReading
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import conditions as options
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import record as recorded
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Rate, ServiceProbe, StatusReading
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import build
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import recorded_answers, recorded_state
 
@@ -24,8 +25,20 @@ COOK = ("/cook/status", "/cook/feedback")
 TOOL = "/rostopic_4711_1700000000000"
 
 
+def record(of: dict[str, Any], *args: Any, **more: Any) -> dict[str, Any]:
+    """The contract as it lies in the cluster, where every version of the collection reads these very keys."""
+    made = recorded(Graph.from_dict(of), *args, **more)
+    data: dict[str, Any] = json.loads(json.dumps(made.as_dict()))
+    assert Contract.from_dict(data) == made
+    return data
+
+
+def conditions(contract: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return options(Contract.from_dict(contract), **more)
+
+
 def node(reachable: bool = True) -> dict[str, Any]:
-    return {"reachable": reachable}
+    return {"uri": "http://a:1/", "pid": 1 if reachable else None, "reachable": reachable}
 
 
 def topic(
@@ -331,12 +344,11 @@ def test_only_an_end_that_is_not_ours_may_leave() -> None:
 def test_the_recorded_graph_gives_options_that_ros_ready_takes() -> None:
     probes = {"/trigger": ServiceProbe("rosrpc://h:1", "/helper", "std_srvs/Trigger", md5sum="9")}
     statuses = {"/work": {"/worker": StatusReading(((), ()))}}
-    rates = Extras(
-        {"/chatter": Rate(99.9, 100, 1.0, by={"/talker_a": Rate(49.9, 50, 1.0, known=49.9), "/talker_b": Rate(50.0)})}
-    )
-    of = build(recorded_state(), recorded_answers(), probes, statuses).as_dict(rates)
+    graph = build(recorded_state(), recorded_answers(), probes, statuses)
+    a, b = (graph.node(name).key for name in ("/talker_a", "/talker_b"))
+    rates = {"/chatter": Rate(99.9, 100, 1.0, by={a: Rate(49.9, 50, 1.0, known=49.9), b: Rate(50.0)})}
     nodes = ["/talker_a", "/helper", "/worker", "/relay"]
-    found = conditions_from(conditions(record(of, nodes)))
+    found = conditions_from(options(recorded(graph.measured(rates), nodes)))
     assert EdgeCondition("/talker_a", "/chatter", "/relay") in found.edges
     assert EdgeCondition("/talker_b", "/chatter", "/relay", "publisher") in found.edges
     assert [(t.name, t.publisher, t.min_rate) for t in found.topics if t.min_rate] == [("/chatter", "/talker_a", 44.91)]

@@ -30,10 +30,12 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Graph,
     Handshake,
     MasterState,
+    NodeKey,
     Questions,
     Rate,
     ServiceProbe,
     StatusReading,
+    names_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer, build
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.silence import Silence
@@ -553,7 +555,12 @@ def test_only_the_publishers_own_type_counts() -> None:
 
 def test_only_the_publishers_own_rate_counts() -> None:
     of = healthy()
-    both = Rate(90.0, 90, 1.0, by={"/talker_a": Rate(50.0, 50, 1.0), "/talker_b": Rate(error="/talker_b: gone")})
+    both = Rate(
+        90.0,
+        90,
+        1.0,
+        by={NodeKey("/talker_a"): Rate(50.0, 50, 1.0), NodeKey("/talker_b"): Rate(error="/talker_b: gone")},
+    )
 
     def rated(publisher: str | None) -> Check:
         wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=60.0, publisher=publisher),))
@@ -577,9 +584,9 @@ def test_whose_messages_are_counted_and_how_long() -> None:
     assert plan(fast, slow, TopicCondition("/u", publisher="/a")) == ({"/t": 2.0}, {"/t": ["/a", "/b"]})
     assert plan(slow, fast)[0] == {"/t": 2.0}
     assert plan(fast, TopicCondition("/t", min_rate=5.0)) == ({"/t": 1.0}, {})
-    ros = FakeRos(healthy(), Rate(1.0, by={"/talker_a": Rate(100.0, 100, 1.0)}))
+    ros = FakeRos(healthy(), Rate(1.0, by={NodeKey("/talker_a"): Rate(100.0, 100, 1.0)}))
     wanted = Conditions(topics=(TopicCondition("/chatter", min_rate=90.0, publisher="/talker_a"),))
-    assert (look(ros, wanted).verdict, ros.only) == (PASS, {"/chatter": ["/talker_a"]})
+    assert (look(ros, wanted).verdict, ros.heard) == (PASS, {"/chatter": ["/talker_a"]})
 
 
 # ---- edges
@@ -613,7 +620,7 @@ def test_an_edge_that_is_missing_between_two_that_live(peer: str) -> None:
 def forgotten() -> Graph:
     """The graph in which nobody knows the dead node any more."""
     of = graph(gone=DEAD)
-    return replace(of, nodes={name: node for name, node in of.nodes.items() if name != DEAD})
+    return replace(of, nodes={key: node for key, node in of.nodes.items() if key.name != DEAD})
 
 
 @pytest.mark.parametrize(
@@ -682,7 +689,7 @@ class FakeRos:
         self.sampled: dict[str, float] = {}
         self.latching: set[str] = set()  # publishers
         self.greeted: list[tuple[str, tuple[str, ...]]] = []
-        self.only: dict[str, Any] = {}
+        self.heard: dict[str, list[str]] = {}
         self.asked: list[tuple[MasterState, Questions]] = []
 
     def state(self, types: bool = False) -> MasterState:
@@ -695,17 +702,15 @@ class FakeRos:
         self.asked.append((state, wanted))
         return self.graph
 
-    def rates(
-        self, graph: Graph, seconds: Mapping[str, float], only: Mapping[str, Iterable[str]] | None = None
-    ) -> dict[str, Rate]:
-        assert graph.topics is self.graph.topics
-        self.sampled, self.only = dict(seconds), dict(only or {})
+    def rates(self, graph: Graph, seconds: Mapping[str, float]) -> dict[str, Rate]:
+        self.sampled = dict(seconds)
+        self.heard = {name: names_of(graph.topics[name].publishers) for name in seconds}
         return dict.fromkeys(seconds, self.rate or Rate(error="none"))
 
     def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
         found = {name: graph.topics[name].publishers for name in topics}
-        self.greeted += found.items()
-        return {name: Handshake(names[0], "", names[0] in self.latching) for name, names in found.items()}
+        self.greeted += [(name, tuple(names_of(keys))) for name, keys in found.items()]
+        return {name: Handshake(keys[0], "", keys[0].name in self.latching) for name, keys in found.items()}
 
 
 def test_a_look_that_passes() -> None:

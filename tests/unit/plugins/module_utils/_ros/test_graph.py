@@ -10,16 +10,18 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RefusalError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Connection,
-    Extras,
+    Graph,
     Handshake,
     MasterState,
+    Node,
+    NodeKey,
     Rate,
     ServiceProbe,
     StatusReading,
-    action_names,
-    action_of,
+    Topic,
     around,
     everything,
+    names_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import (
     NodeAnswer,
@@ -162,18 +164,18 @@ def test_registrations_that_make_no_sense_are_left_out() -> None:
 
 def test_the_recorded_graph() -> None:
     graph = build(recorded_state(), recorded_answers())
-    assert graph.nodes["/relay"].reachable
-    assert graph.nodes["/relay"].publications == ("/chatter_relay", "/rosout")
-    assert graph.nodes["/relay"].own_types == {
+    assert graph.node("/relay").reachable
+    assert graph.node("/relay").publications == ("/chatter_relay", "/rosout")
+    assert graph.node("/relay").own_types == {
         "/rosout": "rosgraph_msgs/Log",
         "/chatter_relay": "std_msgs/String",
         "/chatter": "*",
     }
-    assert not graph.nodes[DEAD].reachable
-    assert graph.nodes[DEAD].connections is None
-    assert graph.topics["/chatter_relay"].connections == (("/relay", "/listener_relay"),)
-    assert ("/talker_b", "/relay") in graph.topics["/chatter"].connections
-    assert graph.topics["/work/goal"].connections == (("/asker", "/worker"),)
+    assert not graph.node(DEAD).reachable
+    assert graph.node(DEAD).connections is None
+    assert [names_of(ends) for ends in graph.topics["/chatter_relay"].connections] == [["/relay", "/listener_relay"]]
+    assert graph.topics["/chatter"].connects("/talker_b", "/relay")
+    assert graph.topics["/work/goal"].connects("/asker", "/worker")
 
 
 def test_edges_come_from_publishers_only() -> None:
@@ -182,21 +184,20 @@ def test_edges_come_from_publishers_only() -> None:
     for talker in ("/talker_a", "/talker_b"):
         answers[talker] = replace(answers[talker], bus=[])
     graph = build(recorded_state(), answers)
-    assert any(row.topic == "/chatter" and row.connected for row in graph.nodes["/listener_a"].connections or ())
+    assert any(row.topic == "/chatter" and row.connected for row in graph.node("/listener_a").connections or ())
     assert graph.topics["/chatter"].connections == ()
 
 
 def test_a_node_nobody_asked_is_neither_up_nor_wrong() -> None:
-    node = build(recorded_state(), {}).nodes["/talker_a"]
+    node = build(recorded_state(), {}).node("/talker_a")
     assert (node.asked, node.reachable, node.error, node.uri) == (False, False, "", "")
     assert node.services == ("/talker_a/get_loggers", "/talker_a/set_logger_level")
 
 
 def test_actions_of_the_recorded_graph() -> None:
-    state = recorded_state()
-    assert action_names(state) == ["/work"]
-    action = action_of(state, "/work")
-    assert (action.servers, action.clients, action.type) == (("/worker",), ("/asker",), "actionlib/TestAction")
+    [action] = recorded_state().graph.actions.values()
+    assert (action.name, action.type) == ("/work", "actionlib/TestAction")
+    assert (names_of(action.servers), names_of(action.clients)) == (["/worker"], ["/asker"])
 
 
 def test_a_server_is_one_node_with_all_of_it() -> None:
@@ -204,9 +205,8 @@ def test_a_server_is_one_node_with_all_of_it() -> None:
         {"/x/status": ("/a",), "/y/status": ("/a", "/b")},
         {"/x/goal": ("/b",), "/x/cancel": ("/b",), "/y/goal": ("/b",), "/y/cancel": ("/b", "/a")},
     )
-    assert action_names(state) == ["/y"]
-    assert action_of(state, "/y").servers == ("/b",)
-    assert action_of(state, "/x").servers == ()
+    assert list(state.graph.actions) == ["/y"]
+    assert (state.servers("/y"), state.servers("/x")) == (("/b",), ())
 
 
 def test_two_names_at_one_address() -> None:
@@ -219,9 +219,9 @@ def test_a_stale_registration_whose_port_another_node_took_is_down() -> None:
     innocent = answers["/listener_relay"]
     answers[DEAD] = innocent
     graph = build(recorded_state(), answers)
-    assert graph.nodes["/listener_relay"].reachable
-    assert not graph.nodes[DEAD].reachable
-    assert "another node answers" in graph.nodes[DEAD].error
+    assert graph.node("/listener_relay").reachable
+    assert not graph.node(DEAD).reachable
+    assert "another node answers" in graph.node(DEAD).error
 
 
 def test_everything_asks_every_node_service_and_action() -> None:
@@ -251,15 +251,21 @@ def test_the_graph_as_json() -> None:
         "/relay/get_loggers": ServiceProbe("rosrpc://h:2", error="nothing listens at rosrpc://h:2"),
     }
     graph = build(recorded_state(), recorded_answers(), probes, statuses)
-    by = {"/talker_a": Rate(51.0, 50, 1.0, known=49.98765), "/talker_b": Rate(error="gone")}
-    by["/talker_c"] = Rate(0.0, 1, 1.0, latched=True, few=True)
+    a, b = (graph.node(name).key for name in ("/talker_a", "/talker_b"))
+    by = {a: Rate(51.0, 50, 1.0, known=49.98765), b: Rate(error="gone")}
+    by[NodeKey("/talker_c")] = Rate(0.0, 1, 1.0, latched=True, few=True)
     rates = {
         "/chatter": Rate(99.98765, 100, 1.0, by=by),
         "/rosout": Rate(error="/x: gone"),
         "/work/status": Rate(2.0, 2, 1.0, few=True),
     }
-    handshakes = {"/chatter": Handshake("/talker_b", "99", latching=True), "/chatter_relay": Handshake("/relay")}
-    data = json.loads(json.dumps(graph.as_dict(Extras(rates, handshakes, {"/trigger": 2}))))
+    said = {"/chatter": Handshake(b, "99", True, "text"), "/chatter_relay": Handshake(graph.node("/relay").key)}
+    measured = graph.measured(rates, said, {"/trigger": 2})
+    data = json.loads(json.dumps(measured.as_dict()))
+    assert Graph.from_dict(data).as_dict() == data
+    told = json.loads(json.dumps(measured.as_dict(definitions=True)))
+    assert told["topics"]["/chatter"] == {**data["topics"]["/chatter"], "definition": "text"}
+    assert Graph.from_dict(told).as_dict(definitions=True) == told
     assert data["nodes"][DEAD] == {
         "uri": "http://127.0.0.1:9/",
         "pid": None,
@@ -305,7 +311,7 @@ def test_the_graph_as_json() -> None:
 
 def test_an_answer_of_a_node_the_master_no_longer_lists_still_stands_in_the_graph() -> None:
     graph = build(MasterState(), {"/gone": NodeAnswer("http://h:1/", 7)})
-    assert graph.nodes["/gone"].reachable
+    assert graph.node("/gone").reachable
 
 
 def test_a_refusal_is_not_nonsense() -> None:
@@ -327,8 +333,70 @@ def test_connected_is_what_the_publisher_says() -> None:
         "/b": NodeAnswer("http://b:1/", 3, bus=[[1, "http://p:1/", "i", "TCPROS", "/t", True]]),
     }
     graph = build(state, answers)
-    assert graph.unreached("/t", "/p") == ["/b"]
-    assert graph.unreached("/t", "/p", ["/a"]) == []
-    assert graph.unreached("/t", "/silent") is None
-    assert graph.unreached("/t", "/nobody") is None
-    assert graph.unreached("/other", "/p", ["/x"]) == ["/x"]
+    p, silent, a, b = (graph.node(name).key for name in ("/p", "/silent", "/a", "/b"))
+    assert graph.unreached("/t", p, [a, b]) == [b]
+    assert graph.unreached("/t", silent, [a]) is None
+    assert graph.unreached("/t", NodeKey("/nobody"), [a]) is None
+    assert graph.unreached("/other", p, [a]) == [a]
+
+
+# ---- which node is meant
+
+
+def test_a_node_that_answers_later_takes_its_place_everywhere() -> None:
+    state = MasterState(
+        {"/t": ("/p", "/q"), "/x/status": ("/p",)},
+        {"/t": ("/a",), "/x/goal": ("/p",), "/x/cancel": ("/p",)},
+        {"/s": ("/p",)},
+    )
+    first = build(state, {"/q": NodeAnswer("http://q:1/", 1, bus=[[1, "/a", "o", "TCPROS", "/t", True]])})
+    later = build(state, {name: NodeAnswer(f"http://{name[1:]}:1/", 2) for name in ("/p", "/a")})
+    graph = first.answered(map(later.node, ("/p", "/a")))
+    p, q, a = (NodeKey(f"/{name}", f"http://{name}:1/") for name in "pqa")
+    assert set(graph.nodes) == {p, q, a}
+    assert graph.topics["/t"] == Topic("/t", "", (p, q), (a,), ((q, a),))
+    assert (graph.services["/s"].providers, graph.actions["/x"].servers) == ((p,), (p,))
+
+
+def test_two_nodes_may_have_one_name() -> None:
+    """In ROS 2, or where the master has not yet told the old one to go."""
+    old, new = Node("/cam", "uri1"), Node("/cam", "uri2", 7, True)
+    topic = Topic("/image", publishers=(old.key, new.key), connections=((old.key, NodeKey("/view")),))
+    graph = Graph({node.key: node for node in (old, new)}, {"/image": topic})
+    assert (graph.named("/cam"), graph.node("/cam"), graph.names) == ((new, old), new, ["/cam"])
+    assert [graph.at(key).pid for key in topic.publishers] == [None, 7]
+    assert topic.connects("/cam", "/view")
+    assert graph.unreached("/image", new.key, [NodeKey("/view")]) is None
+    assert graph.as_dict()["nodes"]["/cam"]["uri"] == "uri2"
+    assert graph.as_dict()["topics"]["/image"]["publishers"] == ["/cam"]
+    assert (graph.named("/view"), graph.node("/view").asked) == ((), False)
+
+
+def test_who_is_listened_to() -> None:
+    a, b, c = (NodeKey(name) for name in ("/a", "/b", "/c"))
+    graph = Graph(
+        {},
+        {
+            "/heard": Topic("/heard", publishers=(a, b), connections=((a, c), (b, c))),
+            "/lazy": Topic("/lazy", publishers=(a,)),
+        },
+    )
+    assert graph.heard() is graph
+    assert {name: topic.publishers for name, topic in graph.heard(["/a"]).topics.items()} == {"/heard": (a,)}
+    alone = graph.published_by({"/heard": [b], "/none": [a]}).topics
+    assert {name: topic.publishers for name, topic in alone.items()} == {"/heard": (b,), "/lazy": (a,)}
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"nodes": []},
+        {"nodes": {"/n": "up"}},
+        {"topics": {"/t": {"connections": [{}]}}},
+        [],
+        {"actions": {"/x": {"goals": {"NONE": 1}}}},
+    ],
+)
+def test_what_is_no_graph(data: Any) -> None:
+    with pytest.raises((AttributeError, KeyError, TypeError, ValueError)):
+        Graph.from_dict(data)

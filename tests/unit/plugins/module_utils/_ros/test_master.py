@@ -155,7 +155,7 @@ def test_what_all_nodes_have_is_found_in_one_go() -> None:
     answers = {name: NodeAnswer("http://n:1/", 1, bus=[]) for name in state.nodes()}
     for _look in range(10):
         graph = build(state, answers)
-    assert graph.nodes["/node_7"].publications == ("/topic_7",)
+    assert graph.node("/node_7").publications == ("/topic_7",)
     assert part.reads < 5 * len(part)  # and not once for every node
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Node
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.master import Master
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.roslaunch import (
     URIS,
@@ -29,8 +29,9 @@ ALIVE = Child("arm/lidar-3", POD, True, None, False, False, 1)
 GONE = replace(ALIVE, alive=False)
 
 
-def node(name: str = "/arm/lidar", uri: str = f"http://{POD}:4711/", refused: bool = True) -> dict[str, Node]:
-    return {name: Node(name, uri, asked=True, refused=refused)}
+def node(name: str = "/arm/lidar", uri: str = f"http://{POD}:4711/", refused: bool = True) -> Graph:
+    found = Node(name, uri, asked=True, refused=refused)
+    return Graph({found.key: found})
 
 
 @pytest.mark.parametrize(
@@ -53,7 +54,7 @@ def test_what_is_a_crash(child: Child, said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("child", "nodes", "died"),
+    ("child", "graph", "died"),
     [
         (GONE, node(), True),
         (GONE, node(refused=False), False),
@@ -63,10 +64,8 @@ def test_what_is_a_crash(child: Child, said: str) -> None:
         (ALIVE, node(), False),  # it is just coming, or hangs
     ],
 )
-def test_who_leaves_its_registration_behind_has_not_done_its_work(
-    child: Child, nodes: dict[str, Node], died: bool
-) -> None:
-    assert crash(child, nodes) == ("died, as its registration is still there" if died else "")
+def test_who_leaves_its_registration_behind_has_not_done_its_work(child: Child, graph: Graph, died: bool) -> None:
+    assert crash(child, graph) == ("died, as its registration is still there" if died else "")
 
 
 def test_only_of_some_it_is_known_how_they_ended() -> None:

@@ -18,7 +18,7 @@ class Looks:
 
     def __call__(self, node: Node, began: float, seconds: float = 0.0) -> Node:
         self.at = began + seconds
-        return self.silence.noted(Graph({"/a": node}), began).nodes["/a"]
+        return self.silence.noted(Graph({node.key: node}), began).node("/a")
 
 
 def test_silence_begins_when_it_was_asked_and_any_answer_ends_it() -> None:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, Node, Topic
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Connection, Graph, Node, NodeKey, Topic
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.messages import Definition
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.traffic import Stream, Traffic, app_of, has_number
 
@@ -15,13 +15,12 @@ HEADER = "uint32 seq\ntime stamp\nstring frame_id\n"
 
 def graph(*connections: tuple[str, str], silent: str = "", refused: bool = False) -> Graph:
     """/scan with who is connected to whom; `silent` is a publisher that does not answer."""
-    publishers = sorted({publisher for publisher, _subscriber in connections} | ({silent} if silent else set()))
+    edges = tuple((NodeKey(publisher), NodeKey(subscriber)) for publisher, subscriber in connections)
     bus = (Connection(SCAN, "x", "o", "TCPROS", True),)
-    nodes = {name: Node(name, "http://a:1/", 1, asked=True, connections=bus) for name in publishers}
+    nodes = {key: Node(key.name, pid=1, asked=True, connections=bus) for key, _subscriber in edges}
     if silent:
-        nodes[silent] = Node(silent, "http://a:2/", asked=True, refused=refused)
-    topic = Topic(SCAN, "t/T", tuple(publishers), tuple(sorted({one for _publisher, one in connections})), connections)
-    return Graph(nodes, {SCAN: topic})
+        nodes[NodeKey(silent)] = Node(silent, asked=True, refused=refused)
+    return Graph(nodes, {SCAN: Topic(SCAN, "t/T", tuple(sorted(nodes)), tuple({one for _key, one in edges}), edges)})
 
 
 def watched(*looks: Graph) -> Traffic:
@@ -105,11 +104,12 @@ def test_whoever_saw_nothing_has_not_proven_anything() -> None:
 
 
 def test_logs_and_topics_without_a_listener_are_none_of_it() -> None:
+    old, map_, keeper, looking = map(NodeKey, (OLD, MAP, "/ros_keeper", "/rosops_fleet_17"))
     topics = [
-        Topic("/rosout", subscribers=(MAP,), connections=((OLD, MAP),)),
-        Topic("/tf", publishers=(OLD,)),
-        Topic("/looked_at", connections=((OLD, "/rosops_fleet_17"),)),  # by somebody who is not registered
-        Topic("/kept", subscribers=("/ros_keeper",), connections=((OLD, "/ros_keeper"),)),
+        Topic("/rosout", subscribers=(map_,), connections=((old, map_),)),
+        Topic("/tf", publishers=(old,)),
+        Topic("/looked_at", connections=((old, looking),)),  # by somebody who is not registered
+        Topic("/kept", subscribers=(keeper,), connections=((old, keeper),)),
     ]
     assert watched(Graph({}, {topic.name: topic for topic in topics})).topics == {}
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -40,7 +41,8 @@ def entry(revision: str) -> dict[str, Any]:
 
 
 def record(*before: str, **contract: Any) -> Record:
-    return Record({"revision": NEW, "run": "7", "apps": [APP], **contract}, tuple(map(entry, before)))
+    said = {"revision": NEW, "run": "7", "apps": [APP], **contract}
+    return record_of({"data": {"contract.json": json.dumps(said), "history.json": json.dumps([*map(entry, before)])}})
 
 
 ALL = dict.fromkeys

@@ -13,7 +13,7 @@ LATCHED = {"rate": None, "latched": ["/arm/helper"]}
 
 
 def node(host: str, **more: Any) -> dict[str, Any]:
-    return {"uri": f"http://{host}:1/", "reachable": True, **more}
+    return {"uri": f"http://{host}:1/", "pid": 1, **more}
 
 
 def topic(kind: str, publishers: list[str], subscribers: list[str], **more: Any) -> dict[str, Any]:

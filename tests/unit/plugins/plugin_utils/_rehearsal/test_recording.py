@@ -67,7 +67,10 @@ def test_nobody_sends_goals_of_zeros_or_what_nobody_has_defined() -> None:
         ({**RECORDING, "version": 7}, "r.json is of version 7, not 1: record the robot again"),
         ({**RECORDING, "graph": {}}, r"r.json is damaged \(KeyError: 'nodes'\): record the robot again"),
         ({**RECORDING, "apps": ["x"]}, r"r.json is damaged \(TypeError: "),
-        ({"kind": KIND, "version": 1, "apps": [], "graph": {"nodes": []}}, r"r.json is damaged \(AttributeError: "),
+        (
+            {"kind": KIND, "version": 1, "apps": [], "graph": {**RECORDING["graph"], "nodes": []}},
+            r"r.json is damaged \(AttributeError: ",
+        ),
     ],
 )
 def test_another_file(data: Any, said: str) -> None:

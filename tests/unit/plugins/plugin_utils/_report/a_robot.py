@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import links
 
 # Topic, rate, who sends it, who hears it.
@@ -73,7 +74,7 @@ def graph(broken: tuple[tuple[str, str], ...] = (), down: tuple[str, ...] = ()) 
     nodes = {
         name: {
             "uri": f"http://{ADDRESSES['edge1' if name[1:] in EDGE else 'robot1']}:40000/",
-            "reachable": name not in down,
+            "pid": None if name in down else 1,
         }
         for name in names
     }
@@ -82,4 +83,4 @@ def graph(broken: tuple[tuple[str, str], ...] = (), down: tuple[str, ...] = ()) 
 
 def rows(robot: str = "robot1", **more: Any) -> list[dict[str, Any]]:
     """As the section `links` has them."""
-    return links(robot, graph(**more))
+    return links(robot, Graph.from_dict(graph(**more)))

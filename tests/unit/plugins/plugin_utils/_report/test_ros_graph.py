@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Places, links
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
 
@@ -21,13 +22,13 @@ def test_a_node_runs_where_its_pod_does() -> None:
     places = Places(a_robot.APPS, NODES)
 
     def at(uri: str) -> dict[str, str]:
-        return places.of("robot1", {"uri": uri})
+        return places.of("robot1", uri)
 
     assert at("http://10.42.0.9:1234/") == {"at": "edge1", "app": "detector"}
     assert at("http://192.0.2.10:1234/") == {"at": "edge1", "app": ""}  # in the host's own network
     assert at("http://192.0.2.99:1234/") == {"at": "192.0.2.99", "app": ""}
     assert at("") == {"at": "", "app": ""}
-    assert places.of("robot2", {"uri": "http://10.42.0.9:1/"})["app"] == ""  # another robot's
+    assert places.of("robot2", "http://10.42.0.9:1/")["app"] == ""  # another robot's
 
 
 def test_clusters_have_the_same_addresses() -> None:
@@ -35,10 +36,10 @@ def test_clusters_have_the_same_addresses() -> None:
     address = a_robot.ADDRESSES["robot1"]
     shared = {"robot": "(shared)", "name": "map", "nodes": ["edge1"], "addresses": [address]}
     places = Places([*a_robot.APPS, shared], NODES)
-    assert places.of("robot1", {"uri": f"http://{address}:1/"}) == {"at": "robot1", "app": "base"}
+    assert places.of("robot1", f"http://{address}:1/") == {"at": "robot1", "app": "base"}
     # in one host's network both have the same, and nobody knows whose the node is
     places = Places([*a_robot.APPS, {**shared, "nodes": ["robot1"]}], NODES)
-    assert places.of("robot1", {"uri": f"http://{address}:1/"}) == {"at": "robot1", "app": ""}
+    assert places.of("robot1", f"http://{address}:1/") == {"at": "robot1", "app": ""}
 
 
 def test_who_is_registered_and_alive_and_not_connected_is_broken() -> None:
@@ -57,7 +58,7 @@ def test_the_topics_of_an_action_are_one_link() -> None:
         graph = a_robot.graph()
         part = graph["topics"]["/move_base/goal" if publisher == "/mission" else "/move_base/result"]
         part["connections"].remove({"publisher": publisher, "subscriber": subscriber})
-        [link] = [one for one in links("robot1", graph) if one["action"]]
+        [link] = [one for one in links("robot1", Graph.from_dict(graph)) if one["action"]]
         assert link["broken"] == [["/mission", "/move_base"]]
 
 
@@ -66,4 +67,4 @@ def test_what_nobody_listens_to_is_no_link() -> None:
 
 
 def test_a_graph_of_nothing() -> None:
-    assert links("robot1", {}) == []
+    assert links("robot1", Graph()) == []

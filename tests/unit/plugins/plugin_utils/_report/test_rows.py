@@ -81,6 +81,7 @@ def claim(phase: str = "Bound") -> Object:
 GRAPH = {
     "nodes": {
         "/sensor": {
+            "pid": 1,
             "reachable": True,
             "publications": ["/temperature", "/rosout"],
             "subscriptions": [],
@@ -93,7 +94,7 @@ GRAPH = {
             "type": "demo/Sample",
             "publishers": ["/sensor"],
             "subscribers": ["/stats"],
-            "connections": [{}],
+            "connections": [{"publisher": "/sensor", "subscriber": "/stats"}],
             "rate": 499.83,
         },
         "/rosout": {"type": "rosgraph_msgs/Log"},

@@ -593,22 +593,16 @@ class SimulatedRobot:
     def handshakes(self, graph: Graph, topics: Iterable[str]) -> dict[str, Handshake]:
         raise NotImplementedError
 
-    def rates(
-        self,
-        graph: Graph,
-        seconds: Mapping[str, float],
-        only: Mapping[str, Iterable[str]] | None = None,
-        patient: bool = False,
-    ) -> dict[str, Rate]:
-        del only, patient
+    def rates(self, graph: Graph, seconds: Mapping[str, float], patient: bool = False) -> dict[str, Rate]:
+        del patient
         self.advance(max(seconds.values(), default=0.0))
         found = {}
         for topic, window in seconds.items():
             by = {}
-            for node in graph.topics[topic].publishers if topic in graph.topics else ():
-                process = self.registered.get(node)
+            for key in graph.topic(topic).publishers:
+                process = self.registered.get(key.name)
                 hz = self.hertz(process, topic) if process and process.alive else 0.0
-                by[node] = Rate(hz, int(hz * window), window, known=hz or None)
+                by[key] = Rate(hz, int(hz * window), window, known=hz or None)
             found[topic] = Rate(sum(rate.hz for rate in by.values()), 0, window, by=by)
         return found
 

@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold impor
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import gate
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import Conditions, conditions_from
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Extras, Graph
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.heard import Heard, check_value
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
@@ -570,13 +570,13 @@ class SimulatedHost:
             self.sim.brought = [*images]
             return True
 
-    def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Mapping[str, Any]:
+    def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
         sim = self.sim
         with sim.call("rates" if nodes else "graph", 0.7):
             assert master
-            topics = sim.graph().heard(nodes) if nodes else {}
-            rates = sim.rates(sim.graph(), dict.fromkeys(topics, rate_seconds), topics) if nodes else {}
-            return sim.graph().as_dict(Extras(rates=rates))
+            heard = sim.graph().heard(nodes)
+            rates = sim.rates(heard, dict.fromkeys(heard.topics, rate_seconds)) if nodes else {}
+            return Graph.from_dict(sim.graph().measured(rates).as_dict())
 
     def hold(self, master: str, keeper: str, calm: Calm, seconds: float, timeout: float) -> Seen:
         sim, actions = self.sim, calm.actions
@@ -615,13 +615,13 @@ class SimulatedHost:
             ended = poll(look, timeout, 0.5, now=sim.now, sleep=sim.advance, stable=stable)
             return Seen(ended.verdict, "; ".join(map(str, ended.last.unmet)))
 
-    def register(self, master: str, graph: Mapping[str, Any], nodes: Sequence[str] = ()) -> None:
+    def register(self, master: str, graph: Graph, nodes: Sequence[str] = ()) -> None:
         sim = self.sim
         with sim.call("register", 0.7):
             assert master
             sim.ask_master()
             for process in sim.living():
-                known = process.node in graph["nodes"] and (not nodes or process.node in nodes)
+                known = process.node in graph.names and (not nodes or process.node in nodes)
                 if known and not sim.registered_whole(process):
                     sim.register(process)
 

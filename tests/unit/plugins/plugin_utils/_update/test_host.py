@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
@@ -55,8 +56,8 @@ def test_a_robot_that_is_away_is_said_to_be() -> None:
 
 
 def test_the_graph_is_asked_for_with_all_that_a_contract_holds() -> None:
-    modules = Modules(graph={"nodes": {}})
-    assert host(modules).graph(MASTER) == {"nodes": {}}
+    modules = Modules(graph={"nodes": {"/lidar": {"uri": "http://a:1/", "pid": 1}}})
+    assert host(modules).graph(MASTER).node("/lidar").reachable
     host(modules).graph(MASTER, 2.0, ["/lidar"])
     rates = {"rates": True, "rate_seconds": 2.0, "rate_nodes": ["/lidar"]}
     assert modules.ran == [
@@ -71,7 +72,7 @@ def test_a_question_that_fails_is_an_error(answer: dict[str, Any], message: str)
     for ask in (
         lambda: asked.graph(MASTER, 1.0),
         lambda: asked.release(MASTER, KEEPER, REST),
-        lambda: asked.register(MASTER, {}),
+        lambda: asked.register(MASTER, Graph()),
         lambda: asked.reap(MASTER, ["/a"]),
     ):
         with pytest.raises(RosError, match=message):
@@ -127,10 +128,10 @@ def test_a_module_that_breaks_off_has_not_passed() -> None:
 
 def test_registrations_are_given_and_taken() -> None:
     modules = Modules()
-    host(modules).register(MASTER, {"nodes": {}}, ["/a"])
-    host(modules).register(MASTER, {"nodes": {}})
+    host(modules).register(MASTER, Graph(), ["/a"])
+    host(modules).register(MASTER, Graph())
     host(modules).reap(MASTER, ["/b"])
-    given = {"master_uri": MASTER, "graph": {"nodes": {}}, "state": "present"}
+    given = {"master_uri": MASTER, "graph": Graph().as_dict(), "state": "present"}
     assert modules.ran == [
         ("ros_registrations", {**given, "nodes": ["/a"]}),
         ("ros_registrations", {**given, "nodes": []}),

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, NotReadyError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -44,7 +45,7 @@ START = 20.0  # seconds until what was changed serves again
 BEAT = 10.0  # between two words of a kubelet
 ROBOTS = (robot(name="robot1"), robot(name="robot2"))
 GRAPH: dict[str, Any] = {
-    "nodes": {name: {"reachable": True, "uri": f"http://{name}/"} for name in ("/driver", "/planner", "/rqt_gui_1")},
+    "nodes": {name: {"pid": 1, "uri": f"http://{name}/"} for name in ("/driver", "/planner", "/rqt_gui_1")},
     "topics": {
         "/scan": {
             "type": "sensor_msgs/LaserScan", "publishers": ["/driver"], "subscribers": ["/planner"],
@@ -254,13 +255,13 @@ class Site:
         with self.call("there"):
             pass
 
-    def graph(self, master: str, _rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Mapping[str, Any]:
+    def graph(self, master: str, _rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
         with self.call("graph"):
             assert master in ("http://10.43.0.1:11311", "http://10.43.0.2:11311")
             assert not nodes, "nobody asked for rates"
             if self.master_silent:
                 raise RosError("the master does not answer")
-            return self.shown()
+            return Graph.from_dict(self.shown())
 
     def shown(self) -> dict[str, Any]:
         """The graph, as long as nothing has broken it."""
@@ -651,15 +652,15 @@ def test_a_host_without_a_node_keeps_its_contract_under_a_name_of_its_own() -> N
 # --- which nodes are a robot's own ------------------------------------------------------------------------------------
 
 
-def shared_graph() -> dict[str, Any]:
+def shared_graph() -> Graph:
     nodes = {
-        "/robot1/planner": {"reachable": True, "uri": "http://a/"},
-        "/robot1/silent": {"reachable": False, "uri": "http://b/"},
-        "/robot1/dead": {"reachable": False, "uri": "http://c/", "refused": True},
-        "/robot2/planner": {"reachable": True, "uri": "http://d/"},
+        "/robot1/planner": {"pid": 1, "uri": "http://a/"},
+        "/robot1/silent": {"uri": "http://b/"},
+        "/robot1/dead": {"uri": "http://c/", "refused": True},
+        "/robot2/planner": {"pid": 1, "uri": "http://d/"},
     }
     actions = {f"{name}/plan": {"up": True, "servers": [name], "clients": []} for name in nodes}
-    return {"nodes": nodes, "topics": {}, "services": {}, "actions": actions}
+    return Graph.from_dict({"nodes": nodes, "actions": actions})
 
 
 def test_where_robots_share_a_master_only_the_own_ones_rest() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed, intended, on_demand
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -57,12 +58,11 @@ def test_programs_that_do_what_their_clients_ask(words: list[str], expected: boo
     assert found(one).on_demand == ((OLD,) if expected else ())
 
 
-def graph() -> dict[str, Any]:
+def graph() -> Graph:
     def topic(**more: Any) -> dict[str, Any]:
         return {"publishers": [OLD], "subscribers": ["/peer"], **more}
 
-    return {
-        "nodes": {},
+    found = {
         "topics": {
             "/scan": topic(rates={OLD: 40.0}), "/debug/a": topic(), "/map": topic(latched=[OLD]),
             "/debug/foreign": {"publishers": ["/peer"], "subscribers": []},
@@ -71,6 +71,7 @@ def graph() -> dict[str, Any]:
         "services": {"/debug/reset": {"provider": OLD, "providers": [OLD]}},
         "actions": {"/dock": {"servers": [OLD]}},
     }  # fmt: skip
+    return Graph.from_dict(found)
 
 
 def test_what_a_step_would_allow_is_told_of_what_there_is() -> None:

@@ -7,18 +7,14 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.obstacles import obstacle
 
 NODE = "/base_11111111"
 
 
-def graph(topic: str = "/scan", type_: str = "sensor_msgs/LaserScan", **more: Any) -> dict[str, Any]:
-    ends = {
-        "publishers": [],
-        "subscribers": [],
-        **{key: more.pop(key) for key in ("publishers", "subscribers") if key in more},
-    }
-    return {"topics": {topic: {"type": type_, **ends}}, "actions": more.pop("actions", {})}
+def graph(topic: str = "/scan", type_: str = "sensor_msgs/LaserScan", **more: Any) -> Graph:
+    return Graph.from_dict({"actions": more.pop("actions", {}), "topics": {topic: {"type": type_, **more}}})
 
 
 @pytest.mark.parametrize(
@@ -42,7 +38,7 @@ def graph(topic: str = "/scan", type_: str = "sensor_msgs/LaserScan", **more: An
         (graph(actions={"/dock": {"servers": ["/other"]}}), ""),
     ],
 )
-def test_what_forbids_two_of_a_node(found: dict[str, Any], words: str) -> None:
+def test_what_forbids_two_of_a_node(found: Graph, words: str) -> None:
     said = obstacle(found, NODE)
     assert said.startswith(words)
     assert bool(said) == bool(words)

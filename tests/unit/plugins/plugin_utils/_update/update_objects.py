@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
@@ -68,7 +68,8 @@ def owned(item: dict[str, Any]) -> dict[str, Any]:
 
 def update_map(name: str, history: list[dict[str, Any]], **contract: Any) -> dict[str, Any]:
     labels = {names.LABEL_APP: name}
-    return {"metadata": {"name": f"{name}-update", "labels": labels}, "data": Record(contract, history).data()}
+    data = {"contract.json": json.dumps(contract), "history.json": json.dumps(history)}
+    return {"metadata": {"name": f"{name}-update", "labels": labels}, "data": data}
 
 
 def entry(context: Robot, name: str) -> dict[str, Any]:
@@ -84,7 +85,7 @@ def marked(live: Live, *apps: str) -> Live:
         name = item["metadata"]["name"]
         if name in apps:
             item["metadata"]["annotations"][names.ANNOTATION_UPDATING] = str(Mark("123", revision_of(item)))
-            before = record_of(maps.get(f"{name}-update"))
-            said = {"revision": revision_of(item), "run": "123", **before.contract}
-            maps[f"{name}-update"] = update_map(name, [*before.history], **said)
+            before = maps.get(f"{name}-update") or update_map(name, [])
+            said = {"revision": revision_of(item), "run": "123", **json.loads(before["data"]["contract.json"])}
+            maps[f"{name}-update"] = update_map(name, json.loads(before["data"]["history.json"]), **said)
     return replace(live, maps=[*maps.values()])
