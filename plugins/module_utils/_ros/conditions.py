@@ -11,11 +11,20 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Callable, Mapping
+from typing import Any, Callable, Mapping, TypeVar
 
 from .._common.errors import SpecError
 from .names import resolve
 
+
+def _each(**options: Mapping[str, Any]) -> dict[str, Any]:
+    """A list of these."""
+    return {"type": "list", "elements": "dict", "default": [], "options": options}
+
+
+_NUMBER, _COUNT, _WORD = {"type": "float"}, {"type": "int"}, {"type": "str"}
+_FLAG, _WANTED = {"type": "bool", "default": False}, {"type": "str", "required": True}
+_NAMES: dict[str, Any] = {"type": "list", "elements": "str", "default": []}
 # the options of ros_ready: how long to look, and what for
 WAIT_ARGS: dict[str, dict[str, Any]] = {
     "timeout": {"type": "float", "default": 60.0},
@@ -24,70 +33,28 @@ WAIT_ARGS: dict[str, dict[str, Any]] = {
     "stable": {"type": "float", "default": 0.0},
 }
 GATE_ARGS: dict[str, dict[str, Any]] = {
-    "nodes": {"type": "list", "elements": "str", "default": []},
-    "topics": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {
-            "name": {"type": "str", "required": True},
-            "type": {"type": "str"},
-            "publishers": {"type": "int"},
-            "subscribers": {"type": "int"},
-            "connected": {"type": "bool", "default": False},
-            "min_rate": {"type": "float"},
-            "latched": {"type": "bool", "default": False},
-            "publisher": {"type": "str"},
-        },
-    },
-    "services": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {"name": {"type": "str", "required": True}},
-    },
-    "actions": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {
-            "name": {"type": "str", "required": True},
-            "state": {"type": "str", "choices": ["up", "idle"], "default": "up"},
-        },
-    },
-    "edges": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {
-            "publisher": {"type": "str", "required": True},
-            "topic": {"type": "str", "required": True},
-            "subscriber": {"type": "str", "required": True},
-            "peer": {"type": "str", "choices": ["publisher", "subscriber"]},
-        },
-    },
-    "absent": {"type": "list", "elements": "str", "default": []},
+    "nodes": _NAMES,
+    "topics": _each(
+        name=_WANTED, type=_WORD, publishers=_COUNT, subscribers=_COUNT, connected=_FLAG, min_rate=_NUMBER,
+        latched=_FLAG, publisher=_WORD,
+    ),
+    "services": _each(name=_WANTED),
+    "actions": _each(name=_WANTED, state={"type": "str", "choices": ["up", "idle"], "default": "up"}),
+    "edges": _each(
+        publisher=_WANTED, topic=_WANTED, subscriber=_WANTED,
+        peer={"type": "str", "choices": ["publisher", "subscriber"]},
+    ),
+    "absent": _NAMES,
     "namespace": {"type": "str", "default": "/"},
-}
+}  # fmt: skip
 
 # what messages must say, for whoever waits for that
 VALUE_ARGS: dict[str, dict[str, Any]] = {
-    "values": {
-        "type": "list",
-        "elements": "dict",
-        "default": [],
-        "options": {
-            "topic": {"type": "str", "required": True},
-            "field": {"type": "str", "default": ""},
-            "above": {"type": "float"},
-            "below": {"type": "float"},
-            "equals": {"type": "raw"},
-            "quiet": {"type": "float"},
-            "still": {"type": "float"},
-            "tolerance": {"type": "float", "default": 0.0},
-        },
-    },
-}
+    "values": _each(
+        topic=_WANTED, field={"type": "str", "default": ""}, above=_NUMBER, below=_NUMBER, equals={"type": "raw"},
+        quiet=_NUMBER, still=_NUMBER, tolerance={"type": "float", "default": 0.0},
+    ),
+}  # fmt: skip
 SPANS = ("quiet", "still")
 VALUE_KEYS = ("above", "below", "equals", *SPANS)
 
@@ -100,6 +67,7 @@ _LEAST = {
     "node_timeout": (0.05, " s"),
 }
 
+_Read = TypeVar("_Read")
 _NAME = re.compile(r"^(/\w+|[A-Za-z_]\w*)(/\w+)*\Z", re.ASCII)
 _TYPE = re.compile(r"^[A-Za-z]\w*/[A-Za-z]\w*\Z", re.ASCII)
 _FIELD = re.compile(r"^[A-Za-z]\w*(\[\d+\])?(\.[A-Za-z]\w*(\[\d+\])?)*\Z", re.ASCII)
@@ -190,102 +158,105 @@ class Conditions:
 
 def conditions_from(params: Mapping[str, Any]) -> Conditions:
     """Module options (or a probe's JSON) -> conditions. Every bad value is named in one error."""
-    errors: list[str] = []
-    namespace = params.get("namespace") or "/"
-    if not (namespace == "/" or _NAME.match(namespace.rstrip("/"))):
-        errors.append(f"namespace: {namespace!r} is not a ROS name")
-
-    for option, (least, unit) in _LEAST.items():
-        value = params.get(option)
-        if value is not None and not (math.isfinite(value) and value >= least):
-            errors.append(f"{option}: {value} is not at least {least:g}{unit}")
-
-    stable, timeout = params.get("stable"), params.get("timeout")
-    if stable and timeout is not None and math.isfinite(stable) and stable > timeout >= 0:
-        errors.append(f"stable: {stable} s do not fit into the timeout of {timeout} s")
-
-    def named(path: str, name: Any) -> str:
-        if not isinstance(name, str) or not _NAME.match(name):
-            hint = "; write a private name out as /node/name" if str(name).startswith("~") else ""
-            errors.append(f"{path}: {name!r} is not a ROS name (letters, digits and _ between slashes{hint})")
-            return ""
-        return resolve(name, namespace)
-
-    def names(option: str) -> tuple[str, ...]:
-        return tuple(named(f"{option}[{i}]", name) for i, name in enumerate(params.get(option) or ()))
-
-    topics = []
-    for i, item in enumerate(params.get("topics") or ()):
-        path = f"topics[{i}]"
-        if item.get("type") and not _TYPE.match(item["type"]):
-            errors.append(f"{path}.type: {item['type']!r} is not a message type (package/Type)")
-        for key in ("publishers", "subscribers", "min_rate"):
-            if item.get(key) is not None and not (math.isfinite(item[key]) and item[key] >= 0):
-                errors.append(f"{path}.{key}: {item[key]} is not at least 0")
-        topics.append(
-            TopicCondition(
-                named(f"{path}.name", item.get("name")),
-                item.get("type") or None,
-                item.get("publishers"),
-                item.get("subscribers"),
-                bool(item.get("connected")),
-                item.get("min_rate") or None,
-                named(f"{path}.publisher", item["publisher"]) if item.get("publisher") else None,
-                bool(item.get("latched")),
-            )
-        )
-    services = [named(f"services[{i}].name", s.get("name")) for i, s in enumerate(params.get("services") or ())]
-    actions = []
-    for i, item in enumerate(params.get("actions") or ()):
-        state = item.get("state") or "up"
-        if state not in ("up", "idle"):
-            errors.append(f"actions[{i}].state: {state!r} is neither up nor idle")
-        server = named(f"actions[{i}].server", item["server"]) if item.get("server") else ""
-        actions.append(ActionCondition(named(f"actions[{i}].name", item.get("name")), state, server))
-    edges = [_edge(f"edges[{i}]", item, named, errors) for i, item in enumerate(params.get("edges") or ())]
-    values = [_value(f"values[{i}]", item, timeout, named, errors) for i, item in enumerate(params.get("values") or ())]
+    reader = _Reader(params)
     found = Conditions(
-        names("nodes"), tuple(topics), tuple(services), tuple(actions), names("absent"), tuple(edges), tuple(values)
-    )  # fmt: skip
-    for name in sorted(set(found.nodes) & set(found.absent) - {""}):
-        errors.append(f"absent: {name} is in nodes, too")
-    if errors:
-        raise SpecError("; ".join(errors), errors=errors)
+        reader.names("nodes"),
+        reader.each("topics", reader.topic),
+        reader.each("services", lambda path, item: reader.name(f"{path}.name", item.get("name"))),
+        reader.each("actions", reader.action),
+        reader.names("absent"),
+        reader.each("edges", reader.edge),
+        reader.each("values", reader.value),
+    )
+    reader.errors += [f"absent: {name} is in nodes, too" for name in sorted({*found.nodes} & {*found.absent} - {""})]
+    if reader.errors:
+        raise SpecError("; ".join(reader.errors), errors=reader.errors)
     return found
 
 
-def _edge(path: str, item: Mapping[str, Any], named: Callable[[str, Any], str], errors: list[str]) -> EdgeCondition:
-    peer = item.get("peer") or ""
-    if peer not in ("", "publisher", "subscriber"):
-        errors.append(f"{path}.peer: {peer!r} is neither publisher nor subscriber")
-    names = {key: named(f"{path}.{key}", item.get(key)) for key in ("publisher", "topic", "subscriber")}
-    return EdgeCondition(**names, peer=peer)
+class _Reader:
+    """Reads options, and notes what is wrong with them."""
 
+    def __init__(self, params: Mapping[str, Any]) -> None:
+        self.params = params
+        self.errors: list[str] = []
+        self.space, self.timeout = params.get("namespace") or "/", params.get("timeout")
+        if not (self.space == "/" or _NAME.match(self.space.rstrip("/"))):
+            self.errors.append(f"namespace: {self.space!r} is not a ROS name")
+        for option, (least, unit) in _LEAST.items():
+            value = params.get(option)
+            if value is not None and not (math.isfinite(value) and value >= least):
+                self.errors.append(f"{option}: {value} is not at least {least:g}{unit}")
+        stable = params.get("stable")
+        if stable and self.timeout is not None and math.isfinite(stable) and stable > self.timeout >= 0:
+            self.errors.append(f"stable: {stable} s do not fit into the timeout of {self.timeout} s")
 
-def _value(
-    path: str, item: Mapping[str, Any], timeout: float | None, named: Callable[[str, Any], str], errors: list[str]
-) -> ValueCondition:
-    given = {key: item[key] for key in VALUE_KEYS if item.get(key) is not None}
-    spans, bounds = [key for key in given if key in SPANS], [key for key in given if key not in SPANS]
-    if len(spans) + bool(bounds) != 1 or ("equals" in bounds and len(bounds) > 1):
-        allowed = f"above, below (or both), equals, {' or '.join(SPANS)}"
-        errors.append(f"{path}: has {', '.join(given) or 'nothing to look for'}; what a message must say is {allowed}")
-    field = item.get("field") or ""
-    if field and not _FIELD.match(field):
-        errors.append(
-            f"{path}.field: {field!r} is not a field of a message, such as pose.position.x or status[0].level"
+    def name(self, path: str, name: Any) -> str:
+        if isinstance(name, str) and _NAME.match(name):
+            return resolve(name, self.space)
+        hint = "; write a private name out as /node/name" if str(name).startswith("~") else ""
+        self.errors.append(f"{path}: {name!r} is not a ROS name (letters, digits and _ between slashes{hint})")
+        return ""
+
+    def names(self, option: str) -> tuple[str, ...]:
+        return self.each(option, self.name)
+
+    def each(self, option: str, read: Callable[[str, Any], _Read]) -> tuple[_Read, ...]:
+        return tuple(read(f"{option}[{i}]", item) for i, item in enumerate(self.params.get(option) or ()))
+
+    def topic(self, path: str, item: Mapping[str, Any]) -> TopicCondition:
+        if item.get("type") and not _TYPE.match(item["type"]):
+            self.errors.append(f"{path}.type: {item['type']!r} is not a message type (package/Type)")
+        for key in ("publishers", "subscribers", "min_rate"):
+            if item.get(key) is not None and not (math.isfinite(item[key]) and item[key] >= 0):
+                self.errors.append(f"{path}.{key}: {item[key]} is not at least 0")
+        return TopicCondition(
+            self.name(f"{path}.name", item.get("name")),
+            item.get("type") or None,
+            item.get("publishers"),
+            item.get("subscribers"),
+            bool(item.get("connected")),
+            item.get("min_rate") or None,
+            self.name(f"{path}.publisher", item["publisher"]) if item.get("publisher") else None,
+            bool(item.get("latched")),
         )
-    if bounds and not field:
-        errors.append(f"{path}.field: is missing; {' and '.join(bounds)} is said of one field")
-    for key in ("above", "below", "tolerance", *SPANS):
-        if item.get(key) is not None and not math.isfinite(item[key]):
-            errors.append(f"{path}.{key}: {item[key]} is not a finite number")
-    for key in spans:
-        if not given[key] > 0:
-            errors.append(f"{path}.{key}: {given[key]} is not above 0 s")
-        elif timeout is not None and given[key] > timeout:
-            errors.append(f"{path}.{key}: {given[key]} s do not fit into the timeout of {timeout} s")
-    tolerance = item.get("tolerance") or 0.0
-    if tolerance < 0:
-        errors.append(f"{path}.tolerance: {tolerance} is not at least 0")
-    return ValueCondition(named(f"{path}.topic", item.get("topic")), field, **given, tolerance=tolerance)
+
+    def action(self, path: str, item: Mapping[str, Any]) -> ActionCondition:
+        state = item.get("state") or "up"
+        if state not in ("up", "idle"):
+            self.errors.append(f"{path}.state: {state!r} is neither up nor idle")
+        server = self.name(f"{path}.server", item["server"]) if item.get("server") else ""
+        return ActionCondition(self.name(f"{path}.name", item.get("name")), state, server)
+
+    def edge(self, path: str, item: Mapping[str, Any]) -> EdgeCondition:
+        peer = item.get("peer") or ""
+        if peer not in ("", "publisher", "subscriber"):
+            self.errors.append(f"{path}.peer: {peer!r} is neither publisher nor subscriber")
+        names = {key: self.name(f"{path}.{key}", item.get(key)) for key in ("publisher", "topic", "subscriber")}
+        return EdgeCondition(**names, peer=peer)
+
+    def value(self, path: str, item: Mapping[str, Any]) -> ValueCondition:
+        given = {key: item[key] for key in VALUE_KEYS if item.get(key) is not None}
+        spans, bounds = [key for key in given if key in SPANS], [key for key in given if key not in SPANS]
+        if len(spans) + bool(bounds) != 1 or ("equals" in bounds and len(bounds) > 1):
+            allowed = f"above, below (or both), equals, {' or '.join(SPANS)}"
+            there = ", ".join(given) or "nothing to look for"
+            self.errors.append(f"{path}: has {there}; what a message must say is {allowed}")
+        field = item.get("field") or ""
+        if field and not _FIELD.match(field):
+            told = "is not a field of a message, such as pose.position.x or status[0].level"
+            self.errors.append(f"{path}.field: {field!r} {told}")
+        if bounds and not field:
+            self.errors.append(f"{path}.field: is missing; {' and '.join(bounds)} is said of one field")
+        for key in ("above", "below", "tolerance", *SPANS):
+            if item.get(key) is not None and not math.isfinite(item[key]):
+                self.errors.append(f"{path}.{key}: {item[key]} is not a finite number")
+        for key in spans:
+            if not given[key] > 0:
+                self.errors.append(f"{path}.{key}: {given[key]} is not above 0 s")
+            elif self.timeout is not None and given[key] > self.timeout:
+                self.errors.append(f"{path}.{key}: {given[key]} s do not fit into the timeout of {self.timeout} s")
+        tolerance = item.get("tolerance") or 0.0
+        if tolerance < 0:
+            self.errors.append(f"{path}.tolerance: {tolerance} is not at least 0")
+        return ValueCondition(self.name(f"{path}.topic", item.get("topic")), field, **given, tolerance=tolerance)

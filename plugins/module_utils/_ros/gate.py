@@ -99,19 +99,9 @@ def evaluate(
 
 def without_master(uri: str, why: str, conditions: Conditions) -> list[Check]:
     """The checks when there is no master to ask: itself, and every condition as not known."""
-    unknown = "not known without the master"
-    names = [
-        *(("node", name) for name in conditions.nodes),
-        *(("topic", topic.name) for topic in conditions.topics),
-        *(("rate", topic.name) for topic in conditions.topics if topic.min_rate),
-        *(("latched", topic.name) for topic in conditions.topics if topic.latched),
-        *(("service", name) for name in conditions.services),
-        *(("action", action.name) for action in conditions.actions),
-        *(("edge", str(edge)) for edge in conditions.edges),
-        *(("absent", name) for name in conditions.absent),
-        *(("value", str(value)) for value in conditions.values),
-    ]
-    return [Check("master", uri, WAIT, why), *(Check(kind, name, WAIT, unknown) for kind, name in names)]
+    unknown = [*evaluate(Graph(), conditions), *_values(Graph(), conditions, None)]
+    told = [Check(check.kind, check.name, WAIT, "not known without the master") for check in unknown]
+    return [Check("master", uri, WAIT, why), *told]
 
 
 # ---- one look

@@ -1,12 +1,13 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The API server that tests of clients and actions ask."""
+"""The API server that tests of clients and actions ask, and peers of a ROS graph."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import pytest
+from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 
@@ -15,3 +16,10 @@ def server() -> Iterator[Server]:
     made = Server()
     yield made
     made.stop()
+
+
+@pytest.fixture
+def peers() -> Iterator[Peers]:
+    made = Peers()
+    yield made
+    made.close()

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -19,13 +19,6 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, 
 NODES = recorded("nodes")
 
 
-@pytest.fixture
-def peers() -> Iterator[Peers]:
-    made = Peers()
-    yield made
-    made.close()
-
-
 def node(**changes: Any) -> dict[str, Any]:
     replies = {call: NODES["/talker_a"][call] for call in ("getPid", "getBusInfo", "getBusStats")}
     return {**replies, **changes}
@@ -35,16 +28,15 @@ def overflow(*_args: Any) -> Any:
     raise OverflowError("int exceeds XML-RPC limits")
 
 
-def poller(peers: Peers, nodes: dict[str, str], timeout: float = 0.5) -> Poller:
-    """A poller of a master that has these nodes, each subscribed to /chatter."""
+def polls(uri: str, timeout: float, tell: Callable[[str], None] = lambda _line: None) -> Poller:
+    return Poller(Observer(uri, timeout), 10, Updates("/nonexistent"), tell)
 
-    def look_up(name: str) -> list[Any]:
-        return [1, "node api", nodes[name]] if nodes[name] else [-1, "unknown node", ""]
 
-    master = peers.api(
-        "master", {"getSystemState": [1, "", [[], [["/chatter", list(nodes)]], []]], "lookupNode": look_up}
-    )
-    return Poller(Observer(master, timeout), 10, Updates("/nonexistent"), lambda _line: None)
+def poller(peers: Peers, nodes: dict[str, str], timeout: float = 0.5, **more: Any) -> Poller:
+    """A poller of a master that has these nodes, each subscribed to /chatter, and answers more."""
+    look_up = {name: [1, "node api", uri] if uri else [-1, "unknown node", ""] for name, uri in nodes.items()}
+    state = [1, "", [[], [["/chatter", list(nodes)]], []]]
+    return polls(peers.api("master", {"getSystemState": state, "lookupNode": look_up.get, **more}), timeout)
 
 
 def errors(made: Poller) -> dict[str, int]:
@@ -107,25 +99,19 @@ def test_many_that_hang_take_their_turns_and_end(peers: Peers, monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("reply", "why"), [([1, "", 7], "malformed"), ([-1, "no", 0], "fault"), ("nonsense", "malformed")]
+    ("reply", "why"),
+    [([1, "", 7], "malformed"), ([-1, "no", 0], "fault"), ("nonsense", "malformed"), (None, "timeout")],
 )
 def test_a_master_that_is_none(peers: Peers, reply: Any, why: str) -> None:
-    uri = peers.api("master", {"getSystemState": reply})
-    made = Poller(Observer(uri, 1), 10, Updates("/nonexistent"), lambda _line: None)
+    hangs = f"http://127.0.0.1:{peers.hung()}/"
+    made = polls(peers.api("master", {"getSystemState": reply}) if reply else hangs, 0.5)
     made.poll()
     assert (made.snapshot.ros.master, errors(made)) == (False, {why: 1})
 
 
-def test_a_master_that_hangs(peers: Peers) -> None:
-    made = Poller(Observer(f"http://127.0.0.1:{peers.hung()}/", 0.3), 10, Updates("/nonexistent"), lambda _line: None)
-    made.poll()
-    assert (made.snapshot.ros.master, errors(made)) == (False, {"timeout": 1})
-
-
 def test_the_masters_state_is_said_when_it_changes(peers: Peers) -> None:
     said: list[str] = []
-    uri = peers.api("master", {"getSystemState": [1, "", [[], [], []]]})
-    made = Poller(Observer(uri, 1), 10, Updates("/nonexistent"), said.append)
+    made = polls(peers.api("master", {"getSystemState": [1, "", [[], [], []]]}), 1, said.append)
     made.poll()
     made.poll()
     made.observer.uri = "http://127.0.0.1:9/"
@@ -150,16 +136,7 @@ def test_launch_files_where_there_are_nodes(peers: Peers, monkeypatch: pytest.Mo
         for name in ("a", "b", "c")
     }
     told = {**servers, "hung": f"http://127.0.0.1:{peers.hung()}/", "elsewhere": "http://192.0.2.1:4711/"}
-    nodes = {"/good": peers.api("good", node()), "/unknown": ""}
-    look_up = {name: [1, "", uri] if uri else [-1, "unknown node", ""] for name, uri in nodes.items()}
-    replies = {"getParam": [1, "", told], "lookupNode": look_up.get}
-    state = [1, "", [[], [["/chatter", list(nodes)]], []]]
-    made = Poller(
-        Observer(peers.api("master", {"getSystemState": state, **replies}), 0.5),
-        10,
-        Updates("/nonexistent"),
-        lambda _line: None,
-    )
+    made = poller(peers, {"/good": peers.api("good", node()), "/unknown": ""}, getParam=[1, "", told])
     began = time.monotonic()
     made.poll()
     launched = made.snapshot.ros.launched

@@ -90,165 +90,159 @@ def graph() -> dict[str, Any]:
     }
 
 
-def test_a_publishers_contract_in_its_new_names() -> None:
-    found = record(graph(), [OLD], {OLD: NEW}, "5e6f7a8b", 0.2)
-    assert {key: found[key] for key in ("revision", "tolerance", "node", "nodes")} == {
-        "revision": "5e6f7a8b",
-        "tolerance": 0.2,
-        "node": NEW,
-        "nodes": [NEW],
-    }
-    assert found["topics"]["/temperature"] == {
-        "type": "a/B",
-        "md5sum": "5" * 32,
-        "rate": 499.8,
-        "publishers": {NEW: {"rate": 499.8}},
-    }
-    assert set(found["topics"]) == {
-        "/temperature", f"{NEW}/debug", "/latched", "/cook/status", "/cook/feedback",
-    }  # fmt: skip
-    assert found["topics"]["/latched"] == {
-        "type": "",
-        "md5sum": "5" * 32,
-        "rate": None,
-        "publishers": {NEW: {"rate": None}},
-    }
-    assert found["subscriptions"] == {"/config": {"type": "a/B"}}
-    both = {"type": "a/S", "md5sum": "6" * 32}
-    assert found["services"] == {"/calibrate": both, f"{NEW}/reset": both}
-    assert found["actions"] == ["/cook"]
-    assert json.loads(json.dumps(found)) == found
-
-
-def test_edges_have_our_end_renamed_and_leave_out_who_was_dead_or_is_a_tool() -> None:
-    assert record(graph(), [OLD], {OLD: NEW})["edges"] == [
-        ["/display", "/config", NEW],
-        [NEW, "/cook/feedback", "/display"],
-        [NEW, "/cook/status", "/display"],
-        [NEW, "/temperature", "/display"],
-        [NEW, "/temperature", STATS_OLD],
-    ]
-
-
-def test_edges_between_apps_that_are_updated_together_keep_both_ends() -> None:
-    renames = {OLD: NEW, STATS_OLD: STATS_NEW}
-    edges = record(graph(), [OLD], renames)["edges"]
-    assert [NEW, "/temperature", STATS_NEW] in edges
-    assert [NEW, f"{NEW}/debug", STATS_NEW] in edges  # a private topic follows, for whoever follows along
-    assert [NEW, f"{NEW}/debug", "/display"] not in edges  # who asked for the old name goes on asking for it
-    assert ["/display", "/config", STATS_NEW] not in edges  # the other app's own affair
-    both = record(graph(), [OLD, STATS_OLD], renames)
-    assert ["/display", "/config", STATS_NEW] in both["edges"]
-    assert both["nodes"] == [NEW, STATS_NEW]
-    assert both["topics"]["/mean"]["publishers"] == {STATS_NEW: {"rate": 10.0}}
-
-
-def test_nothing_is_renamed_for_an_app_that_keeps_its_name() -> None:
-    found = record(graph(), [OLD])
-    assert (found["node"], f"{OLD}/debug" in found["topics"]) == (OLD, True)
-    assert [OLD, f"{OLD}/debug", "/display"] in found["edges"]
-
-
-@pytest.mark.parametrize("rate", [None, 0.9])
-def test_what_a_rate_is_the_graph_knows(rate: float | None) -> None:
+def changed(nodes: dict[str, Any] | None = None, **topics: Any) -> dict[str, Any]:
+    """The graph with other topics, and nodes."""
     of = graph()
-    of["topics"]["/temperature"]["rates"] = {OLD: rate} if rate is not None else {}
-    assert record(of, [OLD])["topics"]["/temperature"]["rate"] == rate
+    of["topics"].update({f"/{name}": entry for name, entry in topics.items()})
+    return {**of, "nodes": {**of["nodes"], **(nodes or {})}}
 
 
-def test_the_topics_of_an_action_promise_no_rate() -> None:
-    topics = record(graph(), [OLD])["topics"]
-    assert [topics[f"/cook/{part}"]["rate"] for part in ("status", "feedback")] == [None, None]
-    of = graph()
-    of["actions"] = {}
-    assert record(of, [OLD])["topics"]["/cook/feedback"]["rate"] == 50.0
+def kept() -> dict[str, Any]:
+    """The keeper publishes in the place of others."""
+    of = changed({"/ros_keeper": node()})
+    for name in ("/latched", "/temperature", "/config"):
+        entry = of["topics"][name]
+        entry["publishers"].append("/ros_keeper")
+        entry["connections"] += [{"publisher": "/ros_keeper", "subscriber": end} for end in entry["subscribers"]]
+    return of
 
 
-def test_a_subscription_counts_once_something_comes_over_it() -> None:
-    """Who subscribes to whatever there is (`rosbag record -a`) has no reason to without a publisher."""
-    of = graph()
-    of["topics"]["/config"] = topic(["/display"], [OLD], (OLD,))
-    assert record(of, [OLD])["subscriptions"] == {}
-    of["topics"]["/config"] = topic([], [OLD])
-    assert record(of, [OLD])["subscriptions"] == {}
-    of["topics"]["/config"] = topic(["/dead"], [OLD])
-    assert record(of, [OLD])["subscriptions"] == {}
-
-
-def test_what_clients_ask_of_a_node_is_theirs() -> None:
-    """rosbridge subscribes, publishes and serves for its pages, which come to a pod once that is ready."""
-    found = record(graph(), [OLD], {OLD: NEW}, intended=Intended(on_demand=(OLD,)))
-    assert found["nodes"] == [NEW]
-    assert not any(found[key] for key in ("topics", "subscriptions", "services", "actions", "edges"))
-    other = record(graph(), [STATS_OLD], {OLD: NEW, STATS_OLD: STATS_NEW}, intended=Intended(on_demand=(OLD,)))
-    assert not [edge for edge in other["edges"] if NEW in edge]
-
-
-def test_a_topic_that_moves_is_owed_under_its_new_name_to_those_who_move_along() -> None:
-    renames, intended = {OLD: NEW, STATS_OLD: STATS_NEW}, Intended(renamed={"/temperature": "/temp", "/cook": "/bake"})
-    found = record(graph(), [OLD], renames, intended=intended)
-    assert found["topics"]["/temp"]["rate"] == 499.8
-    assert "/temperature" not in found["topics"]
-    assert (found["actions"], "/bake/status" in found["topics"]) == (["/bake"], True)
-    assert [edge for edge in found["edges"] if edge[1] == "/temp"] == [[NEW, "/temp", STATS_NEW]]
-    assert "/temp" in record(graph(), [STATS_OLD], renames, intended=intended)["subscriptions"]
+ALONE, BOTH = {OLD: NEW}, {OLD: NEW, STATS_OLD: STATS_NEW}
+ANY_SERVICE = {"type": "a/S", "md5sum": "6" * 32}
+OWN_EDGES = [
+    ["/display", "/config", NEW], [NEW, "/cook/feedback", "/display"], [NEW, "/cook/status", "/display"],
+    [NEW, "/temperature", "/display"], [NEW, "/temperature", STATS_OLD],
+]  # fmt: skip
+NOTHING = {"topics": {}, "subscriptions": {}, "services": {}, "actions": [], "edges": []}
+BRIDGE = Intended(on_demand=(OLD,))  # rosbridge: what it has on the graph is its pages' wish
+MOVED = Intended(renamed={"/temperature": "/temp", "/cook": "/bake"})
+MEANT = Intended(("/temperature", "/calibrate", "/cook", "/config"))
+TOGETHER = changed(temperature=topic([OLD], [STATS_OLD, TOOL, "/dead"], rates={OLD: 500.0}))
+TWO = changed(temperature=topic([STATS_OLD, OLD], ["/display"], rates={OLD: 100.0, STATS_OLD: 40.0}))
+TOOL_LIKE = json.loads(json.dumps(graph()).replace(OLD, "/rqt_1"))  # an app may be called so, too
+LATCHED = changed(latched={**topic([OLD, STATS_OLD], [], kind="*"), "latched": [OLD, "/ros_keeper"]})
 
 
 @pytest.mark.parametrize(
-    ("rates", "least"),
-    [({}, 449.82), ({"/temperature": 20}, 20.0), ({"/temp*": 0}, None), ({"/other": 5}, 449.82)],
+    ("of", "nodes", "renames", "intended", "expected"),
+    [
+        (graph(), [OLD], ALONE, None, {
+            "node": NEW, "nodes": [NEW], "members": [NEW], "subscriptions": {"/config": {"type": "a/B"}},
+            "services": {"/calibrate": ANY_SERVICE, f"{NEW}/reset": ANY_SERVICE}, "actions": ["/cook"],
+            # without who was dead or is a tool
+            "edges": OWN_EDGES,
+        }),
+        (kept(), [OLD], ALONE, None, record(graph(), [OLD], ALONE)),
+        (graph(), [OLD], {}, None, {"node": OLD, "nodes": [OLD], "members": []}),
+        (graph(), [], {}, None, {"node": "", "nodes": [], **NOTHING}),
+        (changed({OLD: node(reachable=False)}), [OLD], ALONE, None, {"node": NEW, "nodes": [], **NOTHING}),
+        (graph(), ["/never_there"], ALONE, None, {"node": "/never_there", "nodes": [], **NOTHING}),
+        (graph(), [OLD], ALONE, BRIDGE, {"nodes": [NEW], **NOTHING}),
+        (graph(), [STATS_OLD], BOTH, BRIDGE, {
+            "edges": [["/display", "/config", STATS_NEW], [STATS_NEW, "/mean", "/display"]],
+        }),
+        # who subscribes to whatever there is (`rosbag record -a`) has no reason to without a publisher
+        (changed(config=topic(["/display"], [OLD], (OLD,))), [OLD], {}, None, {"subscriptions": {}}),
+        (changed(config=topic([], [OLD])), [OLD], {}, None, {"subscriptions": {}}),
+        (changed(config=topic(["/dead"], [OLD])), [OLD], {}, None, {"subscriptions": {}}),
+        (graph(), [OLD], BOTH, MOVED, {"actions": ["/bake"]}),
+        (TOGETHER, [OLD], BOTH, None, {"members": [STATS_NEW, NEW]}),
+        (graph(), [OLD], {}, MEANT, {
+            "subscriptions": {}, "services": {f"{OLD}/reset": ANY_SERVICE}, "actions": [],
+            "edges": [[OLD, f"{OLD}/debug", end] for end in ("/display", STATS_OLD)],
+        }),
+    ],
+)  # fmt: skip
+def test_what_nodes_are_to_the_graph(
+    of: dict[str, Any], nodes: list[str], renames: Any, intended: Intended | None, expected: dict[str, Any]
+) -> None:
+    found = record(of, nodes, renames, intended=intended or Intended())
+    assert {key: found[key] for key in expected} == expected
+
+
+@pytest.mark.parametrize(
+    ("of", "nodes", "renames", "intended", "there", "gone"),
+    [
+        (graph(), [OLD], BOTH, None, [
+            [NEW, "/temperature", STATS_NEW],
+            [NEW, f"{NEW}/debug", STATS_NEW],  # a private topic follows, for whoever follows along
+        ], [
+            [NEW, f"{NEW}/debug", "/display"],  # who asked for the old name goes on asking for it
+            ["/display", "/config", STATS_NEW],  # the other app's own affair
+        ]),
+        (graph(), [OLD, STATS_OLD], BOTH, None, [["/display", "/config", STATS_NEW]], []),
+        (graph(), [OLD], {}, None, [[OLD, f"{OLD}/debug", "/display"]], []),
+        (graph(), [OLD], BOTH, MOVED, [[NEW, "/temp", STATS_NEW]], [[NEW, "/temp", "/display"]]),
+        (TOGETHER, [OLD], BOTH, None, [[NEW, "/temperature", STATS_NEW]], []),
+        (TOOL_LIKE, ["/rqt_1"], {}, None, [["/display", "/config", "/rqt_1"]], []),
+    ],
+)  # fmt: skip
+def test_which_connections_are_owed(  # noqa: PLR0913 - the table's columns
+    of: dict[str, Any], nodes: list[str], renames: Any, intended: Intended | None, there: Any, gone: Any
+) -> None:
+    edges = record(of, nodes, renames, intended=intended or Intended())["edges"]
+    assert [edge for edge in there if edge not in edges] == []
+    assert [edge for edge in gone if edge in edges] == []
+
+
+@pytest.mark.parametrize(
+    ("of", "nodes", "renames", "intended", "name", "expected"),
+    [
+        (graph(), [OLD], ALONE, None, "/temperature", {
+            "type": "a/B", "md5sum": "5" * 32, "rate": 499.8, "publishers": {NEW: {"rate": 499.8}},
+        }),
+        (graph(), [OLD], ALONE, None, "/latched", {
+            "type": "", "md5sum": "5" * 32, "rate": None, "publishers": {NEW: {"rate": None}},
+        }),
+        (graph(), [STATS_OLD], BOTH, None, "/mean", {"publishers": {STATS_NEW: {"rate": 10.0}}}),
+        (changed(temperature=topic([OLD], [], rates={OLD: 0.9})), [OLD], {}, None, "/temperature", {"rate": 0.9}),
+        (changed(temperature=topic([OLD], [])), [OLD], {}, None, "/temperature", {"rate": None}),
+        (graph(), [OLD], BOTH, MOVED, "/temp", {"rate": 499.8}),
+        # an action's topics promise no rate
+        (graph(), [OLD], {}, None, "/cook/status", {"rate": None}),
+        (graph(), [OLD], {}, None, "/cook/feedback", {"rate": None}),
+        ({**graph(), "actions": {}}, [OLD], {}, None, "/cook/feedback", {"rate": 50.0}),
+        # new versions that are connected agree with each other; to somebody else the definition is his, too
+        (TOGETHER, [OLD], BOTH, None, "/temperature", {"type": "", "md5sum": None}),
+        (graph(), [OLD], BOTH, None, "/temperature", {"type": "a/B"}),
+        (TOGETHER, [OLD], ALONE, None, "/temperature", {"type": "a/B"}),
+        (TWO, [OLD, STATS_OLD], {}, None, "/temperature", {
+            "rate": 100.0, "publishers": {OLD: {"rate": 100.0}, STATS_OLD: {"rate": 40.0}},
+        }),
+        (TWO, [OLD], {}, None, "/temperature", {"publishers": {OLD: {"rate": 100.0}}}),
+        (LATCHED, [OLD, STATS_OLD], BOTH, None, "/latched", {
+            "latched": True, "publishers": {NEW: {"rate": None, "latched": True}, STATS_NEW: {"rate": None}},
+        }),
+    ],
+)  # fmt: skip
+def test_what_a_topic_owes(  # noqa: PLR0913 - the table's columns
+    of: dict[str, Any], nodes: list[str], renames: Any, intended: Intended | None, name: str, expected: dict[str, Any]
+) -> None:
+    found = record(of, nodes, renames, intended=intended or Intended())["topics"][name]
+    assert {key: found[key] for key in expected} == expected
+
+
+def test_a_subscription_moves_with_its_topic_and_asks_for_no_type_of_the_step_itself() -> None:
+    assert "/temp" in record(graph(), [STATS_OLD], BOTH, intended=MOVED)["subscriptions"]
+    assert record(TOGETHER, [STATS_OLD], BOTH)["subscriptions"]["/temperature"] == {"type": ""}
+
+
+@pytest.mark.parametrize(
+    ("rates", "tolerance", "least"),
+    [
+        ({}, 0.1, 449.82),
+        ({"/temperature": 20}, 0.1, 20.0),
+        ({"/temp*": 0}, 0.1, None),
+        ({"/other": 5}, 0.1, 449.82),
+        ({}, 0.5, 249.9),
+        ({}, 1, None),
+        ({}, 1.5, None),
+    ],
 )
-def test_another_rate_can_be_said(rates: dict[str, float], least: float | None) -> None:
-    contract = record(graph(), [OLD], {OLD: NEW}, intended=Intended(rates=rates))
-    found = conditions(json.loads(json.dumps(contract)))["topics"][0]
-    assert (found["name"], found.get("min_rate")) == ("/temperature", pytest.approx(least) if least else None)
-
-
-@pytest.mark.parametrize("tolerance", [1, 1.5])
-def test_a_tolerance_of_all_asks_for_no_rate(tolerance: float) -> None:
-    assert "min_rate" not in conditions(record(graph(), [OLD], tolerance=tolerance))["topics"][0]
-
-
-def test_within_a_group_the_new_versions_have_to_agree_with_each_other() -> None:
-    """They do, once they are connected; the old version's type is nobody's any more."""
-    renames = {OLD: NEW, STATS_OLD: STATS_NEW}
-    of = graph()
-    of["topics"]["/temperature"] = topic([OLD], [STATS_OLD, TOOL, "/dead"], rates={OLD: 500.0})
-    found = record(of, [OLD], renames)
-    assert (found["topics"]["/temperature"]["type"], found["topics"]["/temperature"]["md5sum"]) == ("", None)
-    assert [NEW, "/temperature", STATS_NEW] in found["edges"]
-    assert found["members"] == [STATS_NEW, NEW]
-    assert record(of, [STATS_OLD], renames)["subscriptions"]["/temperature"] == {"type": ""}
-    # somebody outside of the group uses it, or there is no group: the definition is his, too
-    assert record(graph(), [OLD], renames)["topics"]["/temperature"]["type"] == "a/B"
-    assert record(of, [OLD], {OLD: NEW})["topics"]["/temperature"]["type"] == "a/B"
-
-
-def test_several_publishers_of_one_topic_each_have_their_own_rate() -> None:
-    of = graph()
-    of["topics"]["/temperature"] = topic([STATS_OLD, OLD], ["/display"], rates={OLD: 100.0, STATS_OLD: 40.0})
-    found = record(of, [OLD, STATS_OLD])["topics"]["/temperature"]
-    assert {name: seen["rate"] for name, seen in found["publishers"].items()} == {OLD: 100.0, STATS_OLD: 40.0}
-    assert found["rate"] == 100.0  # of the first node named
-    assert list(record(of, [OLD])["topics"]["/temperature"]["publishers"]) == [OLD]
-
-
-def test_a_node_that_is_down_or_gone_leaves_nothing_to_restore() -> None:
-    of = graph()
-    of["nodes"][OLD] = node(reachable=False)
-    for nodes in ([OLD], ["/never_there"]):
-        found = record(of, nodes, {OLD: NEW})
-        assert [found[key] for key in ("nodes", "topics", "subscriptions", "services", "actions", "edges")] == [
-            [], {}, {}, {}, [], [],
-        ]  # fmt: skip
-    assert record(of, [])["node"] == ""
-
-
-def test_what_the_update_changes_on_purpose_is_left_out() -> None:
-    found = record(graph(), [OLD], intended=Intended(("/temperature", "/calibrate", "/cook", "/config")))
-    assert set(found["topics"]) == {f"{OLD}/debug", "/latched"}
-    assert (found["subscriptions"], set(found["services"]), found["actions"]) == ({}, {f"{OLD}/reset"}, [])
-    assert {edge[1] for edge in found["edges"]} == {f"{OLD}/debug"}
+def test_the_least_rate(rates: dict[str, float], tolerance: float, least: float | None) -> None:
+    contract = record(graph(), [OLD], ALONE, intended=Intended(rates=rates), tolerance=tolerance)
+    for found in (conditions(contract), conditions({**contract, "tolerance": 0.3}, tolerance=tolerance)):
+        assert found["topics"][0].get("min_rate") == (pytest.approx(least) if least else None)
 
 
 @pytest.mark.parametrize(
@@ -269,40 +263,6 @@ def test_tools(name: str, tool: bool) -> None:
     assert is_tool(name) is tool
 
 
-def test_our_own_node_counts_whatever_its_name_looks_like() -> None:
-    of = graph()
-    assert ["/display", "/config", OLD] in record(of, [OLD])["edges"]
-    anonymous = json.loads(json.dumps(of).replace(OLD, "/rqt_4711_1700000000000"))
-    assert ["/display", "/config", "/rqt_4711_1700000000000"] in record(anonymous, ["/rqt_4711_1700000000000"])["edges"]
-
-
-def test_what_the_keeper_gives_in_the_place_of_others_is_nobodys_to_give() -> None:
-    of, with_keeper = graph(), graph()
-    with_keeper["nodes"]["/ros_keeper"] = node()
-    for name in ("/latched", "/temperature", "/config"):
-        entry = with_keeper["topics"][name]
-        entry["publishers"].append("/ros_keeper")
-        entry["connections"] += [{"publisher": "/ros_keeper", "subscriber": end} for end in entry["subscribers"]]
-    assert record(with_keeper, [OLD], {OLD: NEW}) == record(of, [OLD], {OLD: NEW})
-
-
-def test_what_was_latched_is_owed_by_who_latched_it() -> None:
-    of = graph()
-    of["topics"]["/latched"]["publishers"].append(STATS_OLD)
-    of["topics"]["/latched"]["latched"] = [OLD, "/ros_keeper"]
-    contract = record(of, [OLD, STATS_OLD], {OLD: NEW, STATS_OLD: STATS_NEW})
-    owed = [entry for entry in conditions(contract)["topics"] if entry["name"] == "/latched"]
-    assert owed == [
-        {"name": "/latched", "publisher": NEW, "latched": True},
-        {"name": "/latched", "publisher": STATS_NEW},
-    ]
-    assert [topic.latched for topic in conditions_from({"topics": owed}).topics] == [True, False]
-    found = contract["topics"]
-    assert found["/latched"]["publishers"] == {NEW: {"rate": None, "latched": True}, STATS_NEW: {"rate": None}}
-    assert found["/latched"]["latched"] is True  # of the first one, which its own probe holds to it
-    assert "latched" not in found["/temperature"]
-
-
 @pytest.mark.parametrize(
     ("name", "expected"),
     [(OLD, NEW), (f"{OLD}/a/b", f"{NEW}/a/b"), (f"{OLD}x", f"{OLD}x"), ("/x", "/x"), (f"/x{OLD}", f"/x{OLD}")],
@@ -315,21 +275,16 @@ def test_renamed(name: str, expected: str) -> None:
 
 
 def test_the_contract_as_conditions() -> None:
-    contract = record(graph(), [OLD], {OLD: NEW}, tolerance=0.1)
-    found = conditions(contract, absent=[OLD])
-    assert found["nodes"] == [NEW]
-    assert found["topics"][0] == {
-        "name": "/temperature",
-        "publisher": NEW,
-        "type": "a/B",
-        "min_rate": pytest.approx(449.82),
-    }
-    latched = next(entry for entry in found["topics"] if entry["name"] == "/latched")
-    assert latched == {"name": "/latched", "publisher": NEW}
+    found = conditions(record(LATCHED, [OLD, STATS_OLD], BOTH), absent=[OLD])
+    assert (found["nodes"], found["absent"]) == ([NEW, STATS_NEW], [OLD])
+    of = {(entry["name"], entry["publisher"]): entry for entry in found["topics"]}
+    assert of["/temperature", NEW] == {
+        "name": "/temperature", "publisher": NEW, "type": "a/B", "min_rate": pytest.approx(449.82),
+    }  # fmt: skip
+    assert of["/latched", NEW] == {"name": "/latched", "publisher": NEW, "latched": True}
+    assert of["/latched", STATS_NEW] == {"name": "/latched", "publisher": STATS_NEW}
     assert found["services"] == [{"name": "/calibrate"}, {"name": f"{NEW}/reset"}]
     assert found["actions"] == [{"name": "/cook", "state": "up"}]
-    assert found["absent"] == [OLD]
-    assert conditions(contract, tolerance=0.5)["topics"][0]["min_rate"] == pytest.approx(249.9)
 
 
 def test_only_an_end_that_is_not_ours_may_leave() -> None:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -31,13 +30,6 @@ class Counting:
     def __init__(self, peers: Peers, *replies: Any) -> None:
         self.replies = list(replies)
         self.uri = peers.api("node", {"getBusStats": lambda *_: self.replies.pop(0)})
-
-
-@pytest.fixture
-def peers() -> Iterator[Peers]:
-    found = Peers()
-    yield found
-    found.close()
 
 
 def measured(peers: Peers, **uris: str) -> Rate | None:

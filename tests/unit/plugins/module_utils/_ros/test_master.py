@@ -8,7 +8,7 @@ import itertools
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +48,6 @@ def whole_fleet() -> list[Any]:
         for service in ("get_loggers", "set_logger_level", "set_parameters"):
             services[f"{name}/{service}"] = [name]
     return [list(map(list, part.items())) for part in (publishers, subscribers, services)]
-
-
-@pytest.fixture
-def peers() -> Iterator[Peers]:
-    found = Peers()
-    yield found
-    found.close()
 
 
 class Fleet:

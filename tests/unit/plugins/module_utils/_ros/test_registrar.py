@@ -4,20 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import ALIVE, DEAD, UNKNOWN, Call, Entry
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
-
-
-@pytest.fixture
-def peers() -> Iterator[Peers]:
-    made = Peers()
-    yield made
-    made.close()
 
 
 def test_who_is_dead_and_who_is_only_late(peers: Peers) -> None:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -111,13 +110,6 @@ def test_one_that_roslaunch_has_forgotten(info: Any) -> None:
 
 
 # ---- asking
-
-
-@pytest.fixture
-def peers() -> Iterator[Peers]:
-    made = Peers()
-    yield made
-    made.close()
 
 
 def launched(names: list[list[list[Any]]], infos: dict[str, Any] | None = None) -> dict[str, Any]:

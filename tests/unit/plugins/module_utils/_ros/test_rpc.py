@@ -7,7 +7,6 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -24,13 +23,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import (
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers, read_request
 
 SHORT = 0.3
-
-
-@pytest.fixture
-def peers() -> Iterator[Peers]:
-    started = Peers()
-    yield started
-    started.close()
 
 
 def ask(uri: str, method: str = "getPid", seconds: float = SHORT) -> Any:
@@ -109,19 +101,17 @@ def test_a_kept_connection_that_the_peer_dropped_is_opened_again(peers: Peers) -
         assert api.call("getPid") == 7
 
 
-def test_a_dead_peer(peers: Peers) -> None:
-    uri = f"http://127.0.0.1:{peers.dead()}/"
-    assert why(uri) == f"nothing listens at {uri}"
-
-
-def test_a_hung_peer(peers: Peers) -> None:
-    uri = f"http://127.0.0.1:{peers.hung()}/"
-    assert why(uri) == f"no answer from {uri} within 0.3 s"
-
-
-def test_a_name_that_does_not_resolve() -> None:
-    uri = "http://no-such-host.invalid:11311/"
-    assert why(uri, 5) == f"the name in {uri} does not resolve here"
+@pytest.mark.parametrize(
+    ("uri", "words"),
+    [
+        ("http://127.0.0.1:{dead}/", "nothing listens at {uri}"),
+        ("http://127.0.0.1:{hung}/", "no answer from {uri} within 1 s"),
+        ("http://no-such-host.invalid:11311/", "the name in {uri} does not resolve here"),
+    ],
+)
+def test_a_peer_that_is_not_there(peers: Peers, uri: str, words: str) -> None:
+    uri = uri.format(dead=peers.dead(), hung=peers.hung())
+    assert why(uri, 1.0) == words.format(uri=uri)
 
 
 def test_a_peer_that_drips_bytes_cannot_hold_us(peers: Peers) -> None:

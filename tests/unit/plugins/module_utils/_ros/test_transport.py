@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
@@ -13,13 +12,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.rpc import Deadl
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.tcpros import encode_header
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.transport import handshake, read_frame, subscribe_status
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
-
-
-@pytest.fixture
-def peers() -> Iterator[Peers]:
-    made = Peers()
-    yield made
-    made.close()
 
 
 def test_a_handshake(peers: Peers) -> None:
