@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import judge
@@ -30,7 +30,7 @@ class ActionModule(FleetAction):
         "interface": {"type": "str", "default": ""},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         name, host, hostvars = params["registered"], known["inventory_hostname"], known["hostvars"]
         if "facts" not in hostvars[host][name]:
             return {"changed": False, "skipped": True, "msg": "it could not be reached"}

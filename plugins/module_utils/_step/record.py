@@ -55,7 +55,7 @@ class Record:
     `history` are earlier versions that were proven, the last one first."""
 
     contract: Mapping[str, Any] = field(default_factory=dict)
-    history: Sequence[Mapping[str, Any]] = ()
+    history: Sequence[dict[str, Any]] = ()
 
     @property
     def revision(self) -> str:
@@ -128,7 +128,7 @@ def record_of(item: Object | None) -> Record:
     return Record(contract if isinstance(contract, dict) else {}, _entries(history))
 
 
-def _entries(history: Any) -> tuple[Mapping[str, Any], ...]:
+def _entries(history: Any) -> tuple[dict[str, Any], ...]:
     there = history if isinstance(history, list) else []
     return tuple(one for one in there if isinstance(one, dict) and isinstance(one.get("deployment"), dict))
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import hung
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -19,7 +20,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import d
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
     RECREATE_STRATEGY,
-    Object,
     annotate,
     canonical_hash,
     field_variable,

@@ -9,7 +9,7 @@ keeper's Role has, too.
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 
 NAME = "rosops-fleet-controller"
 NAMESPACE = "kube-system"

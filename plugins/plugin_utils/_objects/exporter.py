@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.server import HEALTHY, PATH, PORT, READY
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
     ONE_HEAP,
-    Object,
     canonical_hash,
     config_map,
     field_variable,

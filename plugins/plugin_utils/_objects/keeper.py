@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
     FOR_EVER,
     ONE_HEAP,
-    Object,
     cluster_service,
     field_variable,
     mount,

@@ -14,9 +14,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, config_map, owner_labels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, owner_labels
 
 RBAC = "rbac.authorization.k8s.io"
 GO_BACK = (

@@ -9,10 +9,10 @@ goes first, and the master once the new keeper is ready, which it is not before 
 
 from __future__ import annotations
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    Object,
     cluster_service,
     field_variable,
     node_selector,

@@ -15,10 +15,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, owner_labels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import owner_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import pod_security_labels
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, hashed
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import hashed
 
 ALL = ("ALL",)
 # Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ansible_collections.rosops.fleet.plugins.module_utils._step import objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
 
-Object = Mapping[str, Any]
+Object = objects.Object
 Graph = Mapping[str, Any]  # as ros_graph_info returns it
 
 

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 
@@ -250,19 +251,6 @@ def test_a_value_that_kubernetes_refuses(server: Server, kube: Kube) -> None:
     server.write_refusals += [(422, 'Deployment.apps "x" is invalid: spec.selector: field is immutable')]
     with pytest.raises(ApiError, match=r"422 for PATCH .*robot-robot1: .*immutable.*cannot be changed"):
         kube.apply([NAMESPACE])
-
-
-def test_a_kind_that_is_looked_up_and_one_that_is_unknown(server: Server, kube: Kube) -> None:
-    monitor = {"apiVersion": "example.com/v1", "kind": "Monitor", "metadata": {"name": "m"}}
-    server.kinds["/apis/example.com/v1"] = [
-        {"name": "monitors/status", "kind": "Monitor", "namespaced": False},
-        {"name": "monitors", "kind": "Monitor", "namespaced": False},
-    ]
-    assert [one.changed for one in kube.apply([monitor])] == [True]
-    assert server.writes == ["PATCH /apis/example.com/v1/monitors/m"]
-    for version in ("example.com/v1", "example.org/v1"):
-        with pytest.raises(ApiError, match=f"knows no kind Misspelt in {version}"):
-            kube.apply([{**monitor, "kind": "Misspelt", "apiVersion": version}])
 
 
 PAUSED = {"manager": "kubectl-rollout", "operation": "Update", "fieldsV1": {"f:spec": {"f:paused": {}}}}

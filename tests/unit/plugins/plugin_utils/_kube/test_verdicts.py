@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, parse_refs, watched
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, Verdict
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, parse_refs, targets_for
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
     LATER,
@@ -618,13 +619,11 @@ def test_a_kind_of_that_name_in_another_api_is_not_refused() -> None:
 
 
 def test_what_is_watched() -> None:
-    assert watched([DEPLOYMENT, PVC, NODE, ref("Secret")]) == {
-        "Deployment": {NS},
-        "ReplicaSet": {NS},
-        "Pod": {NS},
-        "PersistentVolumeClaim": {NS},
-        "StorageClass": set(),
-        "Node": set(),
+    found = targets_for([DEPLOYMENT, PVC, NODE, ref("Secret"), ref("Deployment", api_version="apps.example.org/v1")])
+    assert {(one.kind, one.namespace) for one in found} == {
+        *((kind, NS) for kind in ("Deployment", "ReplicaSet", "Pod", "PersistentVolumeClaim")),
+        ("StorageClass", ""),
+        ("Node", ""),
     }
 
 

@@ -8,8 +8,8 @@ import copy
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import judge, present_pods
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
     NEW,

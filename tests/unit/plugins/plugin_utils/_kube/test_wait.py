@@ -4,26 +4,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import latest, probe_line
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import telling
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import HOPELESS, latest, probe_line
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
     BEGUN_SECONDS,
-    Settings,
+    WaitOptions,
     look_once,
-    run,
-    targets_for,
-    telling,
     wait_for_rollout,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import StreamEvent
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
     NEW,
     NS,
@@ -56,7 +54,7 @@ class Clock:
 class Script:
     """Plays changes at set times; the clock moves only while the wait waits."""
 
-    def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[Change]]]) -> None:
+    def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[StreamEvent]]]) -> None:
         self.clock, self.start = clock, clock.time
         self.steps = sorted(steps, key=lambda step: step[0])
         self.followed: list[Target] = []
@@ -75,7 +73,7 @@ class Script:
     def follow(self, targets: Iterable[Target]) -> None:
         self.followed += targets
 
-    def changes(self, timeout: float) -> list[Change]:
+    def changes(self, timeout: float) -> list[StreamEvent]:
         self.waits += 1
         until = self.clock.time + timeout
         if self.steps and self.start + self.steps[0][0] <= until:
@@ -106,15 +104,15 @@ class FakeKube:
         return self.log
 
 
-def listed(target: Target, *objects: Object) -> Change:
-    return Change("listed", target, list(objects))
+def listed(target: Target, *objects: Object) -> StreamEvent:
+    return StreamEvent("listed", target, list(objects))
 
 
-def changed(target: Target, obj: Object, what: str = "set") -> Change:
-    return Change(what, target, [obj])
+def changed(target: Target, obj: Object, what: str = "set") -> StreamEvent:
+    return StreamEvent(what, target, [obj])
 
 
-def lists(*pods: Object, **state: Any) -> list[Change]:
+def lists(*pods: Object, **state: Any) -> list[StreamEvent]:
     return [
         listed(DEPLOYMENTS, deployment(**state)),
         listed(SETS, replica_set("talker-old", "1"), replica_set("talker-new", "2")),
@@ -126,16 +124,16 @@ class Run:
     """One wait and all that came of it."""
 
     def __init__(
-        self, *steps: tuple[float, list[Change]], refs: list[Ref] | None = None, kube: Any = None, **more: Any
+        self, *steps: tuple[float, list[StreamEvent]], refs: list[Ref] | None = None, kube: Any = None, **more: Any
     ):
         self.clock = Clock()
         self.said: list[str] = []
         self.script = Script(self.clock, steps)
-        settings = Settings(say=self.said.append, now=self.clock, watch=self.script, **more)
+        options = WaitOptions(say=self.said.append, now=self.clock, watch=self.script, **more)
         self.error: Exception | None = None
         self.result: dict[str, Any] = {}
         try:
-            self.result = wait_for_rollout(kube or FakeKube(), refs or [DEPLOYMENT], settings)
+            self.result = wait_for_rollout(kube or FakeKube(), refs or [DEPLOYMENT], options)
         except (NotReadyError, ApiError) as exc:
             self.error = exc
             self.result = dict(exc.details)
@@ -263,7 +261,7 @@ def test_a_timeout_of_zero_looks_once() -> None:
 def test_nothing_to_wait_for() -> None:
     done = Run(refs=[ref("ConfigMap")])
     assert (done.took, done.script.followed) == (0, [])
-    assert wait_for_rollout(FakeKube(), [], Settings(watch=done.script))["objects"] == []
+    assert wait_for_rollout(FakeKube(), [], WaitOptions(watch=done.script))["objects"] == []
 
 
 # --- the API is away ------------------------------------------------------------------------------------------------
@@ -271,8 +269,8 @@ def test_nothing_to_wait_for() -> None:
 REFUSED = ApiError("The Kubernetes API at https://edge1:6443 cannot be reached: connection refused.", transient=True)
 
 
-def lost(target: Target) -> Change:
-    return Change("lost", target, error=REFUSED)
+def lost(target: Target) -> StreamEvent:
+    return StreamEvent("lost", target, error=REFUSED)
 
 
 def test_never_reached_fails_soon_with_the_cause() -> None:
@@ -306,44 +304,23 @@ def test_away_later_is_waited_for_and_told() -> None:
 
 def test_refused_credentials_end_the_wait() -> None:
     error = ApiError("401", status=401)
-    assert Run((0.1, [Change("refused", DEPLOYMENTS, error=error)])).error is error
+    assert Run((0.1, [StreamEvent("refused", DEPLOYMENTS, error=error)])).error is error
 
 
-# --- many namespaces, few permissions -------------------------------------------------------------------------------
+# --- few permissions -------------------------------------------------------------------------------
 
 
-def fleet(count: int) -> list[Ref]:
-    return [Ref("PersistentVolumeClaim", "logs-pvc", f"robot-{index}") for index in range(count)]
-
-
-def test_few_namespaces_have_streams_of_their_own() -> None:
-    assert targets_for(fleet(2)) == [
-        Target("PersistentVolumeClaim", "robot-0"),
-        Target("PersistentVolumeClaim", "robot-1"),
-        Target("StorageClass"),
-    ]
-
-
-def test_many_namespaces_share_one() -> None:
-    assert targets_for(fleet(5)) == [Target("PersistentVolumeClaim"), Target("StorageClass")]
-
-
-def test_who_may_not_see_the_whole_cluster_looks_namespace_by_namespace() -> None:
-    forbidden = ApiError("403", status=403)
-    refs, everywhere = fleet(5), Target("PersistentVolumeClaim")
-    bound = [{**obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})} for _ref in refs]
-    for one, claim in zip(refs, bound):
-        claim["metadata"]["namespace"] = one.namespace
-    each = [listed(Target("PersistentVolumeClaim", one.namespace), claim) for one, claim in zip(refs, bound)]
-    refusals = [Change("refused", target, error=forbidden) for target in (everywhere, Target("StorageClass"))]
-    done = Run((0.1, refusals), (0.2, each), refs=refs)
+def test_who_may_not_read_storage_classes_waits_for_a_claim_all_the_same() -> None:
+    claims, classes = Target("PersistentVolumeClaim", NS), Target("StorageClass")
+    forbidden = StreamEvent("refused", classes, error=ApiError("403", status=403))
+    bound = obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})
+    done = Run((0.1, [forbidden, listed(claims, bound)]), refs=[ref("PersistentVolumeClaim", "logs-pvc")])
     assert done.error is None
-    assert done.script.followed[2:] == [Target("PersistentVolumeClaim", one.namespace) for one in refs]
 
 
 def test_forbidden_in_the_namespace_itself_is_an_error() -> None:
     error = ApiError("403", status=403)
-    assert Run((0.1, [Change("refused", PODS, error=error)])).error is error
+    assert Run((0.1, [StreamEvent("refused", PODS, error=error)])).error is error
 
 
 # --- what explains a failure ----------------------------------------------------------------------------------------
@@ -645,24 +622,16 @@ def test_a_probes_line(message: str, line: str) -> None:
 def test_the_newest_line_counts() -> None:
     old = {**unhealthy("Startup probe failed: cannot become ready: a", 1), "lastTimestamp": "2026-01-01T11:00:00Z"}
     by_series = {**unhealthy("Startup probe failed: b", 1), "series": {"lastObservedTime": "2026-01-01T12:30:00.123Z"}}
-    assert latest([by_series, old, unhealthy("Startup probe failed: c", 5)])["uid-talker-new-1"].text.endswith("b")
+    assert latest([by_series, old, unhealthy("Startup probe failed: c", 5)])["uid-talker-new-1"].endswith("b")
     same = [unhealthy("Startup probe failed: cannot become ready: d", 5), unhealthy("Startup probe failed: e", 5)]
-    assert latest(same)["uid-talker-new-1"].hopeless
+    assert HOPELESS in latest(same)["uid-talker-new-1"]
 
 
-# --- check mode, parameters -----------------------------------------------------------------------------------------
+# --- check mode -----------------------------------------------------------------------------------------
 
 
 def test_check_mode_looks_once_and_never_fails() -> None:
     shown = {"Deployment": [deployment()], "ReplicaSet": [replica_set("talker-new", "2")], "Pod": [new_pod]}
-    params = {"objects": [TALKER, {"kind": "Node", "name": "robot1"}]}
-    result = run(params, FakeKube(shown), Settings(), check_mode=True)
+    result = look_once(FakeKube(shown), [DEPLOYMENT, Ref("Node", "robot1")])
     assert [row["verdict"] for row in result["objects"]] == ["pass", "wait"]
     assert look_once(FakeKube(refuse=403), [DEPLOYMENT])["objects"][0]["verdict"] == "wait"
-
-
-@pytest.mark.parametrize("check_mode", [True, False])
-def test_bad_parameters_are_told_before_anything_is_asked(check_mode: bool) -> None:
-    watch: Callable[..., Any] = lambda *_: pytest.fail("asked the cluster")  # noqa: E731
-    with pytest.raises(SpecError, match=r"objects\[0\].name: missing"):
-        run({"objects": [{"kind": "Node", "namespace": "x"}]}, FakeKube(), Settings(watch=watch), check_mode)
