@@ -15,7 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import r
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import (
     STORAGE,
-    Settings,
+    ExporterOptions,
     exporter_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
@@ -40,5 +40,5 @@ class ActionModule(ClusterAction):
 def _objects(params: Arguments, robot: Robot) -> list[Object]:
     # a directory of the host is more than these levels allow
     closed = robot.pod_security in ("baseline", "restricted")
-    settings = Settings(statistics=params["statistics"], claims_path="" if closed else STORAGE)
-    return exporter_objects(robot, exporter_files(), settings)
+    options = ExporterOptions(statistics=params["statistics"], claims_path="" if closed else STORAGE)
+    return exporter_objects(robot, exporter_files(), options)

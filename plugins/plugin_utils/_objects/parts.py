@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
@@ -40,7 +40,7 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 
 
 def ground_objects(
-    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Mapping[str, Any]], code: Mapping[str, str]
+    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Mapping[str, str]
 ) -> list[Object]:
     """What the pods stand on, and what changes without any of them.
 

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -26,7 +26,7 @@ _MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
 
 def harden(container: Object, drop: Sequence[str]) -> None:
     """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is."""
-    given: dict[str, Any] = dict(container.get("securityContext") or {})
+    given: Object = dict(container.get("securityContext") or {})
     asked = given.get("capabilities") or {}
     added = {*(asked.get("add") or ())}
     # container runtimes add first and drop then, but for ALL, which they drop before: what is asked for by name is kept
@@ -41,7 +41,7 @@ def harden(container: Object, drop: Sequence[str]) -> None:
     }
 
 
-def hardened(plain: Object, overrides: Mapping[str, Any]) -> Object:
+def hardened(plain: Object, overrides: Variables) -> Object:
     """A Deployment of ours with its overrides: its own code needs nothing of its host, and gets no more."""
     deployment = deep_merge(plain, overrides)
     for container in deployment["spec"]["template"]["spec"]["containers"]:

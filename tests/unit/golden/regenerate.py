@@ -26,6 +26,7 @@ if __name__ == "__main__":  # pytest's conftest.py has done this already
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images  # noqa: E402
@@ -49,7 +50,8 @@ def built(case: dict[str, Any]) -> dict[str, Any]:
             *master_objects(robot),
             *file_maps(robot),
             *port_services(robot),
-            *app_objects(robot, CODE),
+            *code_maps(robot, CODE),
+            *app_objects(robot),
         ],
         "conditions": graph_conditions(robot),
         "images": {placement: images(robot, placement) for placement in ("local", "remote")},

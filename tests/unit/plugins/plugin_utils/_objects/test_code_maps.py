@@ -112,12 +112,8 @@ def test_the_keeper_is_the_masters(master: dict[str, Any], keeper: str | None) -
 
 
 def objects(**changes: Any) -> list[dict[str, Any]]:
-    return app_objects(robot(app(**changes), name="r1", master={"mode": "shared"}), CODE)
-
-
-def test_maps_come_before_the_pods_that_mount_them_and_only_with_code() -> None:
-    assert [item["kind"] for item in objects()] == ["ConfigMap", "ConfigMap", "Deployment"]  # the shared master's, too
-    assert [item["kind"] for item in app_objects(robot(app()))] == ["Deployment"]
+    one = robot(app(**changes), name="r1", master={"mode": "shared"})
+    return [*code_maps(one, CODE), *app_objects(one)]
 
 
 @pytest.mark.parametrize("scope", ["robot", "fleet"])

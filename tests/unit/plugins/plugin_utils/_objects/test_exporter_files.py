@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files i
     exporter_files,
     relative_imports,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import ExporterOptions, exporter_objects
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -46,7 +46,7 @@ def test_python_3_8_and_its_library_are_enough(name: str) -> None:
 
 
 def test_the_filter() -> None:
-    config, deployment = exporter_objects(robot(), exporter_files(), Settings(interval=5))
+    config, deployment = exporter_objects(robot(), exporter_files(), ExporterOptions(interval=5))
     assert set(FILES) == set(config["data"])
     assert deployment["spec"]["template"]["spec"]["containers"][0]["args"][:2] == ["--interval", "5"]
 

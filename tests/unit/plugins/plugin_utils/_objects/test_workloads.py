@@ -313,7 +313,7 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
             *namespace_objects(full),
             *storage_objects(full),
             *master.master_objects(full),
-            *app_objects(full, {"run.py": ""}),
+            *app_objects(full),
         ]
         found.append(
             [
@@ -326,7 +326,7 @@ def test_objects_of_the_fleet_are_the_same_from_every_robot() -> None:
     assert found[0] == found[1]
     assert [item["kind"] for item in found[0]] == [
         "Namespace", "ServiceAccount", "Role", "RoleBinding", "PersistentVolumeClaim",
-        "Deployment", "Service", "Deployment", "Service", "ConfigMap", "Deployment",
+        "Deployment", "Service", "Deployment", "Service", "Deployment",
     ]  # fmt: skip
 
 
