@@ -12,7 +12,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.documents imp
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, wanted
 
 PATHS = {"type": "list", "elements": "path", "required": True}
 
@@ -54,7 +54,7 @@ class ActionModule(FleetAction):
             result["changed"] |= bool(one.get("changed"))
         return result
 
-    def _stage(self, files: Sequence[File], params: Arguments, known: Variables) -> Iterator[Result]:
+    def _stage(self, files: Sequence[HostFile], params: Arguments, known: Variables) -> Iterator[Result]:
         host = ActionHost(self, known)
         for file in files:
             if params["staged"] and file.path in params["write"] and not self._task.check_mode:

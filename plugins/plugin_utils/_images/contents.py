@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
     is_plain,
@@ -47,7 +47,7 @@ class Archives:
         except _UNSEEN:
             return ""
 
-    def instead(self, archives: Sequence[Mapping[str, Any]], ref: str) -> list[str]:
+    def instead(self, archives: Sequence[Variables], ref: str) -> list[str]:
         """The images that archives (`{path, images}`) hold where none of them has this one.
 
         Nothing where one has it, or cannot be looked into.
