@@ -168,11 +168,6 @@ def test_nothing_passes_before_every_stream_has_listed() -> None:
     assert done.took == pytest.approx(4.0)
 
 
-def test_an_object_that_comes_later_is_waited_for() -> None:
-    done = Run((0.1, [listed(DEPLOYMENTS), listed(SETS), listed(PODS)]), (2.0, lists(new_pod)))
-    assert done.error is None
-
-
 def test_fails_at_once_with_the_pods_reason() -> None:
     bad = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "not found")])
     done = Run((0.1, lists(old_pod, status={"availableReplicas": 0})), (1.0, [changed(PODS, bad)]))
@@ -290,10 +285,6 @@ def test_the_silence_of_the_api_is_none_of_the_objects_time() -> None:
     assert done.took == pytest.approx(PATIENCE, abs=1)
 
 
-def test_reached_after_some_tries() -> None:
-    assert Run((0.0, [lost(DEPLOYMENTS)]), (6.0, lists(new_pod))).error is None
-
-
 def test_away_later_is_waited_for_and_told() -> None:
     done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), timeout=25)
     assert "no news at the moment: The Kubernetes API at https://edge1:6443" in done.said[0]
@@ -302,12 +293,13 @@ def test_away_later_is_waited_for_and_told() -> None:
     assert back.error is None
 
 
-def test_refused_credentials_end_the_wait() -> None:
-    error = ApiError("401", status=401)
-    assert Run((0.1, [StreamEvent("refused", DEPLOYMENTS, error=error)])).error is error
-
-
 # --- few permissions -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("target", "status"), [(DEPLOYMENTS, 401), (PODS, 403)])
+def test_who_may_not_see_what_is_waited_for_waits_no_longer(target: Target, status: int) -> None:
+    error = ApiError("no", status=status)
+    assert Run((0.1, [StreamEvent("refused", target, error=error)])).error is error
 
 
 def test_who_may_not_read_storage_classes_waits_for_a_claim_all_the_same() -> None:
@@ -316,11 +308,6 @@ def test_who_may_not_read_storage_classes_waits_for_a_claim_all_the_same() -> No
     bound = obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})
     done = Run((0.1, [forbidden, listed(claims, bound)]), refs=[ref("PersistentVolumeClaim", "logs-pvc")])
     assert done.error is None
-
-
-def test_forbidden_in_the_namespace_itself_is_an_error() -> None:
-    error = ApiError("403", status=403)
-    assert Run((0.1, [StreamEvent("refused", PODS, error=error)])).error is error
 
 
 # --- what explains a failure ----------------------------------------------------------------------------------------
@@ -366,11 +353,6 @@ def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
     assert done.message.splitlines()[-2] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
 
 
-def test_what_may_not_be_read_is_done_without() -> None:
-    done = Run((0.1, lists(old_pod)), kube=FakeKube(refuse=403), timeout=5)
-    assert len(done.message.splitlines()) == 2
-
-
 def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
     """roslaunch ends its nodes after the error that it ends for."""
     log = [
@@ -405,6 +387,13 @@ def app(**more: Any) -> Object:
     return {**container(running={}), **more}
 
 
+def restarted(count: int, **more: Any) -> Object:
+    """A pod that is Ready, and was begun anew so often."""
+    made = pod("talker-new-1", NEW)
+    made["status"]["containerStatuses"] = [app(ready=True, restartCount=count, lastState=CRASHED, **more)]
+    return made
+
+
 def test_an_end_with_an_error_fails_at_once_with_exit_code_and_log() -> None:
     dead = pod("talker-new-1", NEW, [app(state=CRASHED)])
     kube = FakeKube(log="Traceback\nImportError: rospy")
@@ -422,9 +411,7 @@ def test_an_end_with_an_error_fails_at_once_with_exit_code_and_log() -> None:
 
 def test_an_end_that_was_missed_is_seen_by_the_restart_even_if_the_pod_is_ready_again() -> None:
     starting = pod("talker-new-1", NEW, [app()])
-    back = pod("talker-new-1", NEW)
-    back["status"]["containerStatuses"] = [app(ready=True, restartCount=1, lastState=CRASHED)]
-    steps = [(0.1, lists(starting, old_pod)), (2.0, [changed(PODS, back), changed(PODS, old_pod, "gone")])]
+    steps = [(0.1, lists(starting, old_pod)), (2.0, [changed(PODS, restarted(1)), changed(PODS, old_pod, "gone")])]
     done = Run(*steps, fail_on_restart=True, kube=FakeKube(log="last words"))
     assert "exit code 3 (Error) (1 restart)" in done.message
     assert done.message.splitlines()[-2].endswith("container ros-app: last words")
@@ -432,16 +419,13 @@ def test_an_end_that_was_missed_is_seen_by_the_restart_even_if_the_pod_is_ready_
 
 
 def test_restarts_of_an_earlier_life_and_clean_ends_are_no_failure() -> None:
-    survivor = pod("talker-new-1", NEW)
-    survivor["status"]["containerStatuses"] = [app(ready=True, restartCount=2, lastState=CRASHED)]
+    survivor = restarted(2)
     assert Run((0.1, lists(survivor)), fail_on_restart=True).error is None
     again = pod("talker-new-1", NEW, [app(restartCount=3, lastState=CRASHED)])
     later = [(0.1, lists(survivor, old_pod)), (1.0, [changed(PODS, again)])]
     assert "3 restarts" in Run(*later, fail_on_restart=True).message
-    clean = pod("talker-new-1", NEW)
-    clean["status"]["containerStatuses"] = [
-        app(ready=True, restartCount=1, lastState={"terminated": {"exitCode": 0, "reason": "Completed"}})
-    ]
+    clean = restarted(1)
+    clean["status"]["containerStatuses"][0]["lastState"] = {"terminated": {"exitCode": 0, "reason": "Completed"}}
     steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, clean)])]
     assert Run(*steps, (2.0, [changed(PODS, old_pod, "gone")]), fail_on_restart=True).took == pytest.approx(2.0)
 
@@ -474,51 +458,49 @@ def test_what_has_to_stay_is_watched_for_as_long_and_an_end_by_an_error_ends_it(
 
 def test_a_restart_between_two_waits_of_one_run_is_seen() -> None:
     known: dict[str, dict[str, int]] = {}
-    starting, back = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW)
-    back["status"]["containerStatuses"] = [app(ready=True, restartCount=1, lastState=CRASHED)]
-    first = Run((0.1, lists(starting)), (1.0, [changed(PODS, new_pod)]), fail_on_restart=True, before=known)
+    first = Run(
+        (0.1, lists(pod("talker-new-1", NEW, [app()]))),
+        (1.0, [changed(PODS, new_pod)]),
+        fail_on_restart=True,
+        before=known,
+    )
     assert first.error is None
-    assert "exit code 3" in Run((0.1, lists(back)), fail_on_restart=True, before=known).message
-    assert Run((0.1, lists(back)), fail_on_restart=True).error is None  # else it was an earlier life's
+    assert "exit code 3" in Run((0.1, lists(restarted(1))), fail_on_restart=True, before=known).message
+    assert Run((0.1, lists(restarted(1))), fail_on_restart=True).error is None  # else it was an earlier life's
 
 
 # --- who is beside the old pod ---------------------------------------------------------------------------------------
 
 
-def test_a_new_pod_that_runs_beside_the_old_one_is_enough() -> None:
-    made, runs = pod("talker-new-1", NEW, [waiting("ContainerCreating")]), pod("talker-new-1", NEW, [app()])
-    done = Run((0.1, lists(old_pod)), (0.5, [changed(PODS, made)]), (2.0, [changed(PODS, runs)]), begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(2.0 + BEGUN_SECONDS))
+NEW_RUNS = pod("talker-new-1", NEW, [app()])
+NO_ROOM = unscheduled("talker-new-1", NEW, "0/1 nodes are available: 1 node(s) didn't have free ports")
+QUOTA = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota"}
 
 
-def test_one_that_is_to_be_ready_for_a_while_before_the_old_one_goes_has_begun_when_it_is() -> None:
-    runs = pod("talker-new-1", NEW, [app()])
-    steps = [(0.1, lists(old_pod, minReadySeconds=299)), (0.5, [changed(PODS, runs)]), (9.0, [changed(PODS, new_pod)])]
-    done = Run(*steps, begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(9.0))
+@pytest.mark.parametrize(
+    ("state", "steps", "took"),
+    [
+        ({}, [(0.5, waiting("ContainerCreating")), (2.0, app())], 2.0 + BEGUN_SECONDS),
+        # to be Ready for a while before the old one goes: it has begun when it is
+        ({"minReadySeconds": 299}, [(0.5, app()), (9.0, None)], 9.0),
+        # there is no place for it before the old one has gone
+        ({}, [(0.5, NO_ROOM)], 0.5),
+        ({"status": {"updatedReplicas": 0, "conditions": [QUOTA]}}, [], 0.1),
+    ],
+)
+def test_a_new_pod_has_begun_beside_the_old_one(state: Any, steps: list[Any], took: float) -> None:
+    made = [
+        (at, [changed(PODS, one if one and "spec" in one else pod("talker-new-1", NEW, one and [one]))])
+        for at, one in steps
+    ]
+    done = Run((0.1, lists(old_pod, **state)), *made, begun=True)
+    assert (done.error, done.took) == (None, pytest.approx(took))
 
 
 def test_one_that_ends_at_once_has_not_begun() -> None:
-    runs, ended = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW, [app(state=CRASHED)])
-    steps = [(0.1, lists(old_pod)), (0.5, [changed(PODS, runs)]), (1.2, [changed(PODS, ended)])]
+    ended = pod("talker-new-1", NEW, [app(state=CRASHED)])
+    steps = [(0.1, lists(old_pod)), (0.5, [changed(PODS, NEW_RUNS)]), (1.2, [changed(PODS, ended)])]
     assert "exit code 3" in Run(*steps, begun=True, fail_on_restart=True).message
-
-
-def test_one_that_has_no_place_before_the_old_one_has_gone_is_not_waited_for() -> None:
-    stuck = unscheduled("talker-new-1", NEW, "0/1 nodes are available: 1 node(s) didn't have free ports")
-    done = Run((0.1, lists(old_pod)), (0.5, [changed(PODS, stuck)]), begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(0.5))
-
-
-def test_one_that_has_no_place_in_the_quota_is_not_waited_for() -> None:
-    refused = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota"}
-    done = Run((0.1, lists(old_pod, status={"updatedReplicas": 0, "conditions": [refused]})), begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(0.1))
-
-
-def test_one_that_cannot_run_fails_beside_the_old_one() -> None:
-    bad = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "not found")])
-    assert "not found" in Run((0.1, lists(old_pod)), (1.0, [changed(PODS, bad)]), begun=True).message
 
 
 def test_an_old_pod_that_runs_is_none_that_has_begun() -> None:
@@ -537,13 +519,12 @@ def unhealthy(message: str, second: int, name: str = "talker-new-1", uid: str = 
 def test_a_probe_without_hope_fails_at_once_with_its_line() -> None:
     line = "Startup probe failed: cannot become ready: /talker_new has /temperature at 250 Hz of 500\n"
     kube = FakeKube({"Event": [unhealthy("Startup probe failed: not ready: not registered yet", 1)]})
-    starting = pod("talker-new-1", NEW, [app()])
-    calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
+    calm = Run((0.1, lists(NEW_RUNS, old_pod)), kube=kube, timeout=15)
     assert calm.message.splitlines()[0] == f"not registered yet (Deployment {NS}/talker, pod talker-new-1)"
     assert len(calm.message.splitlines()) == 2  # and not once more as an event
     assert "not registered yet" in calm.said[0]
     kube.lists["Event"].append(unhealthy(line, 2))
-    done = Run((0.1, lists(starting, old_pod)), kube=kube)
+    done = Run((0.1, lists(NEW_RUNS, old_pod)), kube=kube)
     assert done.took == pytest.approx(0.1)
     assert done.message == (
         f"/talker_new has /temperature at 250 Hz of 500 (Deployment {NS}/talker, pod talker-new-1)\n"
@@ -601,6 +582,7 @@ def test_events_that_may_not_be_read_are_asked_for_once() -> None:
     done = Run((0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), kube=kube, timeout=20)
     assert done.took == pytest.approx(20.1)
     assert len(kube.asked) == 2  # and once for the message
+    assert len(done.message.splitlines()) == 2
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def objects(options: ExporterOptions | None = None, code: Any = None, **more: An
 def test_golden(name: str) -> None:
     """After a change that is meant: tests/unit/golden/regenerate_exporter.py."""
     expected = yaml.safe_load((golden.FILES / f"{name}.yml").read_text("utf-8"))
-    assert golden.built(name) == expected
+    assert golden.golden(name) == expected
 
 
 @pytest.mark.parametrize("mode", ["robot", "shared"])
