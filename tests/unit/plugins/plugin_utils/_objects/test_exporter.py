@@ -47,20 +47,6 @@ def test_a_shared_masters_are_the_same_from_every_robot() -> None:
     assert one == other
 
 
-def test_prometheus_finds_it_and_kubernetes_asks_it() -> None:
-    template = objects()[1]["spec"]["template"]
-    container = template["spec"]["containers"][0]
-    port = container["ports"][0]["containerPort"]
-    assert port == 11511
-    assert {key: value for key, value in template["metadata"]["annotations"].items() if "prometheus" in key} == {
-        "prometheus.io/scrape": "true",
-        "prometheus.io/port": "11511",
-        "prometheus.io/path": "/metrics",
-    }
-    for probe in ("startupProbe", "readinessProbe", "livenessProbe"):
-        assert container[probe]["httpGet"]["port"] == port
-
-
 def test_newer_code_restarts_it() -> None:
     def template(*made: Any) -> Any:
         return made[0][1]["spec"]["template"]
@@ -68,22 +54,6 @@ def test_newer_code_restarts_it() -> None:
     first = template(objects())
     assert template(objects()) == first
     assert template(objects(code={"run.py": "newer"})) != first
-
-
-def test_it_may_do_nothing() -> None:
-    pod = objects()[1]["spec"]["template"]["spec"]
-    assert pod["automountServiceAccountToken"] is False
-    context = {
-        "allowPrivilegeEscalation": False,
-        "seccompProfile": {"type": "RuntimeDefault"},
-        "readOnlyRootFilesystem": True,
-        "capabilities": {"drop": ["ALL"]},
-    }
-    assert pod["containers"][0]["securityContext"] == context
-    pod = objects(ExporterOptions(claims_path="/s"), volumes=[{"name": "a"}])[1]["spec"]["template"]["spec"]
-    context["capabilities"] = {"drop": ["ALL"], "add": ["DAC_OVERRIDE"]}
-    assert pod["containers"][0]["securityContext"] == context
-    assert all(mount["readOnly"] for mount in pod["containers"][0]["volumeMounts"])
 
 
 @pytest.mark.parametrize(
