@@ -124,7 +124,9 @@ class NodeImages:
         if changes and not check:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
             self._run("ansible.builtin.command", {"argv": ["/bin/sh", "-c", LABEL, BINARY, *pairs]})
-        return _brought(plan, there, after, changes)
+        before, now = ({ref: one.images[ref] for ref in plan.wanted if ref in one.images} for one in (there, after))
+        problems = tuple(images_problems(plan.wanted, after.images))
+        return Brought(plan.bring, plan.pull, problems, before, now, after.images, changes)
 
     def _change(self, plan: ImagePlan, there: Present) -> Present:
         """What the node has afterwards. Layers that it had may have gone meanwhile: then all of the archive travels."""
@@ -196,18 +198,6 @@ class NodeImages:
 def local_path(path: Any) -> str:
     """A path on the control node, absolute."""
     return str(Path(str(path)).expanduser().absolute())
-
-
-def _brought(plan: ImagePlan, before: Present, after: Present, changes: Mapping[str, str]) -> Brought:
-    return Brought(
-        plan.bring,
-        plan.pull,
-        tuple(images_problems(plan.wanted, after.images)),
-        {ref: before.images[ref] for ref in plan.wanted if ref in before.images},
-        {ref: after.images[ref] for ref in plan.wanted if ref in after.images},
-        after.images,
-        changes,
-    )
 
 
 def _require(result: Result, what: str, more: str = "") -> None:
