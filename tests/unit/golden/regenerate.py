@@ -6,13 +6,14 @@ A case is `cases/<name>.yml` with `robot` and `variables`; its golden file is `<
 `{objects: [..], conditions: {..}, images: {local: [..], remote: [..]}}`.
 
 The case `minimal` is there as a whole. The others have what is not as there: `same` names the objects that are, and of
-another one, as of the conditions, there is what differs from that kind's in `minimal` (null: it has no such key; of a
-list that has all names of the other, the entries that differ). The hashes of a Deployment, and of its pods' template,
-are those of the whole.
+another one there is what differs from one of its kind above it or in `minimal` (null: it has no such key; of a list
+that has all names of the other, the entries that differ). The hashes of a Deployment, and of its pods' template, are
+those of the whole.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -77,15 +78,17 @@ def golden(name: str) -> dict[str, Any]:
 def beside(made: dict[str, Any], base: dict[str, Any]) -> dict[str, Any]:
     """What is not as in the base."""
     same = [named(item) for item in made["objects"] if item in base["objects"]]
-    others = [differing(item, alike(item, base["objects"])) for item in made["objects"] if item not in base["objects"]]
+    others = [item for item in made["objects"] if item not in base["objects"]]
+    shown = [from_alike(item, [*base["objects"], *others[:place]]) for place, item in enumerate(others)]
     conditions = differing(made["conditions"], base["conditions"])
-    return {"same": same, "objects": others, "conditions": conditions, "images": made["images"]}
+    return {"same": same, "objects": shown, "conditions": conditions, "images": made["images"]}
 
 
-def alike(item: Object, objects: Iterable[Object]) -> Object:
-    """The one of its kind, and if there are some the one of its name, else the last."""
-    kind = [one for one in objects if one["kind"] == item["kind"]]
-    return next((one for one in kind if named(one) == named(item)), kind[-1] if kind else {})
+def from_alike(item: Object, objects: Iterable[Object]) -> Object:
+    """What is not as in that one of its kind that is most like it; `like` names one of another name."""
+    found = [(one["metadata"]["name"], differing(item, one)) for one in objects if one["kind"] == item["kind"]]
+    like, rest = min(found, key=lambda one: len(json.dumps(one[1])), default=("", item))
+    return rest if like in ("", item["metadata"]["name"]) else {"like": like, **rest}
 
 
 def differing(item: Object, base: Object) -> Object:

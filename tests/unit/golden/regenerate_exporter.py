@@ -20,7 +20,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter imp
     ExporterOptions,
     exporter_objects,
 )
-from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import alike, differing, write  # noqa: E402
+from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import from_alike, write  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.robots import robot  # noqa: E402
 
 CODE = {"run.py": "# stands for the code\n"}
@@ -46,7 +46,7 @@ def built(name: str) -> list[dict[str, Any]]:
 def golden(name: str) -> list[dict[str, Any]]:
     """What the golden file holds: the case `robot` as a whole, of another one what is not as there."""
     base = built("robot")
-    return base if name == "robot" else [differing(item, alike(item, base)) for item in built(name)]
+    return base if name == "robot" else [from_alike(item, base) for item in built(name)]
 
 
 def main() -> None:

@@ -170,6 +170,12 @@ SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
         "pods refused while an old one still takes the quota": (
             after(gone_soon(old_pod), updatedReplicas=0, conditions=[refused]), "wait", "exceeded quota",
         ),
+        "and the deadline has passed over that": (
+            after(gone_soon(old_pod), updatedReplicas=0, conditions=[refused, exceeded(NOON)]),
+            "wait",
+            "ProgressDeadlineExceeded",
+            "ProgressDeadlineExceeded",
+        ),
     }
 )  # fmt: skip
 def test_deployment(row: Row) -> None:
@@ -335,6 +341,11 @@ def storage_class(mode: str) -> Object:
     return {**obj("StorageClass", "local-path"), "volumeBindingMode": mode}
 
 
+def elsewhere(made: Object) -> Object:
+    return {**made, "metadata": {**made["metadata"], "namespace": "robot-other"}}
+
+
+ELSEWHERE = Ref("Deployment", "talker", "robot-other")
 LAZY, BOTH = storage_class("WaitForFirstConsumer"), (PVC, DEPLOYMENT)
 FREE = "waits for its first consumer, and none of the given workloads is one"
 unreadable = View([claim()])
@@ -349,6 +360,7 @@ unreadable.hidden.add("StorageClass")
         "being deleted": (View([gone_soon(claim("Bound"))]), "wait", "being deleted"),
         "no consumer given": (View([claim(), LAZY, user()]), "pass", FREE),
         "a consumer": (View([claim(), LAZY, user()]), "wait", "the pod of Deployment talker", "", BOTH),
+        "a consumer elsewhere": (View([claim(), LAZY, elsewhere(user())]), "pass", FREE, "", (PVC, ELSEWHERE)),
         "a consumer without pods": (View([claim(), LAZY, user(replicas=0)]), "pass", FREE, "", BOTH),
         "immediate": (View([claim(), storage_class("Immediate")]), "wait", "no volume is bound yet"),
         "no such class": (View([claim()]), "wait", "storage class local-path does not exist"),
@@ -393,10 +405,6 @@ def test_what_has_no_rollout() -> None:
     check(ref("ConfigMap"), (View(), "pass", "a ConfigMap has no rollout"))
     check(ref("Job", api_version="batch.volcano.sh/v1alpha1"), (View(), "pass", "a Job has no rollout"))
     check(ref("Deployment", api_version="apps/v1"), (View(), "wait", "not there yet"))
-
-
-def elsewhere(made: Object) -> Object:
-    return {**made, "metadata": {**made["metadata"], "namespace": "robot-other"}}
 
 
 @pytest.mark.parametrize(

@@ -71,21 +71,14 @@ def test_a_watch_that_ends_is_resumed_where_it_stood(server: Server, kube: Kube,
         assert told(take(watch, 1)) == [("set", ["b"])]
 
 
-def test_410_within_the_stream_lists_again(server: Server, kube: Kube) -> None:
-    with Watch(kube, [PODS]) as watch:
-        take(watch, 1)
-        server.lists[PODS.path] = [obj("Pod", "new")]
-        server.send(PODS.path, GONE)
-        assert told(take(watch, 1)) == [("listed", ["new"])]
-
-
-def test_410_as_an_answer_lists_again(server: Server, kube: Kube) -> None:
+@pytest.mark.parametrize("refusal", [[], [(410, "too old")]])
+def test_410_lists_again(server: Server, kube: Kube, refusal: list[tuple[int, str]]) -> None:
     with Watch(kube, [PODS]) as watch:
         take(watch, 1)
         server.next_watch()
-        server.refusals.append((410, "too old"))
+        server.refusals += refusal
         server.lists[PODS.path] = [obj("Pod", "new")]
-        server.send(PODS.path, END)
+        server.send(PODS.path, END if refusal else GONE)  # as an answer, or within the stream
         assert told(take(watch, 1)) == [("listed", ["new"])]
 
 
