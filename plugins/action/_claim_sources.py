@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Any, ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.claims import Asked, sources
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import FLEET_NAMESPACE, robot_namespace
@@ -28,7 +29,7 @@ class ActionModule(FleetAction):
         "volumes": {"type": "list", "elements": "str", "required": True},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         play, me = list(known["ansible_play_hosts_all"]), known["inventory_hostname"]
         found = {host: _directories(known["hostvars"][host].get(params["found"])) for host in play}
         asked = Asked(

@@ -9,19 +9,18 @@ Why there is none is what that task says of the cluster.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import home_from_vars
 
 
 class ActionModule(ClusterAction):
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Result:
         return {}
 
-    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, _params: Arguments, known: Variables) -> Result:
         home = home_from_vars(known)
         with contextlib.suppress(FleetError):
             if home:

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT, Seen, poll
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import keep, local_kubeconfig
@@ -27,7 +29,7 @@ TOKEN_SECONDS = 30.0
 class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = {"dest": {"type": "path", "required": True}}
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         objects, check = controller_access(), bool(self._task.check_mode)
         with self.cluster(params, known) as kube:
             result = written(kube.apply(objects, check))
@@ -37,11 +39,11 @@ class ActionModule(ClusterAction):
             text = kubeconfig(data, kube.host, home_of(known).part.cluster)
         return {**result, "changed": keep(params["dest"], text, check) or result["changed"], "dest": params["dest"]}
 
-    def foresee(self, _params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+    def foresee(self, _params: Arguments, _known: Variables) -> Result:
         return foreseen(controller_access())
 
 
-def _token(kube: Kube, secret: Mapping[str, Any]) -> Mapping[str, str]:
+def _token(kube: Kube, secret: Object) -> Mapping[str, str]:
     """What the cluster puts into the Secret, in a moment."""
 
     def look() -> Seen:

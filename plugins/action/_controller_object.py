@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 
 
@@ -16,6 +16,6 @@ class ActionModule(FleetAction):
 
     ARGUMENTS: ClassVar = {"kind": {"type": "str", "required": True}, "object": {"type": "dict", "required": True}}
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         name, options = f"awx.awx.{params['kind']}", dict(params["object"])
         return dict(self._execute_module(module_name=name, module_args=options, task_vars=known))

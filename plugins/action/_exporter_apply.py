@@ -5,17 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import (
     STORAGE,
-    Settings,
+    ExporterOptions,
     exporter_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
@@ -27,18 +27,18 @@ class ActionModule(ClusterAction):
 
     ARGUMENTS: ClassVar = {"statistics": {"type": "bool", "default": False}}
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         with self.cluster(params, known) as kube:
             robot = robot_from_vars(known)
             there = located(robot, live_in(kube, [master_namespace(robot)]))
             return written(kube.apply(_objects(params, there), self._task.check_mode))
 
-    def foresee(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def foresee(self, params: Arguments, known: Variables) -> Result:
         return foreseen(_objects(params, robot_from_vars(known)))
 
 
-def _objects(params: Mapping[str, Any], robot: Robot) -> list[Object]:
+def _objects(params: Arguments, robot: Robot) -> list[Object]:
     # a directory of the host is more than these levels allow
     closed = robot.pod_security in ("baseline", "restricted")
-    settings = Settings(statistics=params["statistics"], claims_path="" if closed else STORAGE)
-    return exporter_objects(robot, exporter_files(), settings)
+    options = ExporterOptions(statistics=params["statistics"], claims_path="" if closed else STORAGE)
+    return exporter_objects(robot, exporter_files(), options)

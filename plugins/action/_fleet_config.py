@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from ansible.utils.vars import load_extra_vars
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
@@ -25,7 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory i
 class ActionModule(FleetAction):
     _requires_connection = False
 
-    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, _params: Arguments, known: Variables) -> Result:
         groups = {str(name): [str(host) for host in hosts] for name, hosts in known["groups"].items()}
         names = [host for host in groups["all"] if host != IMPLICIT_HOST]
         try:
@@ -45,11 +43,11 @@ class ActionModule(FleetAction):
             raise
 
 
-def outcome(report: Report) -> dict[str, Any]:
+def outcome(report: Report) -> Result:
     """What the task returns."""
     problems = folded(report.problems, report.hosts)
     count = len(problems)
-    result: dict[str, Any] = {
+    result: Result = {
         "changed": False,
         "valid": not count,
         "errors": [problem.as_dict() for problem in problems],

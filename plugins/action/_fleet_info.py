@@ -10,11 +10,11 @@ of the directories of its volumes, and what `k3s crictl images -o json` did.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from functools import partial
 from itertools import chain
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import node_images
@@ -38,10 +38,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import c
 class ActionModule(ClusterAction):
     ARGUMENTS: ClassVar = {"volumes": {"type": "str", "required": True}, "images": {"type": "str", "default": ""}}
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Result:
         return dict(self.ARGUMENTS)  # no access is that of all clusters
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         fleet, hostvars = Fleet.from_vars(known), HostVariables(known["hostvars"])
         variables = {host: hostvars[host] for host in known["ansible_play_hosts_all"]}
         results = {host: own.get(params["volumes"], {}) for host, own in variables.items()}
@@ -75,7 +75,7 @@ class ActionModule(ClusterAction):
         }
 
 
-def _known(fleet: Fleet, variables: Mapping[str, Any], name: str) -> Known:
+def _known(fleet: Fleet, variables: Variables, name: str) -> Known:
     """What images' names mean on the nodes that said it in the variable of this name."""
     said = {fleet.hosts[host].node: own.get(name, {}) for host, own in variables.items()}
     images = {node: node_images(one["stdout"]) for node, one in said.items() if one.get("rc") == 0}

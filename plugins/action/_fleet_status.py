@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.plugins.loader import callback_loader
 from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
@@ -38,7 +39,7 @@ class ActionModule(FleetAction):
         "mode": {"type": "str", "choices": ["0600", "0640", "0644"], "default": "0600"},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         fleet = params["fleet"]
         results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in fleet["graphs"]}
         graphs = {fleet["graphs"][host]["robot"]: one["graph"] for host, one in results.items() if "graph" in one}
@@ -51,7 +52,7 @@ class ActionModule(FleetAction):
         text = summary_text(status, now, name) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
         voice.show(f"\n{text}")
         # what -v would print of the result is what has just been shown
-        result: dict[str, Any] = {"status": status, "text": text, "_ansible_verbose_override": True}
+        result: Result = {"status": status, "text": text, "_ansible_verbose_override": True}
         try:
             limit = str(known.get("ansible_limit") or "")
             path = placed(params["page"])
@@ -71,9 +72,7 @@ def callback_path() -> str:
     return str(C.config.get_config_value("path", plugin_type="callback", plugin_name=callback._load_name) or "")
 
 
-def graph_problems(
-    results: Mapping[str, Mapping[str, Any]], graphs: Mapping[str, Mapping[str, Any]]
-) -> list[dict[str, str]]:
+def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Mapping[str, str]]) -> list[dict[str, str]]:
     """Which robots' graphs could not be read; a robot that went away meanwhile shows as such."""
     return [
         {

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, wanted
 
 PATHS = {"type": "list", "elements": "path", "required": True}
 
@@ -32,7 +33,7 @@ class ActionModule(FleetAction):
         "staged": {"type": "str", "default": ""},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         # where it is staged, its place is looked at only
         host = ActionHost(self, known, check_mode=self._task.check_mode or bool(params["staged"]))
         variables = role_variables("k3s", self._templar, known)
@@ -53,9 +54,7 @@ class ActionModule(FleetAction):
             result["changed"] |= bool(one.get("changed"))
         return result
 
-    def _stage(
-        self, files: Sequence[File], params: Mapping[str, Any], known: dict[str, Any]
-    ) -> Iterator[dict[str, Any]]:
+    def _stage(self, files: Sequence[HostFile], params: Arguments, known: Variables) -> Iterator[Result]:
         host = ActionHost(self, known)
         for file in files:
             if params["staged"] and file.path in params["write"] and not self._task.check_mode:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBECONFIG
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
@@ -32,7 +32,7 @@ class ActionModule(FleetAction):
         "state": {"type": "str", "choices": ["present", "absent"], "default": "present"},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         variables = role_variables("k3s", self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         if params["state"] == "absent":
@@ -49,7 +49,7 @@ class ActionModule(FleetAction):
         config = local_kubeconfig(text.decode(errors="replace"), part.url, variables["k3s_cluster"], digest)
         return {"changed": keep(part.kubeconfig, config, self._task.check_mode), "path": part.kubeconfig}
 
-    def forget(self, part: Wanted, cluster: str) -> dict[str, Any]:
+    def forget(self, part: Wanted, cluster: str) -> Result:
         """Delete the one that was written for this cluster; another one's stays."""
         path = Path(part.kubeconfig)
         if not (part.kubeconfig and path.exists()):

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT
@@ -31,7 +31,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses impo
 
 
 class ActionModule(FleetAction):
-    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, _params: Arguments, known: Variables) -> Result:
         variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
         part = wanted(variables, known["inventory_hostname"], known["hostvars"])
         host = ActionHost(self, known)
@@ -58,7 +58,7 @@ class ActionModule(FleetAction):
         return {"changed": False, **found}
 
 
-def _look(variables: Mapping[str, Any], part: Wanted, hostvars: Mapping[str, Any]) -> dict[str, Any]:
+def _look(variables: Variables, part: Wanted, hostvars: Mapping[str, Variables]) -> Result:
     return {
         "role": part.role,
         "files": list(part.started_with),
@@ -68,13 +68,11 @@ def _look(variables: Mapping[str, Any], part: Wanted, hostvars: Mapping[str, Any
     }
 
 
-def _addresses(variables: Mapping[str, Any], hostvars: Mapping[str, Any]) -> list[str]:
+def _addresses(variables: Variables, hostvars: Mapping[str, Variables]) -> list[str]:
     return [f"{address(server, hostvars)}:{API_PORT}" for server in variables["k3s_server_hosts"]]
 
 
-def _plan(
-    now: Mapping[str, Any], part: Wanted, variables: Mapping[str, Any], known: Mapping[str, Any]
-) -> dict[str, Any]:
+def _plan(now: Result, part: Wanted, variables: Variables, known: Variables) -> Result:
     host = known["inventory_hostname"]
     if refused := list(refusals(now, variables, host)):
         raise SpecError(f"{host} was left as it is. {' '.join(refused)}")

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import CONFIG_DIR
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
@@ -24,7 +24,7 @@ class ActionModule(FleetAction):
         "registered": {"type": "str", "required": True},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         host = ActionHost(self, known, check_mode=self._task.check_mode)
         read = plain(self._templar.template(known.get(params["registered"], {}))).get("results", [])
         texts = tokens_to_keep(params["names"], read, role_variables("k3s", self._templar, known))

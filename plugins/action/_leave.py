@@ -8,9 +8,9 @@ One that was off is unreachable (4): whether it has come back meanwhile is for t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
 
@@ -24,7 +24,7 @@ class ActionModule(FleetAction):
         "check": {"type": "bool", "default": False},
     }
 
-    def work(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, _known: Variables) -> Result:
         word, reason = params["outcome"].get("outcome"), params["outcome"].get("reason")
         if word == OFFLINE:
             return {"changed": False, "unreachable": True, "msg": reason}

@@ -5,18 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, written
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, look_once, wait_for_rollout
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import anew
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, look_once, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import (
     evicted,
     evicting,
@@ -24,8 +26,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import 
     taints_patch,
     unplaced,
 )
-
-RACES = 5  # Kubernetes puts on and takes off taints of its own meanwhile
 
 
 class ActionModule(ClusterAction):
@@ -38,34 +38,34 @@ class ActionModule(ClusterAction):
         "timeout": {"type": "float", "default": 300},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         ref, node, check = Ref("Node", params["name"], "", "v1"), _node(params), self._task.check_mode
         with self.cluster(params, known) as kube:
             if check and kube.get(ref) is None:
                 return self.foresee(params, known)
             # Applying a node that is not there would create one: the wait comes first.
             if not check and look_once(kube, [ref])["objects"][0]["verdict"] != PASS:
-                wait_for_rollout(kube, [ref], Settings(timeout=params["timeout"], say=self.say(known)))
+                wait_for_rollout(kube, [ref], WaitOptions(timeout=params["timeout"], say=self.say(known)))
             _refuse_to_evict(kube, ref, params["taints"])
             done = kube.apply([*self._identity(known), node], check)
             for pod in _left_by_labels(kube, done[-1]):
                 self.say(known)(f"{pod} works on, and is not started again on {ref.name} with the labels that it gets")
             return written([*done, *_taint(kube, ref, params["taints"], check)])
 
-    def _identity(self, known: Mapping[str, Any]) -> list[Object]:
+    def _identity(self, known: Variables) -> list[Object]:
         """What makes the cluster carry its fleet's identity, where it does not yet."""
         if self.adoption is None:
             return []
         self.say(known)(f"the cluster carries no identity of a fleet yet; it becomes {self.adoption}")
         return [self.adoption.as_object()]
 
-    def foresee(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+    def foresee(self, params: Arguments, _known: Variables) -> Result:
         labels = _node(params)["metadata"]["labels"]
         what = f"it would get the labels {labels} and the taints {params['taints']}"
         return {"changed": True, "msg": f"node {params['name']} has not joined yet; {what}"}
 
 
-def _node(params: Mapping[str, Any]) -> Object:
+def _node(params: Arguments) -> Object:
     return node_object(params["name"], params["placement"], params["robot"], params["labels"])
 
 
@@ -75,7 +75,7 @@ def _pods(kube: Kube, node: str) -> list[Object]:
     return kube.objects("Pod", labels=ours, fields=f"spec.nodeName={node},status.phase=Running")
 
 
-def _refuse_to_evict(kube: Kube, ref: Ref, taints: Sequence[Mapping[str, Any]]) -> None:
+def _refuse_to_evict(kube: Kube, ref: Ref, taints: Sequence[Object]) -> None:
     """SpecError where Kubernetes would end pods of ours at once, whatever they do."""
     new = evicting(kube.get(ref) or {}, taints) if any(taint["effect"] == "NoExecute" for taint in taints) else []
     if new and (ending := evicted(_pods(kube, ref.name), new)):
@@ -94,15 +94,11 @@ def _left_by_labels(kube: Kube, change: Applied) -> list[str]:
     return unplaced(_pods(kube, change.ref.name), before, after) if went else []
 
 
-def _taint(kube: Kube, ref: Ref, taints: Sequence[Mapping[str, Any]], dry_run: bool) -> list[Applied]:
-    """Each try is worked out from the node as it is then."""
-    for tries in range(1, RACES + 1):
+def _taint(kube: Kube, ref: Ref, taints: Sequence[Object], dry_run: bool) -> list[Applied]:
+    """Kubernetes puts on and takes off taints of its own meanwhile."""
+
+    def write() -> list[Applied]:
         patch = taints_patch(kube.get(ref) or {"metadata": {}}, taints)
-        if patch is None:
-            return []
-        try:
-            return [kube.merge(ref, patch, dry_run)]
-        except ApiError as error:
-            if error.status != 409 or tries == RACES:
-                raise
-    raise AssertionError("the last try returns or raises")
+        return [kube.merge(ref, patch, dry_run)] if patch else []
+
+    return anew(write)

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, NodeImages
@@ -35,20 +36,20 @@ class ActionModule(FleetAction):
         "rate_limit": {"type": "str", "default": ""},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         node = NodeImages(ActionHost(self, known), params["rate_limit"], self.say(known), params["logins"])
         return _outcome(node.bring(params["archives"], params["names"], self._task.check_mode, _kept(known)))
 
 
-def _kept(known: Mapping[str, Any]) -> list[str]:
+def _kept(known: Variables) -> list[str]:
     """What the apps of a robot run on its own host: a step may have brought it, and nobody asks for it here."""
     robots = (known.get(VARIABLE) or {}).get("robots") or {}
     return images(robot_from_vars(known), "local") if known["inventory_hostname"] in robots else []
 
 
-def _outcome(brought: Brought) -> dict[str, Any]:
+def _outcome(brought: Brought) -> Result:
     """The task's result; `failed` where an image is not there after all."""
-    found: dict[str, Any] = {
+    found: Result = {
         "changed": brought.changed,
         "imported": list(brought.imported),
         "pulled": list(brought.pulled),

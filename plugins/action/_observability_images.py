@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import images, spec_of
@@ -16,6 +14,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec i
 class ActionModule(FleetAction):
     _requires_connection = False
 
-    def work(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, _params: Arguments, known: Variables) -> Result:
         spec = spec_of(role_variables("observability", self._templar, known))
         return {"changed": False, "images": images(spec), "_ansible_verbose_always": True}

@@ -12,11 +12,13 @@ import secrets
 from collections.abc import Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
@@ -27,7 +29,7 @@ Files = Mapping[str, Any]
 
 
 class ActionModule(ClusterAction):
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         spec, files = self._given(known)
         check = self._task.check_mode
         with self.cluster(params, known) as kube:
@@ -41,14 +43,14 @@ class ActionModule(ClusterAction):
             done = kube.apply([namespace, *stack.stack_secrets(spec, admin), *rest], check)
             done += kube.delete([ref_of(one) for one in stack.leftovers(spec)], check)
             if not check:  # it made nothing that could be waited for
-                self._wait(kube, objects, Settings(spec["ready_timeout"], say=self.say(known)))
+                self._wait(kube, objects, WaitOptions(spec["ready_timeout"], say=self.say(known)))
         return written(done)
 
-    def foresee(self, _params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def foresee(self, _params: Arguments, known: Variables) -> Result:
         spec, files = self._given(known)
         return foreseen(stack.stack_objects(spec, files))
 
-    def _given(self, known: Mapping[str, Any]) -> tuple[Spec, Files]:
+    def _given(self, known: Variables) -> tuple[Spec, Files]:
         fleet, host = Fleet.from_vars(known), known["inventory_hostname"]
         robot = host if host in fleet.robots else ""
         variables = role_variables("observability", self._templar, known)
@@ -56,12 +58,12 @@ class ActionModule(ClusterAction):
         base = str(known.get("inventory_dir") or "")
         return spec, stack_files(spec["dashboards"], base, spec["grafana"]["default_dashboards"])
 
-    def _wait(self, kube: Kube, objects: list[dict[str, Any]], settings: Settings) -> None:
+    def _wait(self, kube: Kube, objects: list[Object], options: WaitOptions) -> None:
         off = nodes_off(kube.nodes())
         if off:
-            settings.say(
+            options.say(
                 f"{', '.join(off)}: off; what runs on every host starts there when they are back, without a wait"
             )
         # a DaemonSet cannot be rolled out while a host of the cluster is off: that is no fault of the stack
         kinds = ("Deployment", "PersistentVolumeClaim", *(() if off else ("DaemonSet",)))
-        wait_for_rollout(kube, parse_refs([one for one in objects if one["kind"] in kinds]), settings)
+        wait_for_rollout(kube, parse_refs([one for one in objects if one["kind"] in kinds]), options)

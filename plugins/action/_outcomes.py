@@ -8,11 +8,12 @@ The callback fleet_report knows it, and writes down before each play what it kno
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, ClassVar
+from collections.abc import Iterable, Iterator
+from typing import ClassVar
 
 from ansible import context
 from ansible.utils.display import Display
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
@@ -44,10 +45,10 @@ class ActionModule(ClusterAction):
         "keep": {"type": "bool", "default": True},
     }
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Result:
         return dict(self.ARGUMENTS)
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         fleet = Fleet.from_vars(known)
         hosts = [host for host in known["ansible_play_hosts_all"] if host in fleet.hosts]
         if params["begin"]:
@@ -62,9 +63,9 @@ class ActionModule(ClusterAction):
         stats = {"data": {"fleet_outcomes": data}, "per_host": False, "aggregate": False}
         return {"changed": False, "ansible_stats": stats, "_ansible_verbose_override": True}
 
-    def _keep(self, rows: Iterable[Mapping[str, Any]], fleet: Fleet, known: dict[str, Any]) -> None:
+    def _keep(self, rows: Iterable[Result], fleet: Fleet, known: Variables) -> None:
         """In each cluster what became of its hosts. One that cannot be told keeps nobody from the others."""
-        clusters: dict[str, list[Mapping[str, Any]]] = {}
+        clusters: dict[str, list[Result]] = {}
         for row in rows:
             clusters.setdefault(fleet.hosts[row["host"]].cluster, []).append(row)
         hostvars = HostVariables(known["hostvars"])
@@ -80,7 +81,7 @@ class ActionModule(ClusterAction):
                 display.warning(f"cluster {cluster}: what became of its hosts is not kept there: {error}")
 
 
-def _rows(known: Mapping[str, Any], hosts: Iterable[str]) -> Iterator[dict[str, Any]]:
+def _rows(known: Variables, hosts: Iterable[str]) -> Iterator[Result]:
     """Who has left the run has failed or is away; the callback knows which, and what the others' tasks changed."""
     noted, here = noted_run(), set(known["ansible_play_hosts"])
     run = {"playbook": noted.get("playbook", ""), "started": noted.get("started", "")}
@@ -91,7 +92,7 @@ def _rows(known: Mapping[str, Any], hosts: Iterable[str]) -> Iterator[dict[str, 
         yield {**UNKNOWN[side], "steps": [], "changed": 0, **run, **note.get("host", {}), **found, "host": host}
 
 
-def _told(variables: Mapping[str, Any]) -> dict[str, Any]:
+def _told(variables: Variables) -> Result:
     """What a task of this run has said of the host; facts may be those of an earlier run, out of a cache."""
     updated = declared_in((variables.get("update_result") or {}).get("outcome"))
     return updated or declared_in(variables.get("fleet_k3s_outcome"))

@@ -9,9 +9,9 @@ Where the host's Python is too old for modules, that is said: no module can, and
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.pythons import too_old
@@ -28,7 +28,7 @@ class ActionModule(FleetAction):
 
     ARGUMENTS: ClassVar = PART
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         name = known["inventory_hostname"]
         arguments = look(params["role"], server_addresses(params["servers"], name, known["hostvars"]))
         sent = time.time()

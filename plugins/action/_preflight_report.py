@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import judge
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding import ERROR
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import judge, report
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
     PART,
     requirements,
@@ -30,7 +31,7 @@ class ActionModule(FleetAction):
         "interface": {"type": "str", "default": ""},
     }
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         name, host, hostvars = params["registered"], known["inventory_hostname"], known["hostvars"]
         if "facts" not in hostvars[host][name]:
             return {"changed": False, "skipped": True, "msg": "it could not be reached"}
@@ -39,10 +40,10 @@ class ActionModule(FleetAction):
         # every host of the play that answered: names and MTUs are compared across them
         looks = {other: hostvars[other][name] for other in known["ansible_play_hosts"]}
         fleet = {other: look["facts"] for other, look in looks.items() if "facts" in look}
-        report = judge(fleet, host, wanted)
+        found = judge(fleet, host, wanted)
         return {
             "changed": False,
-            "failed": report["errors"] > 0,
-            "msg": report["text"].splitlines(),
+            "failed": any(one.severity == ERROR for one in found),
+            "msg": report(host, found).splitlines(),
             "_ansible_verbose_always": True,
         }

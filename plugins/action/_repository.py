@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import (
@@ -31,7 +31,7 @@ class ActionModule(FleetAction):
         "example": {"type": "str", "choices": list(EXAMPLE_FLEETS), "default": EXAMPLE_FLEETS[0]},
     }
 
-    def work(self, params: Mapping[str, Any], _known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, _known: Variables) -> Result:
         if not params["dest"]:
             raise FleetError("It is not said where the repository shall be. Give a directory: -e dest=my-fleet")
         top = Path(params["dest"]).expanduser().absolute()

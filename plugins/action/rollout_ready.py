@@ -8,18 +8,31 @@ A module's output reaches the screen only when it has ended; a plugin's does at 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import ROLLOUT_ARGS, run, settings_from
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, look_once, wait_for_rollout
 
 
 class ActionModule(ClusterAction):
-    ARGUMENTS: ClassVar = ROLLOUT_ARGS
+    ARGUMENTS: ClassVar = {
+        "objects": {"type": "list", "elements": "dict", "required": True, "aliases": ["definitions"]},
+        "timeout": {"type": "float", "default": 300},
+        "unschedulable_grace": {"type": "float", "default": 10},
+        "fail_on_restart": {"type": "bool", "default": False},
+    }
     of_users = True
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
+        refs = parse_refs(params["objects"])
+        options = WaitOptions(
+            timeout=params["timeout"],
+            grace=params["unschedulable_grace"],
+            fail_on_restart=params["fail_on_restart"],
+            say=self.say(known),
+        )
         with self.cluster(params, known, patience=0) as kube:  # the wait has a patience of its own
-            settings = settings_from(params, self.say(known))
-            return {"changed": False, **run(params, kube, settings, self._task.check_mode)}
+            found = look_once(kube, refs) if self._task.check_mode else wait_for_rollout(kube, refs, options)
+        return {"changed": False, **found}

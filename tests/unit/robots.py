@@ -37,7 +37,8 @@ def robot(
 def fleet(groups: Mapping[str, Sequence[str]], hostvars: Mapping[str, Mapping[str, Any]]) -> Fleet:
     """The fleet of an inventory's groups and variables."""
     robots = {name: Robot.from_variables(hostvars[name], name) for name in groups["robots"]}
-    return Fleet(robots, fleet_topology(groups, hostvars), tuple(groups["edge"]))
+    modes = {name: one.mode for name, one in robots.items()}
+    return Fleet(robots, fleet_topology(groups, modes), tuple(groups["edge"]))
 
 
 def fleet_of(*robots: Robot) -> dict[str, Any]:

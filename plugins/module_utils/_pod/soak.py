@@ -13,7 +13,7 @@ that is gone, a master that is silent.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Sequence
+from typing import Any, Sequence
 
 from .._ros import contract as ros_contract
 from .._ros.backend import Backend
@@ -21,7 +21,7 @@ from .._ros.checks import Check
 from .._ros.conditions import conditions_from
 from .._ros.gate import Look, look
 from .._ros.silence import Silence
-from .._step.objects import crashes, ends_of, error_of, was_out_of_memory
+from .._step.objects import Object, crashes, ends_of, error_of, was_out_of_memory
 from .._step.words import MASTER
 from .way_back import Step
 
@@ -109,7 +109,7 @@ def ended(step: Step) -> str:
     return ""
 
 
-def _fault(pod: Mapping[str, Any]) -> str:
+def _fault(pod: Object) -> str:
     return error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "")
 
 

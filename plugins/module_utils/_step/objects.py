@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterable, Iterator, Mapping
+from typing import Any, Dict, Iterable, Iterator, Mapping
 
 from .._ros.graph import host_of
 from .words import APP, HANDOFF, HASH, NODE, REVISION
@@ -13,7 +13,7 @@ from .words import APP, HANDOFF, HASH, NODE, REVISION
 STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
 LOST = "Unknown"  # the kubelet's reason for a container that is not there any more: its host was rebooted
 
-Object = Mapping[str, Any]
+Object = Dict[str, Any]  # of Kubernetes, or a part of one
 
 
 def name_of(item: Object) -> str:

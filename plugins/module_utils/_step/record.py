@@ -60,7 +60,7 @@ class Record:
     """
 
     contract: Contract = NOTHING
-    history: Sequence[Mapping[str, Any]] = ()
+    history: Sequence[dict[str, Any]] = ()
     run: str = ""
     apps: tuple[str, ...] = ()
     proven: bool = False
@@ -131,7 +131,7 @@ def record_of(item: Object | None) -> Record:
         return Record(history=history)
 
 
-def _entries(history: Any) -> tuple[Mapping[str, Any], ...]:
+def _entries(history: Any) -> tuple[dict[str, Any], ...]:
     there = history if isinstance(history, list) else []
     return tuple(one for one in there if isinstance(one, dict) and isinstance(one.get("deployment"), dict))
 

@@ -26,7 +26,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import (
     given_options,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError, Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import (
     REF,
     Identity,
@@ -78,7 +79,9 @@ class ClusterAction(FleetAction):
         return {"changed": False, "skipped": True, "msg": "there is no cluster yet"}
 
     @contextlib.contextmanager
-    def cluster(self, params: Mapping[str, Any], known: dict[str, Any], patience: float = PATIENCE) -> Iterator[Kube]:
+    def cluster(
+        self, params: Mapping[str, Any], known: Mapping[str, Any], patience: float = PATIENCE
+    ) -> Iterator[Kube]:
         """The host's cluster, once it is known to be the inventory's; WrongClusterError where it is another one.
 
         SpecError without a validated fleet: there is nothing to compare with then.
@@ -89,7 +92,7 @@ class ClusterAction(FleetAction):
             yield kube.within(patience)
 
     def opened(
-        self, home: Home, path: str, known: dict[str, Any], params: Mapping[str, Any], patience: float = PATIENCE
+        self, home: Home, path: str, known: Mapping[str, Any], params: Mapping[str, Any], patience: float = PATIENCE
     ) -> Kube:
         """An open connection to a cluster of the fleet; `path` is the k3s_kubeconfig_path of its hosts."""
         way = self.way(home, path, known, params)
@@ -166,7 +169,7 @@ def written(done: Sequence[Applied]) -> dict[str, Any]:
     }
 
 
-def foreseen(objects: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def foreseen(objects: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The same where there is no cluster yet: all of it would be new. The diff names it."""
     names = [str(ref_of(obj)) for obj in objects]
     return {

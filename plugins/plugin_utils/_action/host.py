@@ -24,7 +24,7 @@ class ActionHost:
     reached raises AnsibleConnectionFailure.
     """
 
-    def __init__(self, plugin: Any, task_vars: dict[str, Any] | None, check_mode: bool = False) -> None:
+    def __init__(self, plugin: Any, task_vars: Mapping[str, Any] | None, check_mode: bool = False) -> None:
         self.plugin = plugin
         self.task_vars = task_vars or {}
         self.check_mode = check_mode

@@ -20,7 +20,6 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import architecture_of
@@ -138,7 +137,7 @@ class Archive:
         return found
 
     def _manifest(self, digest: str, architecture: str) -> str:
-        document: dict[str, Any] = json.loads(self.read(_blob(digest)))
+        document = json.loads(self.read(_blob(digest)))
         if "config" in document:
             return _blob(digest)
         offered = {entry["platform"]["architecture"]: entry["digest"] for entry in document["manifests"]}

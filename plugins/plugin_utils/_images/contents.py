@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
     is_plain,
@@ -34,11 +34,10 @@ class Archives:
     def __init__(self) -> None:
         self._read = functools.cache(_read)
 
-    def ids(self, paths: Iterable[str], ref: str) -> frozenset[str]:
+    def ids(self, paths: Sequence[str], ref: str) -> frozenset[str]:
         """The IDs that the image of this name has in the last of these archives that holds it, one per architecture."""
         name = normal_ref(ref)
-        holding = [path for path in paths if name in (self._read(path) or ())]
-        return _ids(holding[-1], name) if holding else frozenset()
+        return next((held[name] for path in reversed(paths) if name in (held := self._read(path) or {})), frozenset())
 
     def unusable(self, path: str) -> str:
         """Why no node can take the archive, as far as that is seen."""
@@ -47,7 +46,7 @@ class Archives:
         except _UNSEEN:
             return ""
 
-    def instead(self, archives: Sequence[Mapping[str, Any]], ref: str) -> list[str]:
+    def instead(self, archives: Sequence[Variables], ref: str) -> list[str]:
         """The images that archives (`{path, images}`) hold where none of them has this one.
 
         Nothing where one has it, or cannot be looked into.
@@ -61,23 +60,19 @@ class Archives:
         return [] if normal_ref(ref) in held else sorted(held)
 
 
-def _ids(path: str, name: str) -> frozenset[str]:
-    found = set[str]()
-    with opened(local_path(path)) as archive:
-        for machine in MACHINES.values():
-            with contextlib.suppress(SpecError):  # an image for several of them need not be for all
-                found |= {image.id for image in archive.images(machine.architecture) if image.ref == name}
-    return frozenset(found)
-
-
-def _read(path: str) -> frozenset[str] | None:
-    """The full names of its images; None where they are not seen."""
+def _read(path: str) -> dict[str, frozenset[str]] | None:
+    """The full names of its images, with their IDs, one per architecture; None where they are not seen."""
     try:
         place = local_path(path)
         with Path(place).open("rb") as file:
             if not is_plain(file) and Path(place).stat().st_size > LARGEST_COMPRESSED:
                 return None
         with opened(place) as archive:
-            return frozenset(image.ref for image in archive.images())
+            found = {image.ref: {image.id} for image in archive.images()}
+            for machine in MACHINES.values():
+                with contextlib.suppress(SpecError):  # an image for several of them need not be for all
+                    for image in archive.images(machine.architecture):
+                        found[image.ref].add(image.id)
+        return {ref: frozenset(ids) for ref, ids in found.items()}
     except (SpecError, *_UNSEEN):
         return None

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
 
 HUB = ("docker.io", "index.docker.io", "registry-1.docker.io")
 
 
-def auths(image: str, logins: Iterable[Mapping[str, Any]]) -> list[str]:
+def auths(image: str, logins: Iterable[Variables]) -> list[str]:
     """`user:password` in base64, for each of the logins (`{registry, username, password}`) to the image's registry.
 
     Items without `registry` name Secrets that somebody else keeps: only the cluster knows what is in them.

@@ -9,8 +9,8 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
@@ -60,12 +60,11 @@ def node_images(listing: str) -> dict[str, str]:
     }
 
 
-def _json(printed: str) -> Mapping[str, Any]:
+def _json(printed: str) -> Result:
     try:
-        found: Mapping[str, Any] = json.loads(printed.strip() or "{}")
+        return dict(json.loads(printed.strip() or "{}"))
     except ValueError as error:
         raise SpecError(f"crictl's list is no JSON: {error}") from error
-    return found
 
 
 def _digest(image: str) -> str:

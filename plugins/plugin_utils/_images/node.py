@@ -15,13 +15,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.logins import auths
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import LOOK, Present, present
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.pins import LABEL, pins
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import Plan, images_plan, images_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import ImagePlan, images_plan, images_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.thin import thin_archive
 
 # On the disk that holds the images anyway.
@@ -31,17 +32,15 @@ NOT_FOUND = 127  # the shell's exit status for a command that is not there
 # crictl takes them from its environment, too
 PULL_AS = 'IFS= read -r CRICTL_AUTH && export CRICTL_AUTH && exec "$0" crictl pull "$1"'
 
-Result = Mapping[str, Any]
-
 
 class ImagesError(FleetError):
     """A step of bringing images to a node failed."""
 
 
-class Host(Protocol):
+class NodeHost(Protocol):
     """Where the node is. Both calls return what Ansible's modules do: `failed`, `msg`, `rc`, `stdout`, ..."""
 
-    def module(self, name: str, args: Mapping[str, Any], secret: bool = False) -> Result:
+    def module(self, name: str, args: Arguments, secret: bool = False) -> Result:
         """Run a module on the host, whatever the check mode; nobody logs the arguments of a `secret` one."""
 
     def copy(self, src: str, dest: str, rate_limit: str) -> Result:
@@ -75,10 +74,10 @@ class NodeImages:
 
     def __init__(
         self,
-        host: Host,
+        host: NodeHost,
         rate_limit: str = "",
         say: Callable[[str], None] = lambda _text: None,
-        logins: Sequence[Mapping[str, Any]] = (),
+        logins: Sequence[Variables] = (),
     ) -> None:
         """`logins` are credentials for registries, `{registry, username, password}`."""
         self.host = host
@@ -95,7 +94,7 @@ class NodeImages:
 
     def bring(
         self,
-        archives: Iterable[Mapping[str, Any]],
+        archives: Iterable[Arguments],
         names: Iterable[str],
         check: bool = False,
         keep: Iterable[str] = (),
@@ -125,9 +124,11 @@ class NodeImages:
         if changes and not check:
             pairs = [word for ref, why in changes.items() for word in (why, ref)]
             self._run("ansible.builtin.command", {"argv": ["/bin/sh", "-c", LABEL, BINARY, *pairs]})
-        return _brought(plan, there, after, changes)
+        before, now = ({ref: one.images[ref] for ref in plan.wanted if ref in one.images} for one in (there, after))
+        problems = tuple(images_problems(plan.wanted, after.images))
+        return Brought(plan.bring, plan.pull, problems, before, now, after.images, changes)
 
-    def _change(self, plan: Plan, there: Present) -> Present:
+    def _change(self, plan: ImagePlan, there: Present) -> Present:
         """What the node has afterwards. Layers that it had may have gone meanwhile: then all of the archive travels."""
         needed = {path: self._import(path, plan.lacks[path], there) for path in plan.bring}
         self._pull(plan)
@@ -164,7 +165,7 @@ class NodeImages:
         finally:  # whole, and of no more use: what cannot be imported now is copied anew by the next run
             self._run("ansible.builtin.file", {"path": place, "state": "absent"})
 
-    def _pull(self, plan: Plan) -> None:
+    def _pull(self, plan: ImagePlan) -> None:
         for name in plan.pull:
             self.say(f"pulling {name}")
             if found := auths(name, self.logins):
@@ -189,7 +190,7 @@ class NodeImages:
         """The same for every run, so that a transfer is resumed; archives of one name lie side by side."""
         return f"{DIRECTORY}/{zlib.crc32(path.encode()):08x}-{Path(path).name}"
 
-    def _run(self, name: str, args: Mapping[str, Any]) -> None:
+    def _run(self, name: str, args: Arguments) -> None:
         what = " ".join(args["argv"]) if "argv" in args else str(args["path"])
         _require(self.host.module(name, args), what)
 
@@ -197,18 +198,6 @@ class NodeImages:
 def local_path(path: Any) -> str:
     """A path on the control node, absolute."""
     return str(Path(str(path)).expanduser().absolute())
-
-
-def _brought(plan: Plan, before: Present, after: Present, changes: Mapping[str, str]) -> Brought:
-    return Brought(
-        plan.bring,
-        plan.pull,
-        tuple(images_problems(plan.wanted, after.images)),
-        {ref: before.images[ref] for ref in plan.wanted if ref in before.images},
-        {ref: after.images[ref] for ref in plan.wanted if ref in after.images},
-        after.images,
-        changes,
-    )
 
 
 def _require(result: Result, what: str, more: str = "") -> None:

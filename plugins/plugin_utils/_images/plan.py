@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, archive_images, normal_ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import Present
@@ -16,7 +16,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines impor
 
 
 @dataclass(frozen=True)
-class Plan:
+class ImagePlan:
     """Archives to bring, names to pull, and what must be there in the end, name to ID.
 
     A pulled image's ID is not known beforehand and is empty. `lacks` are the images for which an archive is brought.
@@ -33,7 +33,7 @@ class Plan:
         return sorted(ref for ref, digest in self.wanted.items() if digest)
 
 
-def images_plan(archives: Iterable[Mapping[str, Any]], names: Iterable[str], present: Present) -> Plan:
+def images_plan(archives: Iterable[Arguments], names: Iterable[str], present: Present) -> ImagePlan:
     """What a node lacks: a whole archive if one of its images is missing, and names that no archive holds.
 
     An archive is `{path, images}`, where `images` names those that count; none means all.
@@ -52,10 +52,10 @@ def images_plan(archives: Iterable[Mapping[str, Any]], names: Iterable[str], pre
             lacks[path] = missing
     refs = list(dict.fromkeys(normal_ref(name) for name in names))
     pull = [ref for ref in refs if ref not in present.images and ref not in wanted]
-    return Plan(tuple(lacks), tuple(pull), {**dict.fromkeys(refs, ""), **wanted}, lacks)
+    return ImagePlan(tuple(lacks), tuple(pull), {**dict.fromkeys(refs, ""), **wanted}, lacks)
 
 
-def _chosen(archive: Mapping[str, Any], images: list[Image]) -> list[Image]:
+def _chosen(archive: Arguments, images: list[Image]) -> list[Image]:
     """All of the archive's images, or those that are named."""
     names = [normal_ref(ref) for ref in archive.get("images") or []]
     missing = sorted(set(names) - {image.ref for image in images})

@@ -13,10 +13,9 @@ import hashlib
 import io
 import json
 import tarfile
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
     CONTAINERD_NAME,
@@ -27,6 +26,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive impor
 
 TYPE = "application/vnd.oci.image"
 BLOBS = "blobs/sha256/"
+Descriptor = dict[str, object]  # of OCI: what names a blob
 
 
 @dataclass
@@ -35,9 +35,9 @@ class _Parts:
 
     made: dict[str, bytes] = field(default_factory=dict)
     members: dict[str, tarfile.TarInfo] = field(default_factory=dict)
-    index: list[Mapping[str, Any]] = field(default_factory=list)
+    index: list[Descriptor] = field(default_factory=list)
 
-    def put(self, content: bytes) -> dict[str, Any]:
+    def put(self, content: bytes) -> Descriptor:
         """Its descriptor."""
         digest = f"sha256:{hashlib.sha256(content).hexdigest()}"
         self.made[digest] = content

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Source
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, Wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")
@@ -21,7 +21,7 @@ WRITE = ("absent", "restore")
 ARCHIVE = re.compile(r"k3s-airgap-images-.*-[0-9a-f]{12}[.]tar")
 
 
-def file_changes(wanted: Sequence[File], found: Mapping[str, Any]) -> dict[str, list[str]]:
+def file_changes(wanted: Sequence[HostFile], found: Result) -> dict[str, list[str]]:
     """Paths of the files to `write` and to `remove` (no content).
 
     `found` is what k3s_info saw. Comparing digests here spares a host on which nothing changed a task per file.
@@ -36,7 +36,7 @@ def file_changes(wanted: Sequence[File], found: Mapping[str, Any]) -> dict[str, 
     return changes
 
 
-def missing_tokens(now: Mapping[str, Any], names: Sequence[str], init: bool) -> list[str]:
+def missing_tokens(now: Result, names: Sequence[str], init: bool) -> list[str]:
     """Tokens to write. A host that has not joined takes all anew: those it has may be an earlier cluster's."""
     if not init and not now["data"]:
         return list(names)
@@ -44,9 +44,7 @@ def missing_tokens(now: Mapping[str, Any], names: Sequence[str], init: bool) -> 
     return [name for name in names if verdicts[name] in WRITE]
 
 
-def plan(
-    now: Mapping[str, Any], wanted: Wanted, source: Source, version: str, kubeconfig_right: bool
-) -> dict[str, Any]:
+def plan(now: Result, wanted: Wanted, source: Artifacts, version: str, kubeconfig_right: bool) -> Result:
     """Everything that is to be done, and whether there is anything (`any`), but a wait (`undone`). No secret is in it.
 
     `version` is the binary's where its checksum is not known beforehand; `kubeconfig_right` is whether the one on the
@@ -66,7 +64,7 @@ def plan(
         "unsure": bool(up and now["data"] and not now["ready"] and (changed or unproven)),
         "down": bool(now["data"] and not up),
     }
-    work: dict[str, Any] = {
+    work: Result = {
         "binary": binary,
         "archive": bool(source.archive_name) and now["images"].get(source.archive_name) != source.archive_size,
         "tokens": tokens,
@@ -84,6 +82,6 @@ def plan(
     return {**work, **told, "state": "restarted" if up and changed else "started"}
 
 
-def old_archives(now: Mapping[str, Any], source: Source) -> list[str]:
+def old_archives(now: Result, source: Artifacts) -> list[str]:
     """Archives of images of earlier versions."""
     return sorted(name for name in now["images"] if ARCHIVE.match(name) and name != source.archive_name)

@@ -5,15 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import refusal
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
 
-def refusals(now: Mapping[str, Any], variables: Mapping[str, Any], host: str) -> Iterator[str]:
+def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:
     """Sentences; `now` is what k3s_info found."""
     role, servers, tokens = variables["k3s_role"], variables["k3s_server_hosts"], now["tokens"]
     cluster = f"the cluster {variables['k3s_cluster']} runs with"
@@ -48,7 +48,7 @@ def refusals(now: Mapping[str, Any], variables: Mapping[str, Any], host: str) ->
         yield f"There is no k3s for the architecture {now['machine']}."
 
 
-def unheard_refusal(seen: Mapping[str, Any], plan: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
+def unheard_refusal(seen: Result, plan: Result, variables: Variables) -> str:
     """Why a k3s that was waited for is left as it is, or nothing.
 
     `seen` is what k3s_ready found. A unit that keeps ending is down, and what nobody has proven is to be taken back.

@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 from urllib.parse import quote
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
 
@@ -20,7 +20,7 @@ ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")
 
 
 @dataclass(frozen=True)
-class Source:
+class Artifacts:
     """Binary and archive for one machine. What does not apply is empty.
 
     `sha256` is the binary's, empty where only the release's own list of sums (`sums`, a URL) has it. `archive_name` is
@@ -37,39 +37,48 @@ class Source:
     archive_size: int = 0
 
 
-def source(variables: Mapping[str, Any], machine: str) -> Source:
+def source(variables: Variables, machine: str) -> Artifacts:
     """The source that the role's variables choose; SpecError if the airgap directory lacks something."""
     if variables["k3s_install_source"] == "airgap":
         return _airgap(variables["k3s_airgap_dir"], machine)
     known = MACHINES[machine]
     release = f"{variables['k3s_release_url']}/{quote(variables['k3s_version'])}"
-    return Source(
+    return Artifacts(
         sha256=variables["k3s_release_checksums"].get(machine) or "",
         url=f"{release}/k3s{known.suffix}",
         sums=f"{release}/sha256sum-{known.architecture}.txt",
     )
 
 
-def _airgap(directory: str, machine: str) -> Source:
-    found = airgap(directory, machine)
-    binary, images = found["binary"], found["images"]
-    if not images["name"]:
-        return Source(sha256=binary["sha256"], path=binary["path"])
-    return Source(
-        sha256=binary["sha256"],
-        path=binary["path"],
-        archive_name=images["name"].replace(".tar", f"-{images['sha256'][:12]}.tar"),
-        archive_path=images["path"],
-        archive_sha256=images["sha256"],
-        archive_size=images["size"],
+def _airgap(directory: str, machine: str) -> Artifacts:
+    base = Path(directory).expanduser()
+    try:
+        binary, images = airgap_files((base / "SHA256SUMS").read_text(encoding="utf-8"), machine)
+        (base / binary.name).stat()
+        size = (base / images.name).stat().st_size if images else 0
+    except OSError as error:
+        raise SpecError(f"k3s_airgap_dir {base}: {error.filename} cannot be read: {error.strerror}") from error
+    found = Artifacts(sha256=binary.sha256, path=str(base / binary.name))
+    if images is None:
+        return found
+    return replace(
+        found,
+        archive_name=images.name.replace(".tar", f"-{images.sha256[:12]}.tar"),
+        archive_path=str(base / images.name),
+        archive_sha256=images.sha256,
+        archive_size=size,
     )
 
 
-def airgap_artifacts(manifest: str, machine: str) -> dict[str, Any]:
-    """Binary and image archive for a machine out of the text of SHA256SUMS: `{binary: {name, sha256}, images: ..}`.
+class Summed(NamedTuple):
+    """A file of SHA256SUMS."""
 
-    The images are optional; of several packings the smallest is taken.
-    """
+    name: str
+    sha256: str
+
+
+def airgap_files(manifest: str, machine: str) -> tuple[Summed, Summed | None]:
+    """Binary and archive of images for a machine out of the text of SHA256SUMS; of several packings the smallest."""
     sums: dict[str, str] = {}
     for number, line in enumerate(manifest.splitlines(), start=1):
         found = SUM_LINE.match(line.strip())
@@ -84,21 +93,5 @@ def airgap_artifacts(manifest: str, machine: str) -> dict[str, Any]:
     if binary not in sums:
         raise SpecError(f"SHA256SUMS has no line for {binary}, which hosts of {machine} need")
     archives = [f"k3s-airgap-images-{known.architecture}{ending}" for ending in ARCHIVE_ENDINGS]
-    images = next((name for name in archives if name in sums), "")
-    return {
-        "binary": {"name": binary, "sha256": sums[binary]},
-        "images": {"name": images, "sha256": sums.get(images, "")},
-    }
-
-
-def airgap(directory: str, machine: str) -> dict[str, Any]:
-    """`airgap_artifacts` of a directory on the control node, each with its path and size."""
-    base = Path(directory).expanduser()
-    try:
-        found = airgap_artifacts((base / "SHA256SUMS").read_text(encoding="utf-8"), machine)
-        for artifact in (artifact for artifact in found.values() if artifact["name"]):
-            artifact["path"] = str(base / artifact["name"])
-            artifact["size"] = (base / artifact["name"]).stat().st_size
-    except OSError as error:
-        raise SpecError(f"k3s_airgap_dir {base}: {error.filename} cannot be read: {error.strerror}") from error
-    return found
+    images = next((Summed(name, sums[name]) for name in archives if name in sums), None)
+    return Summed(binary, sums[binary]), images

@@ -8,10 +8,10 @@ from __future__ import annotations
 import base64
 import secrets
 import string
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import PurePosixPath
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import token_verdict
 
@@ -20,9 +20,7 @@ ALPHABET = string.ascii_lowercase + string.digits
 LENGTH = 48
 
 
-def tokens_to_keep(
-    names: Iterable[str], read: Sequence[Mapping[str, Any]], variables: Mapping[str, Any]
-) -> dict[str, str]:
+def tokens_to_keep(names: Iterable[str], read: Sequence[Result], variables: Variables) -> dict[str, str]:
     """Name of a token's file to its text: what the first server hands out, else the inventory's, else a new one.
 
     `read` is what slurp returned for each file of the servers that could be asked, in their order; empty on the first

@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY, STARTED_WITH
 
 HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
@@ -42,7 +42,7 @@ WantedBy=multi-user.target
 """
 
 
-def unit_text(role: str, service: str, started_with: Sequence[str], variables: Mapping[str, Any]) -> str:
+def unit_text(role: str, service: str, started_with: Sequence[str], variables: Variables) -> str:
     """The unit; `started_with` are the files whose state it records when it starts."""
     weight = WEIGHTS[role] if variables["k3s_cpu_weight"] == "auto" else variables["k3s_cpu_weight"]
     limits = {
@@ -64,7 +64,7 @@ def unit_text(role: str, service: str, started_with: Sequence[str], variables: M
     )
 
 
-def environment_text(environment: Mapping[str, Any]) -> str:
+def environment_text(environment: Variables) -> str:
     """The unit's environment; empty if there is none. systemd reads a value as C does, which JSON's quotes are."""
     lines = (f"{name}={json.dumps(str(environment[name]))}\n" for name in sorted(environment, key=str.lower))
     return HEADER + "".join(lines) if environment else ""

@@ -9,9 +9,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import yaml
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.unit import HEADER, environment_text, unit_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
@@ -24,7 +24,7 @@ SECRET_VALUE = re.compile(r"(?i)(key|token|password|secret)=|://[^/\s]*:[^/\s]*@
 
 
 @dataclass(frozen=True)
-class File:
+class HostFile:
     """A file of the host; one without content is not to be there."""
 
     path: str
@@ -41,13 +41,13 @@ class Wanted:
     service: str
     init: bool  # it starts the cluster; the others join it
     url: str  # where members join, and what goes into the kubeconfig
-    files: tuple[File, ...]
+    files: tuple[HostFile, ...]
     tokens: tuple[str, ...]  # names of the token files that it has, below /etc/rancher/k3s
     started_with: tuple[str, ...]  # if one of them is another one now, k3s must start again
     kubeconfig: str  # its path on the control node; empty where this host gives none
 
 
-def join_url(variables: Mapping[str, Any], hostvars: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+def join_url(variables: Variables, hostvars: Mapping[str, Variables], now: Result) -> str:
     """Where a member joins; `now` is what k3s_info found.
 
     One that has joined keeps its server as long as that is one of the cluster's: it knows them all by now, and another
@@ -59,13 +59,13 @@ def join_url(variables: Mapping[str, Any], hostvars: Mapping[str, Any], now: Map
     return next((url for url in urls if url.removeprefix("https://") in now["answering"]), urls[0])
 
 
-def server_url(variables: Mapping[str, Any], server: str, hostvars: Mapping[str, Any]) -> str:
+def server_url(variables: Variables, server: str, hostvars: Mapping[str, Variables]) -> str:
     """A server's API, or what stands in front of all servers; SpecError where it is no host of the inventory."""
     return f"https://{variables['k3s_api_endpoint'] or address(server, hostvars)}:{API_PORT}"
 
 
 def wanted(
-    variables: Mapping[str, Any], host: str, hostvars: Mapping[str, Any], joins: str = "", etcd: bool = False
+    variables: Variables, host: str, hostvars: Mapping[str, Variables], joins: str = "", etcd: bool = False
 ) -> Wanted:
     """`joins` is the server that a member joins, by default the first one; `etcd`: the host has such a datastore.
 
@@ -76,7 +76,7 @@ def wanted(
     url = joins or server_url(variables, servers[0], hostvars)
     # A server that stays alone has SQLite: etcd syncs each write, which wears SD cards out. k3s takes what is in SQLite
     # over into etcd once it starts with cluster-init, and there is no way back.
-    joining: dict[str, Any] = {"server": url}
+    joining: dict[str, object] = {"server": url}
     if init:
         joining = {"cluster-init": True} if etcd or len(servers) > 1 else {}
     config = _config(variables, joining, variables["k3s_node_ip"].split(",")[0] or address(host, hostvars))
@@ -98,10 +98,10 @@ def wanted(
         init=init,
         url=url,
         files=(
-            File(config_file, _yaml(config), "0600", secret),
-            File(unit, unit_text(role, service, started_with, variables), "0644", False),
-            File(registries, _yaml(variables["k3s_registries"]), "0600", True),
-            File(environment, environment_text(variables["k3s_environment"]), "0600", True),
+            HostFile(config_file, _yaml(config), "0600", secret),
+            HostFile(unit, unit_text(role, service, started_with, variables), "0644", False),
+            HostFile(registries, _yaml(variables["k3s_registries"]), "0600", True),
+            HostFile(environment, environment_text(variables["k3s_environment"]), "0600", True),
         ),
         tokens=tokens,
         started_with=started_with,
@@ -109,9 +109,9 @@ def wanted(
     )
 
 
-def _config(variables: Mapping[str, Any], joining: Mapping[str, Any], own_address: str) -> dict[str, Any]:
+def _config(variables: Variables, joining: Mapping[str, object], own_address: str) -> dict[str, object]:
     """What differs between a cluster's first server, its other servers and its agents is seen at once."""
-    config: dict[str, Any] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
+    config: dict[str, object] = {"node-name": variables["k3s_node_name"], "node-ip": variables["k3s_node_ip"] or None}
     if variables["k3s_role"] == "server":
         # without the brackets that it has in a URL: the certificate is to be for an address, not for a name
         names = [
@@ -130,5 +130,5 @@ def _config(variables: Mapping[str, Any], joining: Mapping[str, Any], own_addres
     return {key: value for key, value in {**config, **joining, **variables["k3s_config"]}.items() if value is not None}
 
 
-def _yaml(value: Mapping[str, Any]) -> str:
+def _yaml(value: Mapping[str, object]) -> str:
     return HEADER + yaml.safe_dump(value, allow_unicode=True, default_flow_style=False) if value else ""

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ansible_collections.kubernetes.core.plugins.module_utils.args_common import AUTH_ARG_SPEC
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import kubernetes_core
 
@@ -51,7 +52,7 @@ class Access:
     source: str
 
 
-def access_from(params: Mapping[str, Any], environment: bool = True) -> Access:
+def access_from(params: Arguments, environment: bool = True) -> Access:
     """The access that a task's options describe, and for those not given, if it counts, the process' environment.
 
     Raises NoClusterError where the kubeconfig is not there, KubeError when the library is missing or no credentials
@@ -87,7 +88,7 @@ def access_from(params: Mapping[str, Any], environment: bool = True) -> Access:
     return Access(configuration, RESTClientObject(configuration).pool_manager, tuple(headers), _source(auth))
 
 
-def given_options(params: Mapping[str, Any]) -> dict[str, Any]:
+def given_options(params: Arguments) -> Result:
     """The access's options that are given. An empty one is not: "{{ path | default('') }}" must hide nothing."""
     return {key: params[key] for key in AUTH_ARG_SPEC if params.get(key) not in (None, "", {}, [])}
 
@@ -111,7 +112,7 @@ def _look_for(kubeconfig: Any) -> None:
     )
 
 
-def _source(auth: Mapping[str, Any]) -> str:
+def _source(auth: Arguments) -> str:
     own = auth.get("api_key") or auth.get("password") or (auth.get("cert_file") and auth.get("key_file"))
     if auth.get("host") and own:
         return "the given host and credentials"

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import secrets_in, without
 
 # What the API server keeps for itself, and what the cluster answers, are no part of what was asked for.
@@ -32,14 +32,14 @@ class Applied:
     changed: bool
 
 
-def applied(ref: Ref, before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> Applied:
+def applied(ref: Ref, before: Object | None, after: Object | None) -> Applied:
     """Compare what the API server said before a write and after it."""
     old, new = content(before), content(after)
     shown_old, shown_new = _without_secrets(old, new)
     return Applied(ref, shown_old, shown_new, old != new)
 
 
-def content(obj: Mapping[str, Any] | None) -> Object | None:
+def content(obj: Object | None) -> Object | None:
     """The object without bookkeeping and status."""
     if obj is None:
         return None
@@ -69,7 +69,7 @@ def _hidden(secret: Object | None, other: Object | None, differs: str) -> Object
     return shown
 
 
-def diff_of(written: Sequence[Applied]) -> list[dict[str, Any]]:
+def diff_of(written: Sequence[Applied]) -> list[Result]:
     """Ansible's `diff` of a task: an entry per object that changed, without the secrets that any of them holds."""
     old = {text for one in written for text in secrets_in(one.before)}
     new = {text for one in written for text in secrets_in(one.after)}

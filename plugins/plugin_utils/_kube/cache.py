@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import name_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, controller_of, meta, uid_of
-
-Objects = dict[tuple[str, str], Object]  # by namespace ("" for what has none) and name
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import controller_of, meta, uid_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import RESOURCES, Target
 
 
 @dataclass(frozen=True, order=True)
@@ -29,27 +27,18 @@ class Ref:
         return f"{self.kind} {self.namespace}/{self.name}" if self.namespace else f"{self.kind} {self.name}"
 
 
-@dataclass(frozen=True)
-class Rollout:
-    """A kind that is rolled out: its API group, whether it lives in a namespace, what to watch to judge it."""
-
-    group: str
-    namespaced: bool
-    watches: tuple[str, ...]
-
-
-ROLLOUTS: dict[str, Rollout] = {
-    "Deployment": Rollout("apps", True, ("Deployment", "ReplicaSet", "Pod")),
-    "DaemonSet": Rollout("apps", True, ("DaemonSet", "ControllerRevision", "Pod")),
-    "PersistentVolumeClaim": Rollout("", True, ("PersistentVolumeClaim", "StorageClass")),
-    "Node": Rollout("", False, ("Node",)),
+# What to watch to judge the kinds that are rolled out.
+WATCHED: dict[str, tuple[str, ...]] = {
+    "Deployment": ("Deployment", "ReplicaSet", "Pod"),
+    "DaemonSet": ("DaemonSet", "ControllerRevision", "Pod"),
+    "PersistentVolumeClaim": ("PersistentVolumeClaim", "StorageClass"),
+    "Node": ("Node",),
 }
 # Kinds that are rolled out, too, and of which nobody here can tell how far that is; with their API groups.
 UNJUDGED = {"StatefulSet": "apps", "ReplicaSet": "apps", "Job": "batch", "Pod": "", "ReplicationController": ""}
-CLUSTER_WIDE = frozenset({"Node", "StorageClass"})
 
 
-def owned_by(obj: Mapping[str, Any], owner: Mapping[str, Any]) -> bool:
+def owned_by(obj: Object, owner: Object) -> bool:
     """Whether that very object, not an earlier one of its name, is the controller."""
     return bool(controller_of(obj).get("uid") == uid_of(owner))
 
@@ -57,23 +46,23 @@ def owned_by(obj: Mapping[str, Any], owner: Mapping[str, Any]) -> bool:
 class View:
     """What is known of the cluster: objects by kind, then by namespace and name."""
 
-    def __init__(self, objects: Iterable[Mapping[str, Any]] = ()) -> None:
-        self._kinds: dict[str, Objects] = {}
+    def __init__(self, objects: Iterable[Object] = ()) -> None:
+        self._kinds: dict[str, dict[tuple[str, str], Object]] = {}
         self.hidden: set[str] = set()  # kinds that these credentials may not read
         for obj in objects:
             self.put(str(obj.get("kind", "")), obj)
 
     @staticmethod
-    def _key(obj: Mapping[str, Any]) -> tuple[str, str]:
+    def _key(obj: Object) -> tuple[str, str]:
         return str(meta(obj).get("namespace") or ""), name_of(obj)
 
-    def put(self, kind: str, obj: Mapping[str, Any]) -> None:
+    def put(self, kind: str, obj: Object) -> None:
         self._kinds.setdefault(kind, {})[self._key(obj)] = dict(obj)
 
-    def drop(self, kind: str, obj: Mapping[str, Any]) -> None:
+    def drop(self, kind: str, obj: Object) -> None:
         self._kinds.get(kind, {}).pop(self._key(obj), None)
 
-    def replace(self, kind: str, namespace: str, objects: Iterable[Mapping[str, Any]]) -> None:
+    def replace(self, kind: str, namespace: str, objects: Iterable[Object]) -> None:
         """A fresh listing: what it does not name is gone. No namespace means all of them."""
         kept = {key: obj for key, obj in self._kinds.get(kind, {}).items() if namespace and key[0] != namespace}
         kept.update({self._key(obj): dict(obj) for obj in objects})
@@ -86,40 +75,24 @@ class View:
         items = self._kinds.get(kind, {}).items()
         return [obj for key, obj in items if namespace is None or key[0] == namespace]
 
-    def controlled(self, kind: str, namespace: str, owner_kind: str, owner: str) -> list[Object]:
-        """Objects whose controller has that kind and name, whatever its uid: what a deleted namesake left counts."""
-        found = []
-        for obj in self.all(kind, namespace):
-            ref = controller_of(obj)
-            if ref.get("kind") == owner_kind and ref.get("name") == owner:
-                found.append(obj)
-        return found
-
 
 def has_rollout(ref: Ref) -> bool:
     """Whether there is anything to wait for. A kind of the same name in another API group is not ours."""
-    rollout = ROLLOUTS.get(ref.kind)
-    return rollout is not None and _in_group(ref, rollout.group)
+    return ref.kind in WATCHED and _in_group(ref, RESOURCES[ref.kind].group)
 
 
 def _in_group(ref: Ref, group: str) -> bool:
     return not ref.api_version or ref.api_version.rpartition("/")[0] == group
 
 
-def watched(refs: Iterable[Ref]) -> dict[str, set[str]]:
-    """Which kinds to watch, in which namespaces (none for kinds of the whole cluster)."""
-    wanted: dict[str, set[str]] = {}
-    for ref in refs:
-        if not has_rollout(ref):
-            continue
-        for kind in ROLLOUTS[ref.kind].watches:
-            wanted.setdefault(kind, set())
-            if kind not in CLUSTER_WIDE:
-                wanted[kind].add(ref.namespace)
-    return wanted
+def targets_for(refs: Iterable[Ref]) -> list[Target]:
+    """A list and a stream of each kind that is watched for these, in each of their namespaces."""
+    kinds = {(kind, ref.namespace) for ref in refs if has_rollout(ref) for kind in WATCHED[ref.kind]}
+    found = {Target(kind, namespace if RESOURCES[kind].namespaced else "") for kind, namespace in kinds}
+    return sorted(found, key=str)
 
 
-def parse_refs(objects: Sequence[Mapping[str, Any]]) -> list[Ref]:
+def parse_refs(objects: Sequence[Object]) -> list[Ref]:
     """References or full definitions, duplicates dropped, order kept; all errors at once."""
     refs: dict[Ref, None] = {}
     problems: list[str] = []
@@ -131,13 +104,13 @@ def parse_refs(objects: Sequence[Mapping[str, Any]]) -> list[Ref]:
         api_version = str(obj.get("api_version") or obj.get("apiVersion") or "")
         missing = [key for key, value in (("kind", kind), ("name", name)) if not value]
         ref = Ref(kind, name, namespace, api_version)
-        if has_rollout(ref) and not ROLLOUTS[kind].namespaced:
+        if has_rollout(ref) and not RESOURCES[kind].namespaced:
             ref = Ref(kind, name, "", api_version)
         elif has_rollout(ref) and not namespace:
             missing.append("namespace")
         problems += [f"objects[{index}].{key}: missing" for key in missing]
         if kind in UNJUDGED and _in_group(ref, UNJUDGED[kind]):
-            allowed = f"{', '.join(ROLLOUTS)}, and kinds that have no rollout"
+            allowed = f"{', '.join(WATCHED)}, and kinds that have no rollout"
             problems.append(f"objects[{index}].kind: is {kind}, whose rollout is not judged here; allowed: {allowed}")
         refs[ref] = None
     if problems:

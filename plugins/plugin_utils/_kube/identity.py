@@ -9,11 +9,10 @@ clusters apart.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import UNNAMED
@@ -35,7 +34,7 @@ class Identity:
     def __str__(self) -> str:
         return f"the cluster {self.cluster} of the fleet {self.fleet}"
 
-    def as_object(self) -> dict[str, Any]:
+    def as_object(self) -> Object:
         """The ConfigMap that says it."""
         return {
             "apiVersion": REF.api_version,
@@ -49,7 +48,7 @@ class Identity:
         }
 
 
-def identity_in(found: Mapping[str, Any] | None) -> Identity | None:
+def identity_in(found: Object | None) -> Identity | None:
     """What a cluster's ConfigMap says; nothing where it has none."""
     data = (found or {}).get("data") or {}
     return Identity(str(data.get("fleet")), str(data.get("cluster"))) if {"fleet", "cluster"} <= set(data) else None

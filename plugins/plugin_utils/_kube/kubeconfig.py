@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 
 HEAD = "# rosops.fleet: "
 AUTHORITY = "certificate-authority-data"
@@ -57,7 +57,7 @@ def url_at(text: str, host: str) -> str:
     return f"{url.scheme}://{host}:{port}"
 
 
-def _parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+def _parts(text: str) -> tuple[Object, Object]:
     """The first cluster and the first user."""
     try:
         # Texts, lists and mappings alone. The safe loader merges mappings, and a few lines of merges fill the memory.
@@ -67,7 +67,7 @@ def _parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
         raise SpecError("the server's k3s.yaml is no kubeconfig") from error
 
 
-def _texts(said: Mapping[str, Any], names: Iterable[str]) -> dict[str, str]:
+def _texts(said: Object, names: Iterable[str]) -> dict[str, str]:
     return {name: said[name] for name in names if isinstance(said.get(name), str) and said[name]}
 
 

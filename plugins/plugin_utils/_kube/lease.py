@@ -11,24 +11,14 @@ of whoever wants it. So one whose holder was killed is free that long after it w
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, Protocol
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
-
-
-class Api(Protocol):
-    """What is needed of `Kube`."""
-
-    def get(self, ref: Ref) -> Object | None: ...
-
-    def create(self, obj: Mapping[str, Any]) -> Object: ...
-
-    def replace(self, obj: Mapping[str, Any]) -> Object: ...
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
 
 
 @dataclass(frozen=True)
@@ -46,7 +36,7 @@ class Lease:
 
     def __init__(  # noqa: PLR0913 - the clock is the price of tests that never wait
         self,
-        api: Api,
+        api: Kube,
         namespace: str,
         name: str,
         holder: str,
@@ -112,7 +102,7 @@ class Lease:
             return _hold(self._api.get(self.ref) or {}, self._holder)
 
 
-def _hold(lease: Mapping[str, Any], me: str) -> Hold:
+def _hold(lease: Object, me: str) -> Hold:
     spec = lease.get("spec") or {}
     holder = str(spec.get("holderIdentity") or "")
     return Hold(holder == me, holder, str(spec.get("acquireTime") or ""), str(spec.get("renewTime") or ""))

@@ -18,24 +18,26 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+
 IDENTITY = ("name", "namespace")
-Fields = Mapping[str, Any]  # FieldsV1
+Fields = dict[str, Any]  # FieldsV1
 # Notes at the pod template, as `kubectl rollout restart` writes one, change nothing that runs.
 NOTES = ("f:spec", "f:template", "f:metadata", "f:annotations")
 
 
-def applied_part(obj: Mapping[str, Any], manager: str) -> dict[str, Any] | None:
+def applied_part(obj: Object, manager: str) -> Object | None:
     """The object as `manager` applied it; None if it never did."""
     for entry in _entries(obj):
         if _is_applied(entry, manager):
-            part: dict[str, Any] = _part(obj, entry.get("fieldsV1") or {})
+            part: Object = _part(obj, entry.get("fieldsV1") or {})
             metadata = {key: obj["metadata"][key] for key in IDENTITY if key in obj["metadata"]}
             part["metadata"] = {**metadata, **part.get("metadata", {})}
             return {"apiVersion": obj["apiVersion"], "kind": obj["kind"], **part}
     return None
 
 
-def _part(value: Any, fields: Mapping[str, Any]) -> Any:
+def _part(value: Any, fields: Fields) -> Any:
     """The part of a value that the fields name; a field without fields of its own is there as a whole."""
     if isinstance(value, Mapping):
         names = {key[2:]: inner for key, inner in fields.items() if key.startswith("f:")}
@@ -49,11 +51,11 @@ def _part(value: Any, fields: Mapping[str, Any]) -> Any:
     return value
 
 
-def _owned(items: list[Any], fields: Mapping[str, Any]) -> list[tuple[Any, Mapping[str, Any]]]:
+def _owned(items: list[Any], fields: Fields) -> list[tuple[Any, Fields]]:
     """The entries of a list that the fields name, in the list's order, each with its own fields."""
     by_keys = [(json.loads(key[2:]), inner) for key, inner in fields.items() if key.startswith("k:")]
     members = [json.loads(key[2:]) for key in fields if key.startswith("v:")]
-    found: list[tuple[Any, Mapping[str, Any]]] = []
+    found: list[tuple[Any, Fields]] = []
     for item in items:
         if isinstance(item, Mapping):
             found += [(item, inner) for keys, inner in by_keys if all(item.get(k) == v for k, v in keys.items())]
@@ -62,9 +64,9 @@ def _owned(items: list[Any], fields: Mapping[str, Any]) -> list[tuple[Any, Mappi
     return found
 
 
-def foreign_fields(there: Mapping[str, Any], wanted: Mapping[str, Any], manager: str) -> dict[str, Any]:
+def foreign_fields(there: Object, wanted: Object, manager: str) -> Fields:
     """What managers other than `manager` own of the object's spec beside what is `wanted`, or made another one."""
-    found: dict[str, Any] = {}
+    found: Fields = {}
     for entry in _entries(there):
         spec = (entry.get("fieldsV1") or {}).get("f:spec")
         if spec and entry.get("manager") != manager:
@@ -72,13 +74,13 @@ def foreign_fields(there: Mapping[str, Any], wanted: Mapping[str, Any], manager:
     return found
 
 
-def left_fields(there: Mapping[str, Any], wanted: Mapping[str, Any], manager: str) -> dict[str, Any]:
+def left_fields(there: Object, wanted: Object, manager: str) -> Fields:
     """What `manager` has of the object's spec beside what is `wanted`: what it took over, and did not apply since."""
     own = next((entry for entry in _entries(there) if _is_applied(entry, manager)), {})
     return _beside({"f:spec": (own.get("fieldsV1") or {}).get("f:spec") or {}}, wanted, wanted)
 
 
-def taken_over(there: Mapping[str, Any], fields: Fields, manager: str) -> list[dict[str, Any]]:
+def taken_over(there: Object, fields: Fields, manager: str) -> list[Object]:
     """The object's managedFields with these fields as if `manager` had applied them, and nobody else.
 
     What it does not name when it applies the object again, goes away then.
@@ -112,11 +114,11 @@ def _is_whole(fields: Fields | None) -> bool:
     return fields is not None and (not fields or "." in fields)
 
 
-def _entries(obj: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _entries(obj: Object) -> list[Object]:
     return (obj.get("metadata") or {}).get("managedFields") or []
 
 
-def _is_applied(entry: Mapping[str, Any], manager: str) -> bool:
+def _is_applied(entry: Object, manager: str) -> bool:
     own = entry.get("manager") == manager and entry.get("operation") == "Apply"
     return own and not entry.get("subresource")
 
@@ -129,9 +131,9 @@ def _names(key: str, item: Any) -> bool:
     return key.startswith("v:") and bool(json.loads(key[2:]) == item)
 
 
-def _beside(fields: Fields, wanted: Any, there: Any) -> dict[str, Any]:
+def _beside(fields: Fields, wanted: Any, there: Any) -> Fields:
     """Of the fields those that `wanted` does not name, and mappings that are one field and not the wanted ones."""
-    found: dict[str, Any] = {}
+    found: Fields = {}
     for key, inner in fields.items():
         if key == ".":
             continue
@@ -152,18 +154,18 @@ def _at(value: Any, key: str) -> Any:
     return next((item for item in value if _names(key, item)), None) if isinstance(value, (list, tuple)) else None
 
 
-def _nested(path: Sequence[str]) -> dict[str, Any]:
+def _nested(path: Sequence[str]) -> Fields:
     return {path[0]: _nested(path[1:]) if path[1:] else {}}
 
 
-def _plus(fields: Fields, more: Fields) -> dict[str, Any]:
+def _plus(fields: Fields, more: Fields) -> Fields:
     both = {key: _plus(fields[key], more[key]) for key in fields if key in more}
     return {**fields, **more, **both}
 
 
-def _minus(fields: Fields, less: Fields) -> dict[str, Any]:
+def _minus(fields: Fields, less: Fields) -> Fields:
     """What is left of the fields. What has nothing left below it goes, too."""
-    found: dict[str, Any] = {}
+    found: Fields = {}
     for key, inner in fields.items():
         if key not in less:
             found[key] = inner

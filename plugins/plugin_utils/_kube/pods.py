@@ -7,12 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_terminating, name_of
-
-Object = dict[str, Any]
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, is_terminating, name_of
 
 # The kubelet says so itself: nothing changes until somebody changes the image, the configuration or the cluster.
 IMAGE_ERRORS = frozenset(
@@ -43,20 +40,20 @@ class Verdict:
     suspect: str = ""
 
 
-def meta(obj: Mapping[str, Any]) -> Object:
+def meta(obj: Object) -> Object:
     return dict(obj.get("metadata") or {})
 
 
-def uid_of(obj: Mapping[str, Any]) -> str:
+def uid_of(obj: Object) -> str:
     return str(meta(obj).get("uid", ""))
 
 
-def grace_of(pod: Mapping[str, Any]) -> float:
+def grace_of(pod: Object) -> float:
     """Seconds that a pod has for its end, once it is told to end."""
     return float(meta(pod).get("deletionGracePeriodSeconds") or 0)
 
 
-def condition(obj: Mapping[str, Any], kind: str) -> Object:
+def condition(obj: Object, kind: str) -> Object:
     """The status condition of that type, or an empty one."""
     for item in (obj.get("status") or {}).get("conditions") or []:
         if item.get("type") == kind:
@@ -64,7 +61,7 @@ def condition(obj: Mapping[str, Any], kind: str) -> Object:
     return {}
 
 
-def controller_of(obj: Mapping[str, Any]) -> Object:
+def controller_of(obj: Object) -> Object:
     """The owner reference of the object's controller, or an empty one."""
     for owner in meta(obj).get("ownerReferences") or []:
         if owner.get("controller"):
@@ -72,7 +69,7 @@ def controller_of(obj: Mapping[str, Any]) -> Object:
     return {}
 
 
-def is_up(pod: Mapping[str, Any]) -> bool:
+def is_up(pod: Object) -> bool:
     """One of its containers runs, a sidecar too, so that its probes may have something to say."""
     status = pod.get("status") or {}
     beside = [item for item in status.get("initContainerStatuses") or [] if item.get("name") in sidecars(pod)]
@@ -80,20 +77,20 @@ def is_up(pod: Mapping[str, Any]) -> bool:
     return not is_terminating(pod) and any("running" in (item.get("state") or {}) for item in statuses)
 
 
-def sidecars(pod: Mapping[str, Any]) -> list[str]:
+def sidecars(pod: Object) -> list[str]:
     """Names of the init containers that stay (KEP-753)."""
     found = (pod.get("spec") or {}).get("initContainers") or []
     return [str(item["name"]) for item in found if item.get("restartPolicy") == "Always"]
 
 
-def containers(pod: Mapping[str, Any]) -> Iterator[Object]:
+def containers(pod: Object) -> Iterator[Object]:
     """What its status says of each, of init containers first."""
     status = pod.get("status") or {}
     for key in ("initContainerStatuses", "containerStatuses"):
         yield from status.get(key) or []
 
 
-def _state(container: Mapping[str, Any], which: str) -> Object:
+def _state(container: Object, which: str) -> Object:
     return dict((container.get("state") or {}).get(which) or {})
 
 
@@ -101,12 +98,12 @@ def _words(*parts: str) -> str:
     return ": ".join(part.strip() for part in parts if part and part.strip())
 
 
-def _message(state: Mapping[str, Any]) -> str:
+def _message(state: Object) -> str:
     """What was said of a container, and what may be done about it."""
     return str(state.get("message") or "").replace(NO_PYTHON, f"{NO_PYTHON} ({HINT})")
 
 
-def _exit(ended: Mapping[str, Any]) -> str:
+def _exit(ended: Object) -> str:
     """'exit code 1 (Error): what it left as its last message'."""
     code = f"exit code {ended['exitCode']}" if "exitCode" in ended else ""
     if ended.get("signal"):
@@ -115,14 +112,14 @@ def _exit(ended: Mapping[str, Any]) -> str:
     return _words(f"{code} ({why})" if code and why else code or why, _message(ended))
 
 
-def _crash(container: Mapping[str, Any]) -> str:
+def _crash(container: Object) -> str:
     last = dict((container.get("lastState") or {}).get("terminated") or {})
     restarts = int(container.get("restartCount") or 0)
     times = f"{restarts} restart" + ("" if restarts == 1 else "s")
     return _words(CRASH_LOOP, f"{times}, last {_exit(last)}" if last else times)
 
 
-def _container_trouble(container: Mapping[str, Any], where: str) -> Verdict | None:
+def _container_trouble(container: Object, where: str) -> Verdict | None:
     waiting = _state(container, "waiting")
     why, message = str(waiting.get("reason") or ""), _message(waiting)
     if why in IMAGE_ERRORS:
@@ -137,7 +134,7 @@ def _container_trouble(container: Mapping[str, Any], where: str) -> Verdict | No
     return None
 
 
-def trouble(pod: Mapping[str, Any]) -> Verdict | None:
+def trouble(pod: Object) -> Verdict | None:
     """What keeps this pod from ever being ready: a `fail`, a suspicious `wait`, or None, as for one on its way out."""
     if is_terminating(pod):
         return None
@@ -157,12 +154,12 @@ def trouble(pod: Mapping[str, Any]) -> Verdict | None:
     return suspect
 
 
-def restarts(pod: Mapping[str, Any]) -> dict[str, int]:
+def restarts(pod: Object) -> dict[str, int]:
     """How often each of its containers was started again."""
     return {str(item.get("name", "?")): int(item.get("restartCount") or 0) for item in containers(pod)}
 
 
-def error_end(pod: Mapping[str, Any], before: Mapping[str, int]) -> Verdict | None:
+def error_end(pod: Object, before: Mapping[str, int]) -> Verdict | None:
     """A failure for a container that ended with an error even once, beyond the restarts that it had `before`."""
     for container in containers(pod):
         name = str(container.get("name", "?"))
@@ -176,7 +173,7 @@ def error_end(pod: Mapping[str, Any], before: Mapping[str, int]) -> Verdict | No
     return None
 
 
-def last_end(pod: Mapping[str, Any]) -> tuple[str, str] | None:
+def last_end(pod: Object) -> tuple[str, str] | None:
     """When one of its containers ended last and was started again, and how that was, in words.
 
     An end from before the pod's sandbox does not count: the host was started anew, and all its pods with it.
@@ -193,7 +190,7 @@ def last_end(pod: Mapping[str, Any]) -> tuple[str, str] | None:
     return max(found, default=None)
 
 
-def why_not_ready(pod: Mapping[str, Any]) -> str:
+def why_not_ready(pod: Object) -> str:
     """One line on what this pod waits for."""
     who = f"pod {name_of(pod)}"
     if is_terminating(pod):
@@ -214,7 +211,7 @@ def why_not_ready(pod: Mapping[str, Any]) -> str:
     return _unready_while_running(pod, who)
 
 
-def _unready_while_running(pod: Mapping[str, Any], who: str) -> str:
+def _unready_while_running(pod: Object, who: str) -> str:
     containers = (pod.get("status") or {}).get("containerStatuses") or []
     unready = [str(item.get("name", "?")) for item in containers if not item.get("ready")]
     if unready:

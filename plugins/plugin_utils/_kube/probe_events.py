@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import name_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta, uid_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta, uid_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import SIDECAR
 
 HOPELESS = "cannot become ready: "
@@ -28,17 +26,6 @@ FIELDS = "reason=Unhealthy,involvedObject.kind=Pod"
 _HEAD = re.compile(r"\w+ probe failed: ?")
 SECONDS = 1.0
 SECONDS_AFTER_ERROR = 5.0
-
-
-@dataclass(frozen=True)
-class ProbeLine:
-    """The last thing that a pod's probe said."""
-
-    text: str
-
-    @property
-    def hopeless(self) -> bool:
-        return HOPELESS in self.text
 
 
 def probe_line(message: str) -> str:
@@ -51,50 +38,42 @@ def probe_line(message: str) -> str:
     return f"{head[0] if head else ''}{chosen}".strip()
 
 
-def _when(event: Mapping[str, Any]) -> tuple[str, bool]:
+def _when(event: Object) -> tuple[str, bool]:
     series = event.get("series") or {}
     times = (series.get("lastObservedTime"), event.get("lastTimestamp"), event.get("eventTime"))
     # whole seconds: of two within one, the hopeless one is the later, as a probe that printed it does not recover
     return next((str(time)[:19] for time in times if time), ""), HOPELESS in str(event.get("message"))
 
 
-def latest(events: Iterable[Mapping[str, Any]]) -> dict[str, ProbeLine]:
+def latest(events: Iterable[Object]) -> dict[str, str]:
     """By pod uid, the newest of its Unhealthy events: of an earlier pod of the same name nothing is taken over."""
-    found: dict[str, ProbeLine] = {}
+    found: dict[str, str] = {}
     for event in sorted((one for one in events if one.get("reason") == "Unhealthy"), key=_when):
         uid = str((event.get("involvedObject") or {}).get("uid") or "")
-        found[uid] = ProbeLine(probe_line(str(event.get("message") or "")))
+        found[uid] = probe_line(str(event.get("message") or ""))
     return found
-
-
-class Events(Protocol):
-    """What is needed of `client.Kube`."""
-
-    def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Object]: ...
-
-    def log_tail(self, namespace: str, pod: str, container: str, lines: int = 5, previous: bool = True) -> str: ...
 
 
 class ProbeNews:
     """The pods' last lines, asked for at most once a second per namespace."""
 
     def __init__(self) -> None:
-        self.lines: dict[str, ProbeLine] = {}  # by pod uid
+        self.lines: dict[str, str] = {}  # by pod uid
         self._due: dict[str, float] = {}
 
     def due(self, namespaces: Iterable[str], now: float) -> float:
         """When one of these may be asked next."""
         return min((self._due.get(namespace, now) for namespace in namespaces), default=math.inf)
 
-    def ask(self, events: Events, namespaces: Iterable[str], now: float, beside: Iterable[Object] = ()) -> bool:
+    def ask(self, kube: Kube, namespaces: Iterable[str], now: float, beside: Iterable[Object] = ()) -> bool:
         """Ask those that are due; whether there was one. `beside`: pods whose hooks are in a sidecar."""
         due = [namespace for namespace in namespaces if self._due.get(namespace, now) <= now]
         for namespace in due:
             try:
-                self.lines.update(latest(events.objects("Event", namespace, fields=FIELDS)))
+                self.lines.update(latest(kube.objects("Event", namespace, fields=FIELDS)))
                 self.lines.update(
                     {
-                        uid_of(pod): ProbeLine(events.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False))
+                        uid_of(pod): kube.log_tail(namespace, name_of(pod), SIDECAR, 1, previous=False)
                         for pod in beside
                         if meta(pod).get("namespace") == namespace
                     }
@@ -102,6 +81,4 @@ class ProbeNews:
                 self._due[namespace] = now + SECONDS
             except ApiError as error:  # the wait can do without: the watch tells what matters
                 self._due[namespace] = math.inf if error.status == 403 else now + SECONDS_AFTER_ERROR
-            except KubeError:
-                self._due[namespace] = now + SECONDS_AFTER_ERROR
         return bool(due)

@@ -8,15 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-def base_of(api_version: str) -> str:
-    """The path of a group and version.
-
-    >>> base_of("v1"), base_of("apps/v1")
-    ('/api/v1', '/apis/apps/v1')
-    """
-    return f"/apis/{api_version}" if "/" in api_version else f"/api/{api_version}"
-
-
 @dataclass(frozen=True)
 class Resource:
     """A kind's place: the path of its group and version, its plural name, whether it lives in a namespace."""
@@ -25,13 +16,18 @@ class Resource:
     plural: str
     namespaced: bool = True
 
+    @property
+    def group(self) -> str:
+        """Its API group, empty for the core's."""
+        return self.base.removeprefix("/apis/").rpartition("/")[0] if self.base.startswith("/apis/") else ""
+
     def path(self, namespace: str = "", name: str = "") -> str:
         """The path of one object, or without a name of the list; without a namespace of the list everywhere."""
         space = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
         return f"{self.base}{space}/{self.plural}" + (f"/{name}" if name else "")
 
 
-# The kinds that the collection deals with. Others are looked up in the API when they are applied.
+# The kinds that the collection deals with.
 RESOURCES: dict[str, Resource] = {
     "ClusterRole": Resource("/apis/rbac.authorization.k8s.io/v1", "clusterroles", False),
     "ClusterRoleBinding": Resource("/apis/rbac.authorization.k8s.io/v1", "clusterrolebindings", False),
@@ -57,12 +53,6 @@ RESOURCES: dict[str, Resource] = {
     "ServiceAccount": Resource("/api/v1", "serviceaccounts"),
     "StorageClass": Resource("/apis/storage.k8s.io/v1", "storageclasses", False),
 }
-
-
-def known(kind: str, api_version: str = "") -> Resource | None:
-    """The resource of a kind, if it is one of these and of that API version (empty: of its own)."""
-    found = RESOURCES.get(kind)
-    return found if found and api_version in ("", found.base.removeprefix("/apis/").removeprefix("/api/")) else None
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,10 @@ ends by chance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_terminating
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, is_terminating
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import containers, meta
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 
@@ -36,15 +35,14 @@ class Outdated:
         return f"runs another image than {self.image} is by now on {self.node}: its pod keeps the old one"
 
 
-def outdated(pods: Iterable[Mapping[str, Any]], known: Known) -> Iterator[Outdated]:
+def outdated(pods: Iterable[Object], known: Known) -> Iterator[Outdated]:
     """The kubelet says an image's ID, the digest of its configuration, or where containerd has one a name by digest."""
     for pod in pods:
         spec = pod.get("spec") or {}
-        node, listed = (
-            str(spec.get("nodeName") or ""),
-            [spec.get(key) or () for key in ("initContainers", "containers")],
-        )
-        images = {one["name"]: str(one["image"]) for some in listed for one in some}
+        node = str(spec.get("nodeName") or "")
+        images = {
+            one["name"]: str(one["image"]) for key in ("initContainers", "containers") for one in spec.get(key) or ()
+        }
         for container in () if is_terminating(pod) else containers(pod):
             image, runs = images.get(str(container.get("name")), ""), str(container.get("imageID") or "")
             if "running" in (container.get("state") or {}):

@@ -13,16 +13,19 @@ object, its controller's answer, a replica set) is a `wait`, never an error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_ready, is_terminating, name_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
+    Object,
+    is_ready,
+    is_terminating,
+    name_of,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, has_rollout, owned_by
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
     REFUSED,
     UNSCHEDULABLE,
-    Object,
     Verdict,
     condition,
     controller_of,
@@ -36,12 +39,12 @@ REVISION = "deployment.kubernetes.io/revision"
 HASH = "controller-revision-hash"
 
 
-def _number(data: Mapping[str, Any], key: str, default: int = 0) -> int:
+def _number(data: Object, key: str, default: int = 0) -> int:
     value = data.get(key)
     return default if value is None else int(value)
 
 
-def _unseen(obj: Mapping[str, Any]) -> Verdict | None:
+def _unseen(obj: Object) -> Verdict | None:
     """Nothing in the status counts until the controller has seen the present specification."""
     if is_terminating(obj):
         return Verdict(WAIT, "is being deleted")
@@ -52,7 +55,7 @@ def _unseen(obj: Mapping[str, Any]) -> Verdict | None:
     return None
 
 
-def _worst(pods: Iterable[Mapping[str, Any]], room_is_coming: bool) -> Verdict | None:
+def _worst(pods: Iterable[Object], room_is_coming: bool) -> Verdict | None:
     """The first failing pod's verdict, else the first suspicious one.
 
     While other pods are still terminating, their resources, ports and volumes come free soon: then "unschedulable" is
@@ -68,17 +71,13 @@ def _worst(pods: Iterable[Mapping[str, Any]], room_is_coming: bool) -> Verdict |
     return suspicious
 
 
-def _open_pods(pods: Iterable[Mapping[str, Any]]) -> str:
+def _with_pods(summary: str, pods: Iterable[Object]) -> str:
     reasons = [why_not_ready(pod) for pod in pods if not is_ready(pod)]
-    return "; ".join(reasons[:3]) + (f"; and {len(reasons) - 3} more" if len(reasons) > 3 else "")
+    more = [f"and {len(reasons) - 3} more"] if len(reasons) > 3 else []
+    return f"{summary}: {'; '.join([*reasons[:3], *more])}" if reasons else summary
 
 
-def _with_pods(summary: str, pods: Iterable[Mapping[str, Any]]) -> str:
-    why = _open_pods(pods)
-    return f"{summary}: {why}" if why else summary
-
-
-def _old_left(pods: Sequence[Mapping[str, Any]]) -> str:
+def _old_left(pods: Sequence[Object]) -> str:
     first = pods[0]
     node = (first.get("spec") or {}).get("nodeName")
     doing = "is terminating" if is_terminating(first) else "still runs"
@@ -90,32 +89,45 @@ def _room_is_coming(view: View) -> bool:
     return any(is_terminating(pod) for pod in view.all("Pod"))
 
 
-# --- Deployment -----------------------------------------------------------------------------------------------------
-
-
-def _pods_of_deployment(obj: Mapping[str, Any], view: View) -> list[Object]:
-    """Pods of every replica set of this name: known ones, ones already deleted, and those of a deleted namesake."""
+def _all_pods(ref: Ref, view: View) -> list[Object]:
+    """All that bear its name: of this template, of earlier ones, of replica sets that are deleted, of a namesake."""
     found = []
-    for pod in view.all("Pod", str(meta(obj).get("namespace") or "")):
-        ref = controller_of(pod)
-        if ref.get("kind") == "ReplicaSet" and str(ref.get("name", "")).rpartition("-")[0] == name_of(obj):
+    for pod in view.all("Pod", ref.namespace):
+        owner = controller_of(pod)
+        kind, name = owner.get("kind"), str(owner.get("name", ""))
+        if kind == "ReplicaSet":
+            kind, name = "Deployment", name.rpartition("-")[0]
+        if (kind, name) == (ref.kind, ref.name):
             found.append(pod)
     return found
 
 
-def _revision(obj: Mapping[str, Any]) -> int:
+def _current_pods(ref: Ref, obj: Object, view: View) -> list[Object]:
+    """Those of the present template that are to stay."""
+    pods = [pod for pod in _all_pods(ref, view) if not is_terminating(pod)]
+    if ref.kind == "Deployment":
+        newest = _current_set(ref, obj, view)
+        return [pod for pod in pods if newest and owned_by(pod, newest)]
+    wanted = _wanted_hash(ref, obj, view)
+    return [pod for pod in pods if wanted and owned_by(pod, obj) and _hash(pod) == wanted]
+
+
+# --- Deployment -----------------------------------------------------------------------------------------------------
+
+
+def _revision(obj: Object) -> int:
     value = (meta(obj).get("annotations") or {}).get(REVISION, "")
     return int(value) if str(value).isdigit() else 0
 
 
-def _current_set(obj: Mapping[str, Any], view: View) -> Object | None:
+def _current_set(ref: Ref, obj: Object, view: View) -> Object | None:
     """The replica set of the present template; None until the API has shown it to us."""
-    sets = [one for one in view.all("ReplicaSet", str(meta(obj).get("namespace") or "")) if owned_by(one, obj)]
+    sets = [one for one in view.all("ReplicaSet", ref.namespace) if owned_by(one, obj)]
     newest = max(sets, key=_revision, default=None)
     return newest if newest and _revision(newest) >= _revision(obj) else None
 
 
-def _deadline(obj: Mapping[str, Any], current: Sequence[Mapping[str, Any]]) -> Verdict | None:
+def _deadline(obj: Object, current: Sequence[Object]) -> Verdict | None:
     """ProgressDeadlineExceeded, unless it is a leftover.
 
     After a change back to an earlier template the controller keeps the old condition until the first progress. So it
@@ -132,7 +144,7 @@ def _deadline(obj: Mapping[str, Any], current: Sequence[Mapping[str, Any]]) -> V
     return Verdict(WAIT, reason, suspect="ProgressDeadlineExceeded")
 
 
-def _refused(obj: Mapping[str, Any], old: Sequence[Object]) -> Verdict | None:
+def _refused(obj: Object, old: Sequence[Object]) -> Verdict | None:
     """No pod may be made (quota, admission). An old pod that goes may free what is missing."""
     found = condition(obj, REFUSED)
     if found.get("status") != "True":
@@ -142,7 +154,7 @@ def _refused(obj: Mapping[str, Any], old: Sequence[Object]) -> Verdict | None:
     return Verdict(WAIT, reason, suspect="" if going else REFUSED)
 
 
-def _deployment_waits(obj: Mapping[str, Any], current: Sequence[Object], old: Sequence[Object]) -> str:
+def _deployment_waits(obj: Object, current: Sequence[Object], old: Sequence[Object]) -> str:
     """The first thing that is not as it should be, or nothing."""
     status = obj.get("status") or {}
     desired = _number(obj.get("spec") or {}, "replicas", 1)
@@ -163,12 +175,10 @@ def _deployment_waits(obj: Mapping[str, Any], current: Sequence[Object], old: Se
     return ""
 
 
-def _deployment(obj: Mapping[str, Any], view: View) -> Verdict:
-    newest = _current_set(obj, view)
-    pods = _pods_of_deployment(obj, view)
-    current = [pod for pod in pods if newest and owned_by(pod, newest) and not is_terminating(pod)]
+def _deployment(ref: Ref, obj: Object, view: View) -> Verdict:
+    newest, current = _current_set(ref, obj, view), _current_pods(ref, obj, view)
     known = {uid_of(pod) for pod in current}
-    old = [pod for pod in pods if uid_of(pod) not in known]
+    old = [pod for pod in _all_pods(ref, view) if uid_of(pod) not in known]
     waits = _deployment_waits(obj, current, old if newest else [])
     paused = bool((obj.get("spec") or {}).get("paused"))
     if paused and waits:
@@ -189,29 +199,17 @@ def _deployment(obj: Mapping[str, Any], view: View) -> Verdict:
 # --- DaemonSet ------------------------------------------------------------------------------------------------------
 
 
-def _hash(pod: Mapping[str, Any]) -> str:
+def _hash(pod: Object) -> str:
     return str((meta(pod).get("labels") or {}).get(HASH, ""))
 
 
-def _wanted_hash(obj: Mapping[str, Any], view: View) -> str:
+def _wanted_hash(ref: Ref, obj: Object, view: View) -> str:
     """What a pod of the present revision has for its hash; nothing until the controller has made that revision."""
-    revisions = view.all("ControllerRevision", str(meta(obj).get("namespace") or ""))
-    owned = [one for one in revisions if owned_by(one, obj)]
+    owned = [one for one in view.all("ControllerRevision", ref.namespace) if owned_by(one, obj)]
     return _hash(max(owned, key=lambda one: _number(one, "revision"))) if owned else ""
 
 
-def _pods_of_daemon_set(obj: Mapping[str, Any], view: View) -> tuple[list[Object], list[Object]]:
-    """All that bear its name, and of these the ones of the present revision that are to stay."""
-    pods = view.controlled("Pod", str(meta(obj).get("namespace") or ""), "DaemonSet", name_of(obj))
-    wanted = _wanted_hash(obj, view)
-    return pods, [
-        pod for pod in pods if not is_terminating(pod) and owned_by(pod, obj) and wanted and _hash(pod) == wanted
-    ]
-
-
-def _daemon_waits(
-    obj: Mapping[str, Any], pods: Sequence[Object], current: Sequence[Object], behind: Sequence[Object]
-) -> str:
+def _daemon_waits(obj: Object, pods: Sequence[Object], current: Sequence[Object], behind: Sequence[Object]) -> str:
     """The first thing that is not as it should be, or nothing."""
     status = obj.get("status") or {}
     desired = _number(status, "desiredNumberScheduled")
@@ -227,10 +225,10 @@ def _daemon_waits(
     return f"{len(pods)} pods seen, {desired} wanted" if len(pods) < desired else ""
 
 
-def _daemon_set(obj: Mapping[str, Any], view: View) -> Verdict:
-    if not _wanted_hash(obj, view):
+def _daemon_set(ref: Ref, obj: Object, view: View) -> Verdict:
+    if not _wanted_hash(ref, obj, view):
         return Verdict(WAIT, "its controller revision has not been seen yet")
-    pods, current = _pods_of_daemon_set(obj, view)
+    pods, current = _all_pods(ref, view), _current_pods(ref, obj, view)
     older = [pod for pod in pods if pod not in current and not is_terminating(pod)]
     on_delete = ((obj.get("spec") or {}).get("updateStrategy") or {}).get("type") == "OnDelete"
     left = [pod for pod in older if on_delete and owned_by(pod, obj)]  # those of a deleted namesake have to go
@@ -246,7 +244,7 @@ def _daemon_set(obj: Mapping[str, Any], view: View) -> Verdict:
 # --- claim, node ----------------------------------------------------------------------------------------------------
 
 
-def _uses(obj: Mapping[str, Any], claim: str) -> bool:
+def _uses(obj: Object, claim: str) -> bool:
     """Whether a pod that it wants has the claim among its volumes."""
     spec = obj.get("spec") or {}
     volumes = ((spec.get("template") or {}).get("spec") or {}).get("volumes") or []
@@ -254,7 +252,7 @@ def _uses(obj: Mapping[str, Any], claim: str) -> bool:
     return wanted and any((one.get("persistentVolumeClaim") or {}).get("claimName") == claim for one in volumes)
 
 
-def _binding_mode(claim: Mapping[str, Any], view: View) -> tuple[str, str]:
+def _binding_mode(claim: Object, view: View) -> tuple[str, str]:
     """The claim's volumeBindingMode, or an empty one and why it is not known."""
     name = (claim.get("spec") or {}).get("storageClassName")
     if "StorageClass" in view.hidden:
@@ -269,7 +267,7 @@ def _binding_mode(claim: Mapping[str, Any], view: View) -> tuple[str, str]:
     return str(found.get("volumeBindingMode") or "Immediate"), ""
 
 
-def _claim(obj: Mapping[str, Any], view: View, refs: Iterable[Ref]) -> Verdict:
+def _claim(claim: Ref, obj: Object, view: View, refs: Iterable[Ref]) -> Verdict:
     phase = str((obj.get("status") or {}).get("phase") or "Pending")
     if is_terminating(obj):
         return Verdict(WAIT, "is being deleted")
@@ -280,16 +278,14 @@ def _claim(obj: Mapping[str, Any], view: View, refs: Iterable[Ref]) -> Verdict:
     mode, unknown = _binding_mode(obj, view)
     if mode != "WaitForFirstConsumer":
         return Verdict(WAIT, f"{phase}: {unknown or 'no volume is bound yet'}")
-    namespace = str(meta(obj).get("namespace") or "")
-    users = [ref for ref in refs if ref.namespace == namespace and ref.kind != "PersistentVolumeClaim"]
-    for ref in users:
+    for ref in refs:
         workload = view.get(ref.kind, ref.namespace, ref.name)
-        if workload and _uses(workload, name_of(obj)):
+        if workload and ref.namespace == claim.namespace and ref.kind != claim.kind and _uses(workload, claim.name):
             return Verdict(WAIT, f"waits for the pod of {ref.kind} {ref.name}, its first consumer")
     return Verdict(PASS, "waits for its first consumer, and none of the given workloads is one")
 
 
-def _node(obj: Mapping[str, Any]) -> Verdict:
+def _node(obj: Object) -> Verdict:
     ready = condition(obj, "Ready")
     if ready.get("status") != "True":
         why = f"{ready.get('reason', '')}: {ready.get('message', '')}".strip(": ")
@@ -303,10 +299,7 @@ def _node(obj: Mapping[str, Any]) -> Verdict:
 
 # --- all kinds ------------------------------------------------------------------------------------------------------
 
-_WORKLOADS: dict[str, Callable[[Mapping[str, Any], View], Verdict]] = {
-    "Deployment": _deployment,
-    "DaemonSet": _daemon_set,
-}
+_WORKLOADS: dict[str, Callable[[Ref, Object, View], Verdict]] = {"Deployment": _deployment, "DaemonSet": _daemon_set}
 
 
 def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
@@ -317,26 +310,19 @@ def judge(ref: Ref, view: View, refs: Sequence[Ref] = ()) -> Verdict:
     if obj is None:
         return Verdict(WAIT, "is not there yet")
     if ref.kind in _WORKLOADS:
-        return _unseen(obj) or _WORKLOADS[ref.kind](obj, view)
-    return _node(obj) if ref.kind == "Node" else _claim(obj, view, refs)
+        return _unseen(obj) or _WORKLOADS[ref.kind](ref, obj, view)
+    return _node(obj) if ref.kind == "Node" else _claim(ref, obj, view, refs)
 
 
 def present_pods(ref: Ref, view: View) -> list[Object]:
     """The pods of the present template that are to stay: whose news are news of this rollout."""
-    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) else None
-    if obj is None or _unseen(obj):
-        return []
-    if ref.kind == "Deployment":
-        newest = _current_set(obj, view)
-        pods = _pods_of_deployment(obj, view)
-        return [pod for pod in pods if newest and owned_by(pod, newest) and not is_terminating(pod)]
-    return _pods_of_daemon_set(obj, view)[1] if ref.kind == "DaemonSet" else []
+    obj = view.get(ref.kind, ref.namespace, ref.name) if has_rollout(ref) and ref.kind in _WORKLOADS else None
+    return _current_pods(ref, obj, view) if obj and not _unseen(obj) else []
 
 
 def leaving_pods(ref: Ref, view: View) -> list[Object]:
     """The pods of a Deployment that are told to end."""
-    obj = view.get(ref.kind, ref.namespace, ref.name) if ref.kind == "Deployment" else None
-    return [pod for pod in _pods_of_deployment(obj, view) if is_terminating(pod)] if obj else []
+    return [pod for pod in _all_pods(ref, view) if is_terminating(pod)] if ref.kind == "Deployment" else []
 
 
 class Tracker:

@@ -13,15 +13,20 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, broken_off
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import (
+    FIRST_PAUSE,
+    LONGEST_PAUSE,
+    ApiError,
+    Connection,
+    broken_off,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 
 # The server ends a watch after that time and it is resumed where it stood. So a link that died without a word is
 # noticed READ_SLACK later, and not after the operating system's quarter of an hour.
 WATCH_SECONDS = 25
 READ_SLACK = 10.0
-FIRST_PAUSE, LONGEST_PAUSE = 0.2, 2.0
 JOIN_SECONDS = 1.0
 # A server that is coming up may refuse what it accepts a moment later (403 before its roles are loaded). So credentials
 # that have worked are given up only after that many refusals in a row, which takes about 11 seconds.
@@ -29,7 +34,7 @@ REFUSALS_BORNE = 8
 
 
 @dataclass(frozen=True)
-class Change:
+class StreamEvent:
     """What a stream has to tell.
 
     `listed`: these are all objects of the target now; `set`, `gone`: one object; `lost`: the connection is down and
@@ -67,9 +72,9 @@ class Watch:
     the server has forgotten (410 Gone) starts over with a list. Use it as a context: leaving it ends the threads.
     """
 
-    def __init__(self, kube: Kube, targets: Iterable[Target]) -> None:
+    def __init__(self, kube: Connection, targets: Iterable[Target]) -> None:
         self._kube = kube
-        self._changes: queue.Queue[Change] = queue.Queue()
+        self._changes: queue.Queue[StreamEvent] = queue.Queue()
         self._over = threading.Event()
         self._answers: dict[Target, Any] = {}
         self._threads: list[threading.Thread] = []
@@ -93,7 +98,7 @@ class Watch:
             self._threads.append(thread)
             thread.start()
 
-    def changes(self, timeout: float) -> list[Change]:
+    def changes(self, timeout: float) -> list[StreamEvent]:
         """Everything that is new; waits for the first change, at most `timeout` seconds."""
         try:
             found = [self._changes.get(timeout=max(timeout, 0.0))]
@@ -106,7 +111,7 @@ class Watch:
                 return found
 
     def _tell(self, what: str, target: Target, *objects: Object, error: ApiError | None = None) -> None:
-        self._changes.put(Change(what, target, list(objects), error))
+        self._changes.put(StreamEvent(what, target, list(objects), error))
 
     def _run(self, target: Target) -> None:
         """A thread that dies without a word would leave the wait blind, so whatever ends it is told."""
@@ -123,7 +128,7 @@ class Watch:
         while not self._over.is_set():
             try:
                 if not version:
-                    items, version = self._kube.page(target)
+                    items, version = self._kube.page(target.path)
                     worked = True
                     self._tell("listed", target, *items)
                 answer = self._open(target, version)

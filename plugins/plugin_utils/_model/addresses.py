@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 
 
-def address(host: str, hostvars: Mapping[str, Any]) -> str:
+def address(host: str, hostvars: Mapping[str, Variables]) -> str:
     """The host's address as it stands in a URL, an IPv6 one in brackets.
 
     `k3s_node_ip` comes before `ansible_host`, and that before the host's name.

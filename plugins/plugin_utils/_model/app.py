@@ -9,12 +9,23 @@ A key is added here. After that `python tools/docs/keys.py` writes the roles' ar
 # no `from __future__ import annotations`: a lambda in an annotation that is a text would not find this module's names
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, Required, TypedDict
+from typing import Annotated, Any, Literal, TypedDict
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LEAST, TIMEOUT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, FORMS, Form, number, whole
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, FORMS, Form, whole
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Follows, either
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import default_mount_path, ros_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import (
+    USUAL,
+    Count,
+    GraphName,
+    NotNegative,
+    Positive,
+    Readiness,
+    Scalar,
+    When,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.sharing import unshared, unshared_volume
 
 # A handoff follows from what the app does on the graph: two publishers or services of one name live side by side for a
@@ -26,40 +37,17 @@ HANDOFF_BY_PATTERN = {"pubsub": "overlap", "service": "overlap", "action": "drai
 STOP_MARGIN = 5
 
 AppName = Annotated[str, FORMS["app-name"]]
-GraphName = Annotated[str, FORMS["graph-name"]]
 GraphPattern = Annotated[str, FORMS["graph-pattern"]]
 LaunchFile = Annotated[str, FORMS["launch-file"]]
 MountPath = Annotated[str, FORMS["mount-path"]]
 NodePath = Annotated[str, FORMS["node-path"]]
 ParamName = Annotated[str, FORMS["param-name"]]
 VolumeName = Annotated[str, FORMS["volume-name"]]
-Filled = Annotated[str, FILLED]
-Positive = Annotated[float, number(0, above=True)]
-NotNegative = Annotated[float, number(0)]
-Count = Annotated[int, whole(0)]
-Scalar = str | float | bool
 QUANTITY = either(FORMS["quantity"].allowed, Annotated[str, FORMS["quantity"]], NotNegative)
 SIZE = either(FORMS["size"].allowed, Annotated[str, FORMS["size"]], Positive)
 Quantities = Mapping[Annotated[str, FORMS["resource-name"]], Annotated[str | float, QUANTITY]]
 PORT = whole(1, 65535)
 NODE_PORT = whole(30000, 32767)
-
-
-class Condition(TypedDict, total=False):
-    """What messages must say. Its keys are documented with the module ros_ready, and what else of them has to be true
-    is judged by its code (_validate/when.py)."""
-
-    topic: Required[GraphName]
-    field: Filled
-    equals: Scalar
-    above: float
-    below: float
-    quiet: Positive
-    still: Positive
-    tolerance: NotNegative
-
-
-When = tuple[Condition, ...]
 
 
 def env_value(value: Any) -> str | Mapping[str, str]:
@@ -69,14 +57,6 @@ def env_value(value: Any) -> str | Mapping[str, str]:
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
-
-
-def _named(item: Any) -> Mapping[str, Any]:
-    return item if isinstance(item, Mapping) else {"name": item}
-
-
-def _action(item: Any) -> Mapping[str, Any]:
-    return {"state": "up", **_named(item)}
 
 
 @dataclass(frozen=True)
@@ -185,67 +165,6 @@ class Launch:
     def words(self) -> list[str]:
         """What `_pod/launch.py` and roslaunch understand (wiki.ros.org/roslaunch/Commandline Tools)."""
         return [*self.file, *(f"{name}:={env_value(value)}" for name, value in sorted(self.args.items()))]
-
-
-class Topic(TypedDict, total=False):
-    """What the graph has to show of a topic: options of the module ros_ready."""
-
-    name: Required[GraphName]
-    """The topic; a relative name is resolved in the app's ROS namespace."""
-    type: Annotated[str, FORMS["ros-type"]]
-    """Its message type."""
-    publishers: Count
-    """At least so many publishers."""
-    subscribers: Count
-    """At least so many subscribers."""
-    connected: bool
-    """Every subscriber is connected, seen from the publishers."""
-    min_rate: Positive
-    """At least so many messages per second."""
-
-
-class Service(TypedDict, total=False):
-    """A service that has to answer."""
-
-    name: Required[GraphName]
-
-
-class Action(TypedDict, total=False):
-    """An action server that has to be there."""
-
-    name: Required[GraphName]
-    state: Literal["up", "idle"]
-
-
-NAMED = "a ROS name or a mapping with the key name"
-
-
-@dataclass(frozen=True)
-class Readiness:
-    """When an app is ready."""
-
-    command: Annotated[
-        str | tuple[str, ...] | None,
-        either("a command as text, or as a list of texts", Filled, Annotated[tuple[str, ...], FILLED]),
-        lambda said: tuple(said) if isinstance(said, list) else said,
-    ] = None
-    """What the container has to say to being ready, with exit status 0; a path, a shell command or a list."""
-    nodes: bool = True
-    """Whether the app's own ROS node has to be up."""
-    topics: tuple[Topic, ...] = ()
-    """Topics that the graph has to show."""
-    services: tuple[Annotated[Service, either(NAMED, GraphName, Service), _named], ...] = ()
-    """Services that have to answer a probe, as names or as mappings with the key C(name)."""
-    actions: tuple[Annotated[Action, either(NAMED, GraphName, Action), _action], ...] = ()
-    """Action servers, as names or as mappings with the keys C(name) and C(state) (C(up) or C(idle))."""
-    absent: tuple[GraphName, ...] = ()
-    """ROS nodes that have to be gone."""
-    timeout: Positive = 60.0
-    """Seconds until all of it has to be true."""
-    interval: Positive = 0.5
-    """Seconds between two looks at the graph."""
-    consecutive: Annotated[int, whole(1, 1000)] = 1
-    """How often in a row it has to be true."""
 
 
 @dataclass(frozen=True)
@@ -370,7 +289,7 @@ class App:
     """Private names that stay below the stable node name when the handoff is V(overlap)."""
     volumes: tuple[Mount, ...] = ()
     """Volumes of V(persistent_storage) to mount."""
-    readiness: Readiness = Readiness()
+    readiness: Readiness = USUAL
     """What has to be seen before the app counts as ready."""
     hooks: Literal["app", "sidecar", "none"] = "app"
     """Where the collection's own probe and stop hook run. With them the pod is ready when its ROS node is wholly
@@ -408,7 +327,7 @@ class App:
     """Use the host's network, for drivers."""
     host_paths: tuple[HostPath, ...] = ()
     """Directories of the host to mount."""
-    overrides: Mapping[str, Any] = field(default_factory=dict)
+    overrides: Variables = field(default_factory=dict)
     """Merged last into the Deployment, whose container is C(ros-app), recursively, lists of named entries by name; a
     null removes a key."""
 

@@ -18,7 +18,7 @@ _LABEL = "[a-z0-9](?:[-a-z0-9]{0,61}[a-z0-9])?"  # RFC 1123, as Kubernetes names
 _DIRECTORY = re.compile(rf"(?P<pv>pvc-{_LABEL})_(?P<namespace>{_LABEL})_(?P<claim>{_LABEL})")
 
 
-class Source(NamedTuple):
+class ClaimSource(NamedTuple):
     """A claim's directory on a host, the volume, and the directory of the control node that it goes to."""
 
     host: str
@@ -40,7 +40,7 @@ class Asked(NamedTuple):
         return there and (not self.volumes or volume in self.volumes)
 
 
-def sources(directories: Mapping[str, Collection[str]], asked: Asked) -> list[Source]:
+def sources(directories: Mapping[str, Collection[str]], asked: Asked) -> list[ClaimSource]:
     """`directories` are those that each host names, and whoever is root there names what he wants.
 
     So a claim is what its directory's name says, in the one form that Kubernetes gives it. What has no such name, or is
@@ -52,6 +52,6 @@ def sources(directories: Mapping[str, Collection[str]], asked: Asked) -> list[So
     taken = [(host, name, volume) for host, name, volume in claims if asked.takes(host, name["namespace"], volume)]
     targets = [f"{name['namespace'].removeprefix(robot_namespace(''))}/{volume}" for _host, name, volume in taken]
     return [
-        Source(host, name[0], volume, f"{target}.{name['pv']}" if targets.count(target) > 1 else target)
+        ClaimSource(host, name[0], volume, f"{target}.{name['pv']}" if targets.count(target) > 1 else target)
         for (host, name, volume), target in zip(taken, targets, strict=True)
     ]

@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the collection has to know of a robot: its variables with every documented default filled in, and no secret.
 
-`Robot.from_variables` fills the defaults in, once per run; everybody else reads a `Robot`. By `as_dict` and `from_dict`
-it travels as an Ansible fact.
+`Robot.from_variables` fills the defaults in, once per run; everybody else reads a `Robot`. By `plain` and `read` of
+keys.py it travels as an Ansible fact.
 """
 
 from __future__ import annotations
@@ -14,17 +14,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Volume, When
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Follows, plain, read
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Volume
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Follows, read
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import When
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
 
 _NAMESPACE = re.compile(r"(?:^|\s)__ns:=([\w/]+)")
 
 
 @dataclass(frozen=True)
-class Master:
+class MasterSettings:
     """The robot's ROS master; a shared one serves all robots and so stands on the edge. `uri` is of an external one.
 
     `addresses` is Service -> its address, of the master's and its keeper's, as far as the cluster has told them.
@@ -34,9 +36,9 @@ class Master:
     image: str = "ros:noetic-ros-core"
     uri: str = ""
     placement: Annotated[str, Follows(lambda said: "remote" if said.get("mode") == "shared" else "local")] = "local"
-    overrides: Mapping[str, Any] = field(default_factory=dict)
+    overrides: Variables = field(default_factory=dict)
     goal_forwarding: bool = True
-    keeper_overrides: Mapping[str, Any] = field(default_factory=dict)
+    keeper_overrides: Variables = field(default_factory=dict)
     addresses: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -53,16 +55,16 @@ class Robot:
     mode: str = "agent"
     apps: tuple[App, ...] = ()
     volumes: tuple[Volume, ...] = ()
-    master: Master = Master()
-    quota: Mapping[str, Any] = field(default_factory=dict)
-    limits: Mapping[str, Any] = field(default_factory=dict)
+    master: MasterSettings = MasterSettings()
+    quota: Variables = field(default_factory=dict)
+    limits: Variables = field(default_factory=dict)
     pod_security: str = ""
     pull_secrets: tuple[str, ...] = ()
     when: When = ()
     windows: Windows = ALWAYS
 
     @classmethod
-    def from_variables(cls, variables: Mapping[str, Any], name: str) -> Robot:
+    def from_variables(cls, variables: Variables, name: str) -> Robot:
         """The robot of an inventory host from its Ansible variables; null and the empty text stand for the default.
 
         Raises KeyError, TypeError or AttributeError for what the validation refuses.
@@ -93,16 +95,6 @@ class Robot:
         )
         settled = (_settled(app, said, found.volumes) for app, said in zip(found.apps, apps))
         return replace(found, apps=tuple(settled))
-
-    def as_dict(self) -> dict[str, Any]:
-        """The robot in mappings, lists and scalars."""
-        found: dict[str, Any] = plain(self)
-        return found
-
-    @classmethod
-    def from_dict(cls, value: Mapping[str, Any]) -> Robot:
-        """The robot that `as_dict` described."""
-        return read(cls, value)
 
     def app(self, name: str) -> App:
         """The app of this name; KeyError where there is none."""
@@ -175,7 +167,7 @@ def graph_node(app: App, robot: Robot, suffix: str = "") -> str:
     return resolve(app.node_name + suffix, graph_namespace(app, robot), "")
 
 
-def _settled(app: App, said: Mapping[str, Any], volumes: Sequence[Volume]) -> App:
+def _settled(app: App, said: Variables, volumes: Sequence[Volume]) -> App:
     """The app with the defaults that follow from the robot's volumes, and from how it is started."""
     paths = {volume.name: volume.mountPath for volume in volumes}
     mounts = [

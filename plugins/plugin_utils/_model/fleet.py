@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
@@ -33,13 +33,13 @@ class Fleet:
     edge_nodes: tuple[str, ...]
     name: str = ""
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Result:
         """The fleet in mappings, lists and scalars."""
-        found: dict[str, Any] = plain(self)
+        found: Result = plain(self)
         return found
 
     @classmethod
-    def from_vars(cls, task_vars: Mapping[str, Any] | None) -> Fleet:
+    def from_vars(cls, task_vars: Variables | None) -> Fleet:
         """The fleet that an action plugin's variables hold; SpecError before the validation."""
         return read(cls, _found(task_vars))
 
@@ -52,7 +52,7 @@ class Home:
     fleet: str
 
 
-def home_from_vars(task_vars: Mapping[str, Any]) -> Home | None:
+def home_from_vars(task_vars: Variables) -> Home | None:
     """Where the host of an action plugin's task belongs; None where no fleet was validated, or not with this host."""
     found = task_vars.get(VARIABLE)
     hosts = found.get("hosts") if isinstance(found, Mapping) else None
@@ -60,7 +60,7 @@ def home_from_vars(task_vars: Mapping[str, Any]) -> Home | None:
     return Home(read(Host, host), str(found["name"])) if isinstance(found, Mapping) and host else None
 
 
-def home_of(task_vars: Mapping[str, Any]) -> Home:
+def home_of(task_vars: Variables) -> Home:
     """The same; SpecError where there is none."""
     home = home_from_vars(task_vars)
     if home is None:
@@ -72,15 +72,15 @@ def home_of(task_vars: Mapping[str, Any]) -> Home:
     return home
 
 
-def robot_from_vars(task_vars: Mapping[str, Any] | None) -> Robot:
+def robot_from_vars(task_vars: Variables | None) -> Robot:
     """The robot that an action plugin's task is about, without reading all the others; SpecError where it is none."""
     robots, name = _found(task_vars)["robots"], str((task_vars or {}).get("inventory_hostname"))
     if name not in robots:
         raise SpecError(f"{name} is no robot of this fleet: it is not in the inventory's group robots")
-    return Robot.from_dict(robots[name])
+    return read(Robot, robots[name])
 
 
-def _found(task_vars: Mapping[str, Any] | None) -> Mapping[str, Any]:
+def _found(task_vars: Variables | None) -> Variables:
     found = (task_vars or {}).get(VARIABLE)
     if not isinstance(found, Mapping) or "robots" not in found:
         raise SpecError(

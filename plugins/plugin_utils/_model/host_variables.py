@@ -10,20 +10,21 @@ from typing import Any
 
 from ansible.template import Templar
 from ansible.vars.hostvars import HostVars
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
 
 
-class HostVariables(Mapping[str, Mapping[str, Any]]):
+class HostVariables(Mapping[str, Variables]):
     """`hostvars`, but a host's value may refer to `hostvars` in its turn: an address of the hub, a master elsewhere.
 
     Ansible's own leaves `hostvars` out where it templates another host's variables (HostVars.raw_get of
     ansible/vars/hostvars.py), although the same value is good in that host's own tasks. A plain mapping stays as it is.
     """
 
-    def __init__(self, hostvars: Mapping[str, Mapping[str, Any]]) -> None:
+    def __init__(self, hostvars: Mapping[str, Variables]) -> None:
         self._hostvars = hostvars
 
-    def __getitem__(self, host: str) -> Mapping[str, Any]:
+    def __getitem__(self, host: str) -> Variables:
         if host not in self._hostvars:
             raise KeyError(host)
         if not isinstance(self._hostvars, HostVars):
@@ -41,7 +42,7 @@ class HostVariables(Mapping[str, Mapping[str, Any]]):
 class _Templated(Mapping[str, Any]):
     """Variables of one host, each templated when it is asked for."""
 
-    def __init__(self, variables: dict[str, Any], loader: Any) -> None:
+    def __init__(self, variables: Result, loader: Any) -> None:
         self._variables = variables
         self._templar = Templar(loader=loader, variables=variables)
 

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 # k3s's own eviction-hard: with less of the disk free the Node has DiskPressure, and the kubelet evicts pods.
 EVICTION_FREE_PERCENT = 5
-# The kubelet's imageGCHighThresholdPercent and imageMinimumGCAge: with more of the disk used it deletes images that no
-# container uses, those that were never used first.
+# The kubelet's imageGCHighThresholdPercent: with more of the disk used it deletes images that no container uses, those
+# that were never used first.
 IMAGE_GC_USED_PERCENT = 85
-IMAGE_GC_AGE_SECONDS = 120
 # From this minor version on the kubelet ends on a host with cgroup v1, unless failCgroupV1 is false.
 CGROUP_V2_FROM = (1, 35)

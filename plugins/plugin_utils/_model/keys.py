@@ -29,6 +29,7 @@ from typing import (
     is_typeddict,
 )
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, words
 
 T = TypeVar("T")
@@ -38,7 +39,7 @@ T = TypeVar("T")
 class Follows:
     """A default that follows from what is said beside the key."""
 
-    of: Callable[[Mapping[str, Any]], Any]
+    of: Callable[[Variables], Any]
 
 
 class Kind(NamedTuple):
@@ -111,7 +112,7 @@ def keys(of: Any) -> Mapping[str, Key]:
     return found
 
 
-def read(of: Callable[..., T], said: Mapping[str, Any]) -> T:
+def read(of: Callable[..., T], said: Variables) -> T:
     """The object that a mapping describes; null and the empty text stand for the default, other keys are not looked at.
 
     Raises KeyError, TypeError or AttributeError for what the validation refuses.

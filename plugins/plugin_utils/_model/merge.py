@@ -13,6 +13,9 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+
 # Fields whose entries are told apart by something other than `name`; the first key that all entries have wins.
 MERGE_KEYS: dict[str, tuple[str, ...]] = {
     "volumeMounts": ("mountPath",),
@@ -24,7 +27,7 @@ MERGE_KEYS: dict[str, tuple[str, ...]] = {
 PATCH = "$patch"
 
 
-def deep_merge(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+def deep_merge(base: Variables, overrides: Variables) -> Object:
     """`overrides` laid over `base`; neither is changed.
 
     Mappings merge key by key, null removes a key, lists of named entries merge by name in the base's order with new
@@ -60,7 +63,7 @@ def merge_key(field: str, base: list[Any], value: list[Any]) -> str | None:
 
 
 def _merged_entries(key: str, base: list[Any], value: list[Any]) -> list[Any]:
-    entries: dict[Any, dict[str, Any]] = {str(item[key]): deepcopy(item) for item in base}
+    entries: dict[str, Object] = {str(item[key]): deepcopy(item) for item in base}
     for item in value:
         name = str(item[key])
         if item.get(PATCH) == "delete":

@@ -11,21 +11,22 @@ from pathlib import Path
 from typing import Any
 
 from ansible.module_utils.common.yaml import yaml_load
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 
-Option = Mapping[str, Any]
+Option = Arguments  # of a role, or what a mapping of it may hold
 # By the place of the code and not of the play: playbooks of somebody else validate, too.
 ROLES = Path(__file__).resolve().parents[3] / "roles"
 
 
 @functools.cache
-def entry_points(role: str) -> Mapping[str, Mapping[str, Any]]:
+def entry_points(role: str) -> Mapping[str, Option]:
     """A role's entry points by name; SpecError for a role that there is not."""
     try:
         text = (ROLES / role / "meta" / "argument_specs.yml").read_text("utf-8")
     except OSError as error:
         raise SpecError(f"the collection is not whole: {error}") from error
-    specs: Mapping[str, Mapping[str, Any]] = yaml_load(text)["argument_specs"]
+    specs: Mapping[str, Option] = yaml_load(text)["argument_specs"]
     return specs
 
 

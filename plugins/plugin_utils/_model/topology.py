@@ -13,12 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown
 
 EDGE_CLUSTER = "edge"
 MODES = ("agent", "standalone")
 SERVER_COUNTS = (1, 3)
+Groups = Mapping[str, object]  # Ansible's, by name; those that are lists of hosts count
 
 
 @dataclass(frozen=True)
@@ -35,35 +36,22 @@ class Host:
     node: str
 
 
-def fleet_topology(
-    groups: Mapping[str, Any],
-    robot_modes: Mapping[str, Any] | None = None,
-    nodes: Mapping[str, str] | None = None,
-) -> dict[str, Host]:
-    """The part of every host of the groups `edge` and `robots`.
+def fleet_topology(groups: Groups, modes: Mapping[str, str], nodes: Mapping[str, str] | None = None) -> dict[str, Host]:
+    """The part of every host of the groups `edge` and `robots`, of which nothing is wrong (`topology_problems`).
 
-    `groups` is `{edge: [..], robots: [..], k3s_server: [..]}` (other groups are ignored); `robot_modes` maps a robot to
-    `agent` or `standalone`, or to a mapping that holds `robot_mode` (a host's variables). Without `k3s_server` all edge
-    hosts are servers. The first of them starts the cluster (`edge_ordered`). `nodes` are the names of hosts that
-    are called otherwise in their cluster.
+    `modes` is robot -> `agent` or `standalone`. Without the group `k3s_server` all edge hosts are servers. The first of
+    them starts the cluster (`edge_ordered`). `nodes` are the names of hosts that are called otherwise in their cluster.
     """
-    modes = {robot: mode_of(robot, robot_modes) for robot in members(groups, "robots")}
-    problems = topology_problems(groups, modes)
-    if problems:
-        raise SpecError(
-            "the inventory's groups make no fleet: " + "; ".join(problem.line() for problem in problems),
-            errors=[problem.as_dict() for problem in problems],
-        )
     servers = edge_servers(groups)
     hosts: dict[str, Host] = {}
-    for host in [*members(groups, "edge"), *modes]:
+    for host in [*members(groups, "edge"), *members(groups, "robots")]:
         cluster, of = (host, [host]) if modes.get(host) == "standalone" else (EDGE_CLUSTER, servers)
         role, node = "server" if host in of else "agent", (nodes or {}).get(host, host)
         hosts[host] = Host(role, cluster, tuple(of), host == of[0], node)
     return hosts
 
 
-def edge_ordered(groups: Mapping[str, Any], first: str = "") -> dict[str, Any]:
+def edge_ordered(groups: Groups, first: str = "") -> dict[str, object]:
     """The groups with the edge's hosts by name, after the one that is named as the first."""
     ordered = {
         name: sorted(members(groups, name), key=lambda host: (host != first, host))
@@ -73,26 +61,24 @@ def edge_ordered(groups: Mapping[str, Any], first: str = "") -> dict[str, Any]:
     return {**groups, **ordered}
 
 
-def members(groups: Mapping[str, Any], group: str) -> list[str]:
+def members(groups: Groups, group: str) -> list[str]:
     """The hosts of a group in the groups' order; none if the group is missing or is no list."""
     hosts = groups.get(group)
     return [str(host) for host in hosts] if isinstance(hosts, Sequence) and not isinstance(hosts, str) else []
 
 
-def edge_servers(groups: Mapping[str, Any]) -> list[str]:
+def edge_servers(groups: Groups) -> list[str]:
     """The servers of the shared cluster, in order."""
     return members(groups, "k3s_server") or members(groups, "edge")
 
 
-def mode_of(robot: str, robot_modes: Mapping[str, Any] | None) -> Any:
-    """A robot's mode out of `{robot: mode}` or `{robot: {robot_mode: mode}}`; `agent` where nothing is said."""
-    value = robot_modes[robot] if robot_modes is not None and robot in robot_modes else None
-    if isinstance(value, Mapping):
-        value = value["robot_mode"] if "robot_mode" in value else None  # noqa: SIM401 - may be hostvars
-    return MODES[0] if value is None else value
+def mode_of(robot: str, hosts: Mapping[str, Variables]) -> Any:
+    """What a robot's variables say of its mode; `agent` where nothing is said."""
+    said = hosts.get(robot, {}).get("robot_mode")
+    return MODES[0] if said is None else said
 
 
-def topology_problems(groups: Mapping[str, Any], modes: Mapping[str, Any]) -> list[Problem]:
+def topology_problems(groups: Groups, modes: Mapping[str, object]) -> list[Problem]:
     """Everything that keeps the groups from making a fleet; empty if they do."""
     edge, robots = members(groups, "edge"), members(groups, "robots")
     problems = [
@@ -125,7 +111,7 @@ def topology_problems(groups: Mapping[str, Any], modes: Mapping[str, Any]) -> li
     return problems + _server_problems(groups)
 
 
-def _server_problems(groups: Mapping[str, Any]) -> list[Problem]:
+def _server_problems(groups: Groups) -> list[Problem]:
     """Embedded etcd keeps its majority with an odd number of members; two are worse than one."""
     edge, named, servers = members(groups, "edge"), members(groups, "k3s_server"), edge_servers(groups)
     problems = [

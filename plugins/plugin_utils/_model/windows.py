@@ -5,25 +5,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
-from typing import Any
+from typing import TypedDict
 from zoneinfo import ZoneInfo
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 AHEAD = 15  # days: in one week a window may fall into the hour that a zone's clock leaves out
 
 
+# an item of update_windows; hours and minutes
+Span = TypedDict("Span", {"days": Sequence[str], "from": str, "to": str}, total=False)
+
+
 @dataclass(frozen=True)
 class Windows:
-    """`spans` are items of update_windows, `zone` is a name of the IANA time zone database.
+    """`zone` is a name of the IANA time zone database.
 
     A span begins on its days (on all without any) at `from`, and ends at `to`, on the day after where that is not
     later. Without spans the robot may be changed at any time.
     """
 
-    spans: tuple[Mapping[str, Any], ...] = ()
+    spans: tuple[Span, ...] = ()
     zone: str = "UTC"
 
     def __bool__(self) -> bool:
@@ -48,11 +52,11 @@ class Windows:
 ALWAYS = Windows()
 
 
-def _begins(span: Mapping[str, Any], day: date) -> bool:
+def _begins(span: Span, day: date) -> bool:
     return not span.get("days") or DAYS[day.weekday()] in span["days"]
 
 
-def _seconds(span: Mapping[str, Any], day: date, zone: ZoneInfo) -> tuple[float, float]:
+def _seconds(span: Span, day: date, zone: ZoneInfo) -> tuple[float, float]:
     """Its start and its end; where the zone's clock is turned the end may come first."""
     start, end = _minutes(span["from"]), _minutes(span["to"])
     later = 0 if end > start else 24 * 60

@@ -8,18 +8,16 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import hung
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
     RECREATE_STRATEGY,
-    Object,
     annotate,
     canonical_hash,
     field_variable,
@@ -50,10 +48,9 @@ _REFERENCE = re.compile(r"\$\(([-._a-zA-Z0-9]+)\)")  # kubernetes.io, "Define De
 OVERLAP_STRATEGY = {"type": "RollingUpdate", "rollingUpdate": {"maxSurge": 1, "maxUnavailable": 0}}
 
 
-def app_objects(robot: Robot, code: Mapping[str, str] | None = None) -> list[Object]:
-    """One Deployment per app, in the order of ros_apps; with `code` (file name -> text) its ConfigMaps first."""
-    maps = [] if code is None else code_maps(robot, code)
-    return [*maps, *(app_deployment(app, robot) for app in robot.apps)]
+def app_objects(robot: Robot) -> list[Object]:
+    """One Deployment per app, in the order of ros_apps."""
+    return [app_deployment(app, robot) for app in robot.apps]
 
 
 def app_deployment(app: App, robot: Robot) -> Object:
@@ -188,7 +185,7 @@ def _revision() -> Object:
     return field_variable(names.REVISION_ENV, f"metadata.labels['{names.LABEL_REVISION}']")
 
 
-def _in_order(env: Mapping[str, Any]) -> list[str]:
+def _in_order(env: Mapping[str, object]) -> list[str]:
     """By name, each after those that it refers to as $(NAME).
 
     The order in the inventory tells nothing: what AWX has imported comes sorted, and no pod is made anew for that.
@@ -249,7 +246,7 @@ def name_suffix(app: App, revision: str) -> str:
     return f"_{revision}" if app.handoff == "overlap" else ""
 
 
-def _template(deployment: Mapping[str, Any], app: App) -> Object:
+def _template(deployment: Object, app: App) -> Object:
     try:
         template: Object = deployment["spec"]["template"]
         template["spec"]["containers"]
@@ -260,7 +257,7 @@ def _template(deployment: Mapping[str, Any], app: App) -> Object:
     return template
 
 
-def _app_container(template: Mapping[str, Any], app: App) -> Object:
+def _app_container(template: Object, app: App) -> Object:
     for container in template["spec"]["containers"]:
         if isinstance(container, dict) and container.get("name") == names.APP_CONTAINER:
             return container

@@ -10,9 +10,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-
-Object = dict[str, Any]
 
 REVISION_HISTORY = 3
 PROGRESS_DEADLINE = 300  # seconds
@@ -40,10 +39,19 @@ def pod_selector(name: str) -> dict[str, str]:
     return dict.fromkeys(SELECTOR, name)
 
 
+def made(
+    api: str, kind: str, name: str, namespace: str = "", labels: Mapping[str, str] | None = None, **body: Any
+) -> Object:
+    """An object; one without a namespace is the whole cluster's."""
+    metadata: Object = {"name": name, **({"namespace": namespace} if namespace else {})}
+    if labels is not None:
+        metadata["labels"] = dict(labels)
+    return {"apiVersion": api, "kind": kind, "metadata": metadata, **body}
+
+
 def config_map(name: str, namespace: str, labels: Mapping[str, str], data: Mapping[str, str]) -> Object:
     """A ConfigMap of text files, in order."""
-    metadata = {"name": name, "namespace": namespace, "labels": dict(labels)}
-    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": dict(sorted(data.items()))}
+    return made("v1", "ConfigMap", name, namespace, labels, data=dict(sorted(data.items())))
 
 
 def cluster_service(name: str, namespace: str, robot: str | None, port: int, address: str | None = None) -> Object:
@@ -53,28 +61,24 @@ def cluster_service(name: str, namespace: str, robot: str | None, port: int, add
     (Kubernetes before 1.35, KEP-4781), and the cluster whatever it lost sight of for 40 s. The robot's nodes work with
     it all the same, and have no other way to it.
     """
-    return {
-        "apiVersion": "v1",
-        "kind": "Service",
-        "metadata": {"name": name, "namespace": namespace, "labels": object_labels(name, robot)},
-        "spec": {
-            "type": "ClusterIP",
-            **({"clusterIP": address} if address else {}),
-            "publishNotReadyAddresses": True,
-            "selector": pod_selector(name),
-            "ports": [{"name": "xmlrpc", "port": port, "targetPort": port, "protocol": "TCP"}],
-        },
+    spec = {
+        "type": "ClusterIP",
+        **({"clusterIP": address} if address else {}),
+        "publishNotReadyAddresses": True,
+        "selector": pod_selector(name),
+        "ports": [{"name": "xmlrpc", "port": port, "targetPort": port, "protocol": "TCP"}],
     }
+    return made("v1", "Service", name, namespace, object_labels(name, robot), spec=spec)
 
 
 def workload(  # noqa: PLR0913 - the parts of a Deployment in which ours differ
     name: str,
     namespace: str,
     robot: str | None,
-    pod: Mapping[str, Any],
+    pod: Object,
     *,
     kind: str = "Deployment",
-    strategy: Mapping[str, Any] | None = None,
+    strategy: Object | None = None,
     annotations: Mapping[str, str] | None = None,
 ) -> Object:
     """The Deployment (or DaemonSet) of one pod, without hashes; `annotations` are the pod's.
@@ -89,12 +93,7 @@ def workload(  # noqa: PLR0913 - the parts of a Deployment in which ours differ
         spec["updateStrategy"] = how
     notes = {"annotations": dict(annotations)} if annotations else {}
     spec["template"] = {"metadata": {"labels": object_labels(name, robot), **notes}, "spec": dict(pod)}
-    return {
-        "apiVersion": "apps/v1",
-        "kind": kind,
-        "metadata": {"name": name, "namespace": namespace, "labels": object_labels(name, robot)},
-        "spec": spec,
-    }
+    return made("apps/v1", kind, name, namespace, object_labels(name, robot), spec=spec)
 
 
 def hashed(deployment: Object) -> Object:
@@ -112,8 +111,8 @@ def annotate(item: Object) -> Object:
 
 
 def pod_spec(
-    containers: Sequence[Mapping[str, Any]],
-    volumes: Sequence[Mapping[str, Any]] = (),
+    containers: Sequence[Object],
+    volumes: Sequence[Object] = (),
     pull_secrets: Sequence[str] = (),
     **more: Any,
 ) -> Object:

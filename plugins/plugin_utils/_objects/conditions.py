@@ -9,8 +9,9 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Readiness
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import USUAL
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import full_name
 
@@ -21,17 +22,18 @@ def graph_conditions(robot: Robot) -> dict[str, Any]:
     `{nodes, topics, services, actions, absent, timeout, interval, consecutive}`, and `master_uri` for an external
     master only: the address of a master in the cluster is known to the cluster (its Service), not to the inventory.
     """
-    conditions: dict[str, Any] = {key: [] for key in ("nodes", "topics", "services", "actions", "absent")}
+    lists: dict[str, list[Any]] = {key: [] for key in ("nodes", "topics", "services", "actions", "absent")}
     for app in robot.apps:
         for kind, items in _app_conditions(app, robot).items():
-            conditions[kind] += [item for item in items if item not in conditions[kind]]
-    ready = [app.readiness for app in robot.apps] or [Readiness()]
-    conditions["timeout"] = max(item.timeout for item in ready)
-    conditions["interval"] = min(item.interval for item in ready)
-    conditions["consecutive"] = max(item.consecutive for item in ready)
-    if robot.master.mode == "external":
-        conditions["master_uri"] = robot.master.uri
-    return conditions
+            lists[kind] += [item for item in items if item not in lists[kind]]
+    ready = [app.readiness for app in robot.apps] or [USUAL]
+    return {
+        **lists,
+        "timeout": max(item.timeout for item in ready),
+        "interval": min(item.interval for item in ready),
+        "consecutive": max(item.consecutive for item in ready),
+        **({"master_uri": robot.master.uri} if robot.master.mode == "external" else {}),
+    }
 
 
 def _app_conditions(app: App, robot: Robot) -> dict[str, list[Any]]:

@@ -9,14 +9,15 @@ keeper's Role has, too.
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import RBAC, Rule, rights
 
 NAME = "rosops-fleet-controller"
 NAMESPACE = "kube-system"
-RBAC = "rbac.authorization.k8s.io"
 READ = ["get", "list", "watch"]
 WRITE = [*READ, "create", "patch", "delete"]
-RULES: tuple[tuple[str, list[str], list[str]], ...] = (
+RULES: tuple[Rule, ...] = (
     ("", ["namespaces"], [*READ, "create", "patch"]),
     (
         "",
@@ -37,25 +38,12 @@ RULES: tuple[tuple[str, list[str], list[str]], ...] = (
 
 def controller_access() -> list[Object]:
     """The account, its role, and the Secret that the cluster puts its token into."""
-    metadata = {"name": NAME}
-    home = {"name": NAME, "namespace": NAMESPACE}
-    rules = [{"apiGroups": [group], "resources": kinds, "verbs": verbs} for group, kinds, verbs in RULES]
+    token = made("v1", "Secret", NAME, NAMESPACE, type="kubernetes.io/service-account-token")
+    token["metadata"]["annotations"] = {"kubernetes.io/service-account.name": NAME}
     return [
-        {"apiVersion": "v1", "kind": "ServiceAccount", "metadata": home},
-        {"apiVersion": f"{RBAC}/v1", "kind": "ClusterRole", "metadata": metadata, "rules": rules},
-        {
-            "apiVersion": f"{RBAC}/v1",
-            "kind": "ClusterRoleBinding",
-            "metadata": metadata,
-            "roleRef": {"apiGroup": RBAC, "kind": "ClusterRole", "name": NAME},
-            "subjects": [{"kind": "ServiceAccount", **home}],
-        },
-        {
-            "apiVersion": "v1",
-            "kind": "Secret",
-            "metadata": {**home, "annotations": {"kubernetes.io/service-account.name": NAME}},
-            "type": "kubernetes.io/service-account-token",
-        },
+        made("v1", "ServiceAccount", NAME, NAMESPACE),
+        *rights({"name": NAME, "namespace": NAMESPACE}, RULES),
+        token,
     ]
 
 

@@ -8,16 +8,15 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.server import HEALTHY, PATH, PORT, READY
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
     ONE_HEAP,
-    Object,
     canonical_hash,
     config_map,
     field_variable,
@@ -44,7 +43,7 @@ RESOURCES = {"requests": {"cpu": "20m", "memory": "32Mi"}, "limits": {"memory": 
 
 
 @dataclass(frozen=True)
-class Settings:
+class ExporterOptions:
     """What an operator may choose."""
 
     interval: float = 10.0
@@ -53,7 +52,7 @@ class Settings:
     claims_path: str = ""  # the storage class' directory on the robot; without one, claims are not looked at
 
 
-def exporter_objects(robot: Robot, code: Mapping[str, str], settings: Settings) -> list[Object]:
+def exporter_objects(robot: Robot, code: Mapping[str, str], options: ExporterOptions) -> list[Object]:
     """ConfigMap and Deployment. `code` is file name -> content.
 
     Those of a shared master are the same whichever robot they come from. An external master is looked at from each of
@@ -68,13 +67,13 @@ def exporter_objects(robot: Robot, code: Mapping[str, str], settings: Settings) 
         # unlike an app, it is restarted for newer code: nobody waits for it
         ANNOTATION_CODE: canonical_hash(config["data"]),
     }
-    pod = _pod_spec(robot, settings, namespace, () if owner is None else robot.volumes)
+    pod = _pod_spec(robot, options, namespace, () if owner is None else robot.volumes)
     # two would show every series twice: one goes before the next comes
     return [config, hashed(workload(NAME, namespace, owner, pod, annotations=annotations))]
 
 
-def _pod_spec(robot: Robot, settings: Settings, namespace: str, claims: Sequence[Volume]) -> Object:
-    looks = bool(settings.claims_path and claims)
+def _pod_spec(robot: Robot, options: ExporterOptions, namespace: str, claims: Sequence[Volume]) -> Object:
+    looks = bool(options.claims_path and claims)
     volumes: list[Object] = [
         {"name": "code", "configMap": {"name": NAME}},
         # made by the first update
@@ -82,10 +81,10 @@ def _pod_spec(robot: Robot, settings: Settings, namespace: str, claims: Sequence
     ]
     if looks:
         # as the storage class itself would make it, should there be no claim on this host yet
-        source = {"path": settings.claims_path, "type": "DirectoryOrCreate"}
+        source = {"path": options.claims_path, "type": "DirectoryOrCreate"}
         volumes.append({"name": "claims", "hostPath": source})
     return pod_spec(
-        [_container(robot, settings, namespace, _capacities(claims) if looks else None)],
+        [_container(robot, options, namespace, _capacities(claims) if looks else None)],
         volumes,
         robot.pull_secrets,
         terminationGracePeriodSeconds=5,
@@ -99,10 +98,10 @@ def _capacities(claims: Sequence[Volume]) -> dict[str, int]:
     return {name: int(size) for name, size in sorted(sizes.items()) if size is not None}
 
 
-def _container(robot: Robot, settings: Settings, namespace: str, capacities: dict[str, int] | None) -> Object:
-    words = ["--interval", f"{settings.interval:g}", "--timeout", f"{settings.timeout:g}"]
+def _container(robot: Robot, options: ExporterOptions, namespace: str, capacities: dict[str, int] | None) -> Object:
+    words = ["--interval", f"{options.interval:g}", "--timeout", f"{options.timeout:g}"]
     mounts = [mount("code", CODE_DIR, read_only=True), mount("updates", UPDATES_DIR, read_only=True)]
-    if settings.statistics:
+    if options.statistics:
         words += ["--statistics", "on"]
     if capacities is not None:
         words += ["--claims", CLAIMS_DIR, "--namespace", namespace, "--capacities", json.dumps(capacities)]
@@ -134,5 +133,5 @@ def _container(robot: Robot, settings: Settings, namespace: str, capacities: dic
     }
 
 
-def _probe(path: str) -> dict[str, Any]:
+def _probe(path: str) -> Object:
     return {"httpGet": {"path": path, "port": PORT}, "timeoutSeconds": 5}

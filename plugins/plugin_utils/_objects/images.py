@@ -15,10 +15,9 @@ def images(robot: Robot, placement: str | None = None) -> list[str]:
     """The images of the robot's master and apps, sorted; with `placement` those of local or of remote pods only."""
     found: set[str] = set()
     for item in [*master_objects(robot), *app_objects(robot)]:
-        if item["kind"] == "Deployment":
-            pod = item["spec"]["template"]["spec"]
-            where = "local" if names.LABEL_ROBOT in (pod.get("nodeSelector") or {}) else "remote"
-            if placement in (None, where):
-                containers = [*(pod.get("initContainers") or []), *pod["containers"]]
-                found.update(container["image"] for container in containers if container.get("image"))
+        pod = item["spec"]["template"]["spec"] if item["kind"] == "Deployment" else {}
+        where = "local" if names.LABEL_ROBOT in (pod.get("nodeSelector") or {}) else "remote"
+        if placement in (None, where):
+            containers = [*(pod.get("initContainers") or []), *(pod.get("containers") or [])]
+            found.update(container["image"] for container in containers if container.get("image"))
     return sorted(found)

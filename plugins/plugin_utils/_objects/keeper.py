@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
     FOR_EVER,
     ONE_HEAP,
-    Object,
-    cluster_service,
     field_variable,
     mount,
     node_selector,
@@ -24,7 +23,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code imp
     code_mount,
     code_volume,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import hardened
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import served
 
 RECORD_VOLUME = "record"
 RECORD_DIR = "/var/lib/rosops-fleet"
@@ -35,12 +34,7 @@ RESOURCES = {"requests": {"cpu": "10m", "memory": "32Mi"}, "limits": {"memory": 
 
 def keeper_objects(robot: Robot) -> list[Object]:
     """Deployment and Service of the keeper; nothing for an external master."""
-    if robot.master.mode == "external":
-        return []
-    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    deployment = hardened(plain_keeper(robot), robot.master.keeper_overrides)
-    address = robot.master.addresses.get(names.KEEPER_NAME)
-    return [deployment, cluster_service(names.KEEPER_NAME, namespace, owner, names.KEEPER_PORT, address)]
+    return served(robot, plain_keeper(robot), robot.master.keeper_overrides, names.KEEPER_PORT)
 
 
 def plain_keeper(robot: Robot) -> Object:

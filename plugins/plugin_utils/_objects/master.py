@@ -9,18 +9,17 @@ goes first, and the master once the new keeper is ready, which it is not before 
 
 from __future__ import annotations
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    Object,
-    cluster_service,
     field_variable,
     node_selector,
     pod_spec,
     workload,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import hardened
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import served
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.
@@ -52,12 +51,7 @@ def ros_core_objects(robot: Robot) -> list[Object]:
 
     The overrides are the master's alone.
     """
-    if robot.master.mode == "external":
-        return []
-    deployment = hardened(plain_master(robot), robot.master.overrides)
-    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
-    address = robot.master.addresses.get(names.MASTER_NAME)
-    return [deployment, cluster_service(names.MASTER_NAME, namespace, owner, names.MASTER_PORT, address)]
+    return served(robot, plain_master(robot), robot.master.overrides, names.MASTER_PORT)
 
 
 def plain_master(robot: Robot) -> Object:

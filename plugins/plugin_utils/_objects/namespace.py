@@ -12,32 +12,34 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Volume
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, owner_labels
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made, owner_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import pod_security_labels
 
 
 def namespace_objects(robot: Robot) -> list[Object]:
     """The robot's namespace with quota, limits and its keeper's rights; the namespace `fleet` where it needs that."""
-    objects = [_namespace(robot.namespace, robot.name, pod_security_labels(robot))]
+    labels = owner_labels(robot.name)
+    objects = [made("v1", "Namespace", robot.namespace, labels={**labels, **pod_security_labels(robot)})]
     if robot.quota:
         quota = {"hard": _texts(robot.quota)}
-        objects.append(_object("v1", "ResourceQuota", robot.namespace, robot.name, spec=quota))
+        objects.append(made("v1", "ResourceQuota", "robot", robot.namespace, labels, spec=quota))
     if robot.limits:
         limits = [{"type": "Container", **{key: _texts(value) for key, value in robot.limits.items()}}]
-        objects.append(_object("v1", "LimitRange", robot.namespace, robot.name, spec={"limits": limits}))
+        objects.append(made("v1", "LimitRange", "robot", robot.namespace, labels, spec={"limits": limits}))
     if needs_fleet_namespace(robot):
-        objects.append(_namespace(names.FLEET_NAMESPACE, None))
+        objects.append(made("v1", "Namespace", names.FLEET_NAMESPACE, labels=owner_labels(None)))
     return [*objects, *keeper_access(robot)]
 
 
-def pull_secret_objects(robot: Robot, pull_secrets: Sequence[Mapping[str, Any]]) -> list[Object]:
+def pull_secret_objects(robot: Robot, pull_secrets: Sequence[Variables]) -> list[Object]:
     """Registry credentials (robot_namespace_pull_secrets) as Secrets, wherever pods of the robot run.
 
     An item without `registry` names a Secret that somebody else keeps there.
@@ -47,11 +49,10 @@ def pull_secret_objects(robot: Robot, pull_secrets: Sequence[Mapping[str, Any]])
         owners[names.FLEET_NAMESPACE] = None
     kind = "kubernetes.io/dockerconfigjson"
     return [
-        _object("v1", "Secret", namespace, owner, secret["name"], type=kind, data={".dockerconfigjson": login})
+        made("v1", "Secret", secret["name"], namespace, owner_labels(owner), type=kind, data=_docker_config(secret))
         for namespace, owner in owners.items()
         for secret in pull_secrets
         if secret.get("registry")
-        for login in [_docker_config(secret)]
     ]
 
 
@@ -87,16 +88,6 @@ def needs_fleet_namespace(robot: Robot) -> bool:
     return robot.master.mode == "shared" or any(app.scope == "fleet" for app in robot.apps)
 
 
-def _namespace(name: str, robot: str | None, labels: Mapping[str, str] | None = None) -> Object:
-    metadata = {"name": name, "labels": {**owner_labels(robot), **(labels or {})}}
-    return {"apiVersion": "v1", "kind": "Namespace", "metadata": metadata}
-
-
-def _object(api: str, kind: str, namespace: str, robot: str | None, name: str = "robot", **body: Any) -> Object:
-    metadata = {"name": name, "namespace": namespace, "labels": owner_labels(robot)}
-    return {"apiVersion": api, "kind": kind, "metadata": metadata, **body}
-
-
 def _claim(volume: Volume, namespace: str, robot: str | None) -> Object:
     spec: Object = {
         "accessModes": [volume.access_mode],
@@ -104,17 +95,17 @@ def _claim(volume: Volume, namespace: str, robot: str | None) -> Object:
     }
     if volume.storage_class is not None:
         spec["storageClassName"] = volume.storage_class
-    return _object("v1", "PersistentVolumeClaim", namespace, robot, names.claim_name(volume.name), spec=spec)
+    return made("v1", "PersistentVolumeClaim", names.claim_name(volume.name), namespace, owner_labels(robot), spec=spec)
 
 
-def _docker_config(secret: Mapping[str, Any]) -> str:
+def _docker_config(secret: Variables) -> dict[str, str]:
     """The file that `docker login` writes, base64 as Kubernetes wants it in `data`."""
     user, password = str(secret["username"]), str(secret["password"])
     auth = base64.b64encode(f"{user}:{password}".encode()).decode()
     config = {"auths": {secret["registry"]: {"username": user, "password": password, "auth": auth}}}
-    return base64.b64encode(json.dumps(config, sort_keys=True).encode()).decode()
+    return {".dockerconfigjson": base64.b64encode(json.dumps(config, sort_keys=True).encode()).decode()}
 
 
-def _texts(quantities: Mapping[str, Any]) -> dict[str, str]:
+def _texts(quantities: Mapping[str, object]) -> dict[str, str]:
     """Quantities as text: `2` and `"2"` are the same to Kubernetes, but not to a comparison with what it stores."""
     return {str(key): str(value) for key, value in quantities.items()}

@@ -7,23 +7,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made
 
 # spec.taints is one atomic list that Kubernetes writes to as well (not-ready, unreachable, pressure), so it cannot be
 # applied as a whole. An annotation says which of the taints are ours.
 TAINTS_ANNOTATION = "rosops.fleet/taints"
 
 
-def node_object(name: str, placement: str, robot: str, labels: Mapping[str, Any]) -> Object:
+def node_object(name: str, placement: str, robot: str, labels: Mapping[str, str]) -> Object:
     """What is applied to a node: its placement, its robot (empty: an edge host's node) and further labels."""
     own = {names.LABEL_PLACEMENT: placement, **({names.LABEL_ROBOT: robot} if robot else {})}
-    return {"apiVersion": "v1", "kind": "Node", "metadata": {"name": name, "labels": {**own, **labels}}}
+    return made("v1", "Node", name, labels={**own, **labels})
 
 
-def taints_patch(node: Mapping[str, Any], taints: Sequence[Mapping[str, Any]]) -> Object | None:
+def taints_patch(node: Object, taints: Sequence[Object]) -> Object | None:
     """The merge patch that gives a node, as the API shows it, exactly these taints beside those of others.
 
     None if it has them. A taint of ours that is no longer wanted goes; one of others stays, unless one is wanted that
@@ -49,13 +49,13 @@ def taints_patch(node: Mapping[str, Any], taints: Sequence[Mapping[str, Any]]) -
     }
 
 
-def evicting(node: Mapping[str, Any], taints: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def evicting(node: Object, taints: Sequence[Object]) -> list[Object]:
     """Of the taints that are wanted those that end pods and are not on the node yet."""
     there = [_whole(taint) for taint in (node.get("spec") or {}).get("taints") or []]
     return [taint for taint in taints if taint["effect"] == "NoExecute" and _whole(taint) not in there]
 
 
-def evicted(pods: Iterable[Mapping[str, Any]], taints: Sequence[Mapping[str, Any]]) -> list[str]:
+def evicted(pods: Iterable[Object], taints: Sequence[Object]) -> list[str]:
     """`namespace/name` of the pods that do not tolerate all of these taints for as long as they run."""
     found = []
     for pod in pods:
@@ -65,7 +65,7 @@ def evicted(pods: Iterable[Mapping[str, Any]], taints: Sequence[Mapping[str, Any
     return sorted(found)
 
 
-def unplaced(pods: Iterable[Mapping[str, Any]], before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+def unplaced(pods: Iterable[Object], before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
     """`namespace/name` of the pods that select nodes by a label which this one had and has no more."""
     gone = {name: value for name, value in before.items() if after.get(name) != value}
     return sorted(
@@ -75,7 +75,7 @@ def unplaced(pods: Iterable[Mapping[str, Any]], before: Mapping[str, str], after
     )
 
 
-def _tolerates(toleration: Mapping[str, Any], taint: Mapping[str, Any]) -> bool:
+def _tolerates(toleration: Object, taint: Object) -> bool:
     """Whether a pod with it stays, as Kubernetes decides it."""
     if toleration.get("effect") not in (None, "", taint["effect"]) or toleration.get("tolerationSeconds") is not None:
         return False
@@ -85,13 +85,13 @@ def _tolerates(toleration: Mapping[str, Any], taint: Mapping[str, Any]) -> bool:
     return (str(toleration.get("key") or ""), str(toleration.get("value") or "")) == same
 
 
-def _name(pod: Mapping[str, Any]) -> str:
+def _name(pod: Object) -> str:
     return f"{pod['metadata']['namespace']}/{pod['metadata']['name']}"
 
 
-def _whole(taint: Mapping[str, Any]) -> tuple[str, str, str]:
+def _whole(taint: Object) -> tuple[str, str, str]:
     return (str(taint["key"]), str(taint.get("value") or ""), str(taint["effect"]))
 
 
-def _place(taint: Mapping[str, Any]) -> tuple[str, str]:
+def _place(taint: Object) -> tuple[str, str]:
     return (str(taint["key"]), str(taint["effect"]))

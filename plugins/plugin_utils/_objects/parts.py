@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
@@ -40,7 +40,7 @@ def tagged_parts(parts: Sequence[str], run_tags: Collection[str], skip_tags: Col
 
 
 def ground_objects(
-    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Mapping[str, Any]], code: Mapping[str, str]
+    robot: Robot, parts: Collection[str], pull_secrets: Sequence[Variables], code: Mapping[str, str]
 ) -> list[Object]:
     """What the pods stand on, and what changes without any of them.
 

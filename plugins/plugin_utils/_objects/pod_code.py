@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.exec import AFTER
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Launch
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, Object, exec_probe, mount
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, exec_probe, mount
 
 STARTED_TIMEOUT = 45  # s; `started` ends long before
 COMMAND_TIMEOUT = 5  # s; Kubernetes' own 1 s is too short for a process that starts on a loaded robot
@@ -63,7 +63,7 @@ def literal(text: str) -> str:
     return text.replace("$", "$$")
 
 
-def waits_for_the_old(deployment: Mapping[str, Any]) -> bool:
+def waits_for_the_old(deployment: Object) -> bool:
     """Whether its pod may start beside the one that it replaces; kept Deployments of earlier releases may not."""
     spec = deployment["spec"]["template"]["spec"]
     ours = {names.APP_CONTAINER: code_command("exec"), names.SIDECAR: code_command("sidecar")}
@@ -81,7 +81,7 @@ def code_mount() -> Object:
 
 def code_volume(app: App | None = None) -> Object:
     """The code; for an app with its contract, which is there while a step of an update is under way."""
-    maps: list[dict[str, Any]] = [{"name": names.CODE_NAME}]
+    maps: list[Object] = [{"name": names.CODE_NAME}]
     if app is not None:
         contract = {"key": "contract.json", "path": "contract.json"}
         maps.append({"name": names.update_name(app.name), "items": [contract], "optional": True})

@@ -8,13 +8,14 @@ It is part of the pod template: another readiness is another revision, which is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import ReadyTopic
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import probe_command
 
 
@@ -45,7 +46,7 @@ def app_settings(app: App, robot: Robot) -> dict[str, Any]:
     }
 
 
-def promised(robot: Robot) -> Iterator[tuple[str, App, Mapping[str, Any]]]:
+def promised(robot: Robot) -> Iterator[tuple[str, App, ReadyTopic]]:
     """The topics that readiness says to be published, with their apps and what is said.
 
     Which name a private one of a revision has, the graph alone knows.

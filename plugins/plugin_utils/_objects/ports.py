@@ -8,10 +8,11 @@ The Service asks each pod for a port by its name: while two versions are there, 
 
 from __future__ import annotations
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, object_labels, pod_selector
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made, object_labels, pod_selector
 
 
 def container_ports(app: App) -> list[Object]:
@@ -45,9 +46,5 @@ def _service(app: App, robot: Robot) -> Object:
     ]
     outside = any(port.node_port for port in app.ports)
     labels = object_labels(app.name, None if app.scope == "fleet" else robot.name)
-    return {
-        "apiVersion": "v1",
-        "kind": "Service",
-        "metadata": {"name": app.name, "namespace": context.namespace_of(app, robot), "labels": labels},
-        "spec": {"type": "NodePort" if outside else "ClusterIP", "selector": pod_selector(app.name), "ports": ports},
-    }
+    spec = {"type": "NodePort" if outside else "ClusterIP", "selector": pod_selector(app.name), "ports": ports}
+    return made("v1", "Service", app.name, context.namespace_of(app, robot), labels, spec=spec)

@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object, hashed
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import cluster_service, hashed
 
 ALL = ("ALL",)
 # Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod
@@ -25,7 +27,7 @@ _MIGHTY = frozenset({"SYS_ADMIN", "CAP_SYS_ADMIN"})
 
 def harden(container: Object, drop: Sequence[str]) -> None:
     """Fill in what its own securityContext, overrides included, leaves open; a privileged one is left as it is."""
-    given: dict[str, Any] = dict(container.get("securityContext") or {})
+    given: Object = dict(container.get("securityContext") or {})
     asked = given.get("capabilities") or {}
     added = {*(asked.get("add") or ())}
     # container runtimes add first and drop then, but for ALL, which they drop before: what is asked for by name is kept
@@ -40,13 +42,19 @@ def harden(container: Object, drop: Sequence[str]) -> None:
     }
 
 
-def hardened(plain: Object, overrides: Mapping[str, Any]) -> Object:
-    """A Deployment of ours with its overrides: its own code needs nothing of its host, and gets no more."""
-    deployment = deep_merge(plain, overrides)
+def served(robot: Robot, plain: Object, overrides: Variables, port: int) -> list[Object]:
+    """A Deployment of ours with its overrides, and the Service in front of it; nothing for an external master.
+
+    Our own code needs nothing of its host, and gets no more.
+    """
+    if robot.master.mode == "external":
+        return []
+    deployment, name = deep_merge(plain, overrides), plain["metadata"]["name"]
     for container in deployment["spec"]["template"]["spec"]["containers"]:
         if container["name"] in {one["name"] for one in plain["spec"]["template"]["spec"]["containers"]}:
             harden(container, ALL)
-    return hashed(deployment)
+    namespace, owner = context.master_namespace(robot), context.master_owner(robot)
+    return [hashed(deployment), cluster_service(name, namespace, owner, port, robot.master.addresses.get(name))]
 
 
 def more_than_baseline(app: App) -> str:

@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import PORT
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, ONE_HEAP, Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, ONE_HEAP
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
     STARTED_TIMEOUT,
     begin_after,

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from functools import partial
+from typing import NamedTuple
 
 ERROR = "error"
 WARNING = "warning"
 
 
-class Finding(TypedDict):
+class Finding(NamedTuple):
     """An error stops the host, a warning does not."""
 
     severity: str
@@ -20,9 +21,4 @@ class Finding(TypedDict):
     fix: str
 
 
-def error(what: str, where: str, fix: str) -> Finding:
-    return {"severity": ERROR, "what": what, "where": where, "fix": fix}
-
-
-def warning(what: str, where: str, fix: str) -> Finding:
-    return {"severity": WARNING, "what": what, "where": where, "fix": fix}
+error, warning = partial(Finding, ERROR), partial(Finding, WARNING)

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.k3s_defaults import (
     CGROUP_V2_FROM,
     EVICTION_FREE_PERCENT,
@@ -27,6 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding im
     warning,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.network import network_findings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import Requirements
 
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
 ANSWERS = ("open", "refused")
@@ -36,8 +37,6 @@ LABEL = re.compile(r"^[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?$")
 UNFIT_FILESYSTEMS = ("overlay", "nfs", "nfs4", "cifs", "vfat", "exfat", "ntfs", "tmpfs", "ramfs", "squashfs")
 K3S_PROCESS = re.compile(r"^(k3s|containerd$|etcd$)")
 PI_OPTIONS = "cgroup_enable=cpuset cgroup_enable=memory cgroup_memory=1"
-
-Facts = Mapping[str, Any]
 
 
 def clock_offset(sent: float, began: float, ended: float, received: float) -> dict[str, float]:
@@ -51,12 +50,12 @@ def clock_offset(sent: float, began: float, ended: float, received: float) -> di
     return {"offset": round((low + high) / 2, 3), "uncertainty": round(abs(high - low) / 2, 3)}
 
 
-def findings(facts: Facts, requirements: Mapping[str, Any]) -> list[Finding]:
+def findings(facts: Result, requirements: Requirements) -> list[Finding]:
     """Everything that is wrong with one host by itself."""
     return [finding for check in CHECKS for finding in check(facts, requirements)]
 
 
-def fleet_findings(name: str, fleet: Mapping[str, Facts]) -> list[Finding]:
+def fleet_findings(name: str, fleet: Mapping[str, Result]) -> list[Finding]:
     """What is wrong with one host only because of another one: the same name, a different MTU."""
     mine = fleet[name]
     others = {host: facts for host, facts in fleet.items() if host != name}
@@ -85,7 +84,7 @@ def fleet_findings(name: str, fleet: Mapping[str, Facts]) -> list[Finding]:
     return found + _mtu_differs(name, fleet)
 
 
-def _mtu_differs(name: str, fleet: Mapping[str, Facts]) -> list[Finding]:
+def _mtu_differs(name: str, fleet: Mapping[str, Result]) -> list[Finding]:
     sizes = {host: route_mtu(facts) for host, facts in fleet.items() if route_mtu(facts)}
     largest = max(sizes.values(), default=0)
     if name not in sizes or sizes[name] == largest:
@@ -100,11 +99,11 @@ def _mtu_differs(name: str, fleet: Mapping[str, Facts]) -> list[Finding]:
     ]
 
 
-def route_mtu(facts: Facts) -> int:
+def route_mtu(facts: Result) -> int:
     return int(facts["routes"][0]["mtu"]) if facts["routes"] else 0
 
 
-def _platform(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _platform(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     system = facts["os"]
     if facts["machine"] not in MACHINES:
         yield error(
@@ -112,11 +111,11 @@ def _platform(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding
             "uname -m",
             f"use a host with one of {', '.join(sorted(MACHINES))}",
         )
-    if system["id"] not in requirements["systems"]:
+    if system["id"] not in requirements.systems:
         yield warning(
             f"{system['name'] or 'the operating system'} is none of the systems this was made for",
             "/etc/os-release",
-            f"expected one of {', '.join(requirements['systems'])}; "
+            f"expected one of {', '.join(requirements.systems)}; "
             f"add {system['id'] or 'its ID'} to preflight_systems once it has proved itself",
         )
     if not facts["systemd"]:
@@ -131,7 +130,7 @@ def _platform(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding
         )
 
 
-def _cgroups(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _cgroups(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     cgroup = facts["cgroup"]
     missing = [name for name in CONTROLLERS if name not in cgroup["controllers"]]
     if not missing:
@@ -140,11 +139,11 @@ def _cgroups(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding
     yield error(f"these cgroup controllers are off: {', '.join(missing)}", where, _cgroup_fix(facts, missing))
 
 
-def _cgroup_version(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _cgroup_version(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     """k3s 1.35 is the next upgrade of a robot that has 1.34, so it is said before."""
     if not facts["cgroup"]["refused"]:
         return
-    coming_text = requirements["k3s_version"]
+    coming_text = requirements.k3s_version
     coming = version(coming_text)
     refused = coming is not None and coming.minor >= CGROUP_V2_FROM
     yield (error if refused else warning)(
@@ -154,7 +153,7 @@ def _cgroup_version(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[F
     )
 
 
-def _cgroup_fix(facts: Facts, missing: list[str]) -> str:
+def _cgroup_fix(facts: Result, missing: list[str]) -> str:
     """On a Raspberry Pi the firmware switches the memory controller off unless the command line asks for it."""
     cgroup = facts["cgroup"]
     if facts["board"].startswith("Raspberry Pi"):
@@ -168,25 +167,25 @@ def _cgroup_fix(facts: Facts, missing: list[str]) -> str:
     return f"boot a kernel that has the controllers {', '.join(missing)}"
 
 
-def _memory(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
-    limits = requirements["memory_mb"]
+def _memory(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+    limits = requirements.memory_mb
     has = facts["memory_mb"]
     if has < limits["minimum"]:
         yield error(
-            f"{has} MiB of memory, a k3s {requirements['role']} needs {limits['minimum']}",
+            f"{has} MiB of memory, a k3s {requirements.role} needs {limits['minimum']}",
             "/proc/meminfo",
-            "use a host with more memory" + (", or robot_mode: agent" if requirements["role"] == "server" else ""),
+            "use a host with more memory" + (", or robot_mode: agent" if requirements.role == "server" else ""),
         )
     elif has < limits["recommended"]:
         yield warning(
-            f"{has} MiB of memory leave little beside a k3s {requirements['role']}; {limits['recommended']} are better",
+            f"{has} MiB of memory leave little beside a k3s {requirements.role}; {limits['recommended']} are better",
             "/proc/meminfo",
             "keep the apps' requests small",
         )
 
 
-def _disk(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
-    disk, limits, percents = facts["disk"], requirements["disk_mb"], requirements["disk_percent"]
+def _disk(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+    disk, limits, percents = facts["disk"], requirements.disk_mb, requirements.disk_percent
     free, fix = disk["free_mb"], "free space, or mount a larger file system there"
     percent = 100 * free / max(disk["total_mb"], 1)
     has = f"{free} MiB free for {disk['path']}"
@@ -227,9 +226,9 @@ def _disk(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
         )
 
 
-def _clock(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _clock(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     """Only what is beyond the measurement's own uncertainty counts."""
-    clock, limits = facts["clock"], requirements["clock_offset"]
+    clock, limits = facts["clock"], requirements.clock_offset
     certain = abs(clock["offset"]) - clock["uncertainty"]
     if certain <= limits["recommended"]:
         return
@@ -239,7 +238,7 @@ def _clock(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
     yield (error if certain > limits["maximum"] else warning)(what, "clock", fix)
 
 
-def _network(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _network(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     if not facts["routes"]:
         yield error(
             "there is no default route, without which k3s does not start",
@@ -254,7 +253,7 @@ def _network(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding
         )
 
 
-def _ports(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _ports(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     ours = bool(facts["k3s"]["units"])
     for listener in facts["listening"]:
         # A socket without a process is the kernel's (VXLAN), which k3s leaves behind while it is installed.
@@ -267,7 +266,7 @@ def _ports(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
         )
 
 
-def _reachable(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _reachable(facts: Result, _requirements: Requirements) -> Iterable[Finding]:
     """A node that has joined runs on without its server, so it is not stopped for that; a new one cannot join."""
     joined = facts["k3s"]["agent_data"]
     for target in facts["reach"]:
@@ -280,7 +279,7 @@ def _reachable(facts: Facts, _requirements: Mapping[str, Any]) -> Iterable[Findi
         )
 
 
-def _name(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def _name(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     name = facts["hostname"]
     if not all(LABEL.match(part) for part in name.split(".")) or len(name) > 253:
         yield error(
@@ -290,16 +289,16 @@ def _name(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
         )
     elif name in ("localhost", "localhost.localdomain"):
         yield error("the host is named localhost", "uname -n", "hostnamectl set-hostname NAME")
-    if requirements["node_name"] and not LABEL.match(requirements["node_name"]):
+    if requirements.node_name and not LABEL.match(requirements.node_name):
         yield error(
-            f"the node name {requirements['node_name']!r} is not valid in Kubernetes",
+            f"the node name {requirements.node_name!r} is not valid in Kubernetes",
             "inventory",
             "use lower-case letters, digits and hyphens, at most 63",
         )
 
 
-def _leftovers(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Finding]:
-    old, role = facts["k3s"], requirements["role"]
+def _leftovers(facts: Result, requirements: Requirements) -> Iterable[Finding]:
+    old, role = facts["k3s"], requirements.role
     other = "k3s-agent.service" if role == "server" else "k3s.service"
     reset = "run the playbook reset.yml for this host"
     if other in old["units"]:
@@ -312,10 +311,10 @@ def _leftovers(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Findin
             "/var/lib/rancher/k3s/server/db",
             f"restore /etc/rancher/k3s with its token, or {reset}",
         )
-    if requirements["server_urls"] and old["server_url"] and old["server_url"] not in requirements["server_urls"]:
+    if requirements.server_urls and old["server_url"] and old["server_url"] not in requirements.server_urls:
         yield (error if old["agent_data"] else warning)(
             f"the host belongs to the cluster of {old['server_url']}, not to that of "
-            f"{', '.join(requirements['server_urls'])}",
+            f"{', '.join(requirements.server_urls)}",
             "/etc/rancher/k3s/config.yaml",
             reset,
         )
@@ -329,7 +328,7 @@ def _leftovers(facts: Facts, requirements: Mapping[str, Any]) -> Iterable[Findin
         )
 
 
-CHECKS: tuple[Callable[[Facts, Mapping[str, Any]], Iterable[Finding]], ...] = (
+CHECKS: tuple[Callable[[Result, Requirements], Iterable[Finding]], ...] = (
     _platform,
     _cgroups,
     _cgroup_version,
@@ -345,21 +344,19 @@ CHECKS: tuple[Callable[[Facts, Mapping[str, Any]], Iterable[Finding]], ...] = (
 )
 
 
-def judge(fleet: Mapping[str, Facts], host: str, requirements: Mapping[str, Any]) -> dict[str, Any]:
-    """The host's report: how many errors and warnings, the findings with the errors first, and all of it as text."""
+def judge(fleet: Mapping[str, Result], host: str, requirements: Requirements) -> list[Finding]:
+    """What is wrong with one of these hosts, the errors first. `fleet` is host -> its facts."""
     found = findings(fleet[host], requirements) + fleet_findings(host, fleet)
-    found.sort(key=lambda finding: finding["severity"] != ERROR)
-    errors = sum(finding["severity"] == ERROR for finding in found)
-    return {"errors": errors, "warnings": len(found) - errors, "findings": found, "text": report(host, found)}
+    return sorted(found, key=lambda finding: finding.severity != ERROR)
 
 
 def report(host: str, found: list[Finding]) -> str:
-    """The host's findings as text: one line each, errors first."""
+    """The host's findings as text: one line each."""
     if not found:
         return f"{host}: ready for k3s, nothing to remark"
-    errors = sum(finding["severity"] == ERROR for finding in found)
+    errors = sum(finding.severity == ERROR for finding in found)
     head = f"{host}: {_count(errors, ERROR)}, {_count(len(found) - errors, WARNING)}"
-    lines = [f"  {f['severity']}: {f['what']} (seen in {f['where']}). Fix: {f['fix']}" for f in found]
+    lines = [f"  {f.severity}: {f.what} (seen in {f.where}). Fix: {f.fix}" for f in found]
     return "\n".join([head, *lines])
 
 

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding import Finding, warning
+from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import Requirements
 
 PORTS = {
     "server": "6443/tcp (API), 10250/tcp (kubelet), 8472/udp (flannel), with several servers 2379-2380/tcp (etcd)",
@@ -26,9 +27,9 @@ WITHOUT = {
 }
 
 
-def network_findings(facts: Mapping[str, Any], requirements: Mapping[str, Any]) -> Iterable[Finding]:
+def network_findings(facts: Result, requirements: Requirements) -> Iterable[Finding]:
     """`facts` are the host's; warnings only: what a firewall lets through is not seen from here."""
-    network, role = facts["network"], requirements["role"]
+    network, role = facts["network"], requirements.role
     for firewall in network["firewalls"]:
         yield warning(
             f"{firewall} is on; a k3s {role} needs {PORTS[role]}, and its pods and services {NETWORKS}",
@@ -50,7 +51,7 @@ def network_findings(facts: Mapping[str, Any], requirements: Mapping[str, Any]) 
             + (", or k3s_config: {flannel-backend: host-gw} on the servers" if module == "vxlan" else ""),
         )
     interfaces = list(dict.fromkeys(route["interface"] for route in facts["routes"] if route["family"] == 4))
-    if len(interfaces) > 1 and not requirements["interface"]:
+    if len(interfaces) > 1 and not requirements.interface:
         yield warning(
             f"there are default routes by {' and '.join(interfaces)}: pods go by {interfaces[0]}, or by another one "
             "when k3s starts while that is down",

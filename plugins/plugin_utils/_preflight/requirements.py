@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
 
 API = 6443
@@ -25,12 +26,12 @@ PART = {
 TIMEOUT = 3.0  # seconds for the answer of a server
 
 
-def server_addresses(servers: Sequence[str], host: str, hostvars: Mapping[str, Any]) -> list[str]:
+def server_addresses(servers: Sequence[str], host: str, hostvars: Mapping[str, Variables]) -> list[str]:
     """Where the cluster's other servers are."""
     return [address(server, hostvars) for server in servers if server != host]
 
 
-def look(role: str, others: Sequence[str]) -> dict[str, Any]:
+def look(role: str, others: Sequence[str]) -> Arguments:
     """The arguments of the job `facts`. A server talks to the others' etcd, too; one that is alone has none."""
     etcd = ETCD if role == "server" else ()
     return {
@@ -40,14 +41,27 @@ def look(role: str, others: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def requirements(part: Mapping[str, Any], variables: Mapping[str, Any], others: Sequence[str]) -> dict[str, Any]:
-    """What findings are measured by; `part` are `role`, `node_name`, `k3s_version` and `interface`."""
-    return {
+@dataclass(frozen=True)
+class Requirements:
+    """What findings are measured by. A limit is `{minimum, recommended}`, of the clock `{recommended, maximum}`."""
+
+    role: str
+    node_name: str
+    k3s_version: str
+    interface: str
+    systems: Sequence[str]
+    memory_mb: Mapping[str, float]
+    disk_mb: Mapping[str, float]
+    disk_percent: Mapping[str, float]
+    clock_offset: Mapping[str, float]  # s
+    server_urls: Sequence[str]
+
+
+def requirements(part: Arguments, variables: Variables, others: Sequence[str]) -> Requirements:
+    """Of a host; `part` are role, node_name, k3s_version and interface, `others` the addresses of the other servers."""
+    return Requirements(
         **{key: part[key] for key in ("role", "node_name", "k3s_version", "interface")},
-        "systems": variables["preflight_systems"],
-        "memory_mb": variables[f"preflight_{part['role']}_memory_mb"],
-        "disk_mb": variables["preflight_disk_mb"],
-        "disk_percent": variables["preflight_disk_percent"],
-        "clock_offset": variables["preflight_clock_offset"],
-        "server_urls": [f"https://{server}:{API}" for server in others],
-    }
+        **{key: variables[f"preflight_{key}"] for key in ("systems", "disk_mb", "disk_percent", "clock_offset")},
+        memory_mb=variables[f"preflight_{part['role']}_memory_mb"],
+        server_urls=[f"https://{server}:{API}" for server in others],
+    )

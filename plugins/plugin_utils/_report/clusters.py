@@ -11,8 +11,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, Row, kept_runs, kept_steps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import name_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, meta
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_object, kept_part
 

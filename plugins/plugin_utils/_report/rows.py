@@ -20,7 +20,12 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ways_back
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import is_ready, is_terminating, name_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
+    Object,
+    is_ready,
+    is_terminating,
+    name_of,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import condition, last_end, meta, why_not_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, Outdated
@@ -44,16 +49,16 @@ LATELY = 600.0  # s, in which the end of a container that was started again is n
 LOOKING = frozenset({"status.yml", "validate.yml"})
 
 
-def _labels(obj: Mapping[str, Any]) -> dict[str, str]:
+def _labels(obj: Object) -> dict[str, str]:
     return dict(meta(obj).get("labels") or {})
 
 
-def _robot(obj: Mapping[str, Any]) -> str:
+def _robot(obj: Object) -> str:
     """The robot that an object belongs to; the fleet's own namespace belongs to all."""
     return str(_labels(obj).get(names.LABEL_ROBOT) or SHARED)
 
 
-def _chosen_labels(obj: Mapping[str, Any]) -> dict[str, str]:
+def _chosen_labels(obj: Object) -> dict[str, str]:
     own = {names.LABEL_PLACEMENT, names.LABEL_ROBOT}
     return {
         key: value
@@ -62,12 +67,12 @@ def _chosen_labels(obj: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def nodes_off(nodes: Iterable[Mapping[str, Any]]) -> list[str]:
+def nodes_off(nodes: Iterable[Object]) -> list[str]:
     """Names of the nodes that are not ready, or have never said so: their hosts are off, away or broken."""
     return [name_of(node) for node in nodes if condition(node, "Ready").get("status") != "True"]
 
 
-def node_rows(nodes: Iterable[Mapping[str, Any]]) -> list[Row]:
+def node_rows(nodes: Iterable[Object]) -> list[Row]:
     rows = []
     for node in nodes:
         labels, status = _labels(node), node.get("status") or {}
@@ -93,30 +98,30 @@ def node_rows(nodes: Iterable[Mapping[str, Any]]) -> list[Row]:
     return sorted(rows, key=lambda row: str(row["name"]))
 
 
-def _pods_of(deployment: Mapping[str, Any], pods: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _pods_of(deployment: Object, pods: Iterable[Object]) -> list[Object]:
     key = (meta(deployment).get("namespace"), _labels(deployment).get(names.LABEL_APP) or name_of(deployment))
     return [pod for pod in pods if (meta(pod).get("namespace"), _labels(pod).get(names.LABEL_APP)) == key]
 
 
-def _restarts(pods: Iterable[Mapping[str, Any]]) -> int:
+def _restarts(pods: Iterable[Object]) -> int:
     statuses = [one for pod in pods for one in (pod.get("status") or {}).get("containerStatuses") or []]
     return sum(int(one.get("restartCount") or 0) for one in statuses)
 
 
-def _unready_since(deployment: Mapping[str, Any], open_pods: Sequence[Mapping[str, Any]]) -> str:
+def _unready_since(deployment: Object, open_pods: Sequence[Object]) -> str:
     """The Deployment's own word outlives its pods, so it comes first. Empty where nobody says."""
     known = [condition(deployment, "Available"), *(condition(pod, "Ready") for pod in open_pods)]
     times = (str(one.get("lastTransitionTime") or "") for one in known if one.get("status") not in (None, "True"))
     return next((time for time in times if time), "")
 
 
-def _lately(pods: Iterable[Mapping[str, Any]], now: float) -> tuple[str, str]:
+def _lately(pods: Iterable[Object], now: float) -> tuple[str, str]:
     """When and how a container ended that was started again since. By the clock of its host, which may be ahead."""
     at, how = max((end for pod in pods if (end := last_end(pod))), default=("", ""))
     return (at, how) if at and now - datetime.fromisoformat(at).timestamp() < LATELY else ("", "")
 
 
-def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any]], now: float) -> Row:
+def _workload_row(deployment: Object, pods: Sequence[Object], now: float) -> Row:
     spec, status = deployment.get("spec") or {}, deployment.get("status") or {}
     pod_spec = (spec.get("template") or {}).get("spec") or {}
     live = [pod for pod in pods if not is_terminating(pod)]
@@ -142,9 +147,7 @@ def _workload_row(deployment: Mapping[str, Any], pods: Sequence[Mapping[str, Any
     }
 
 
-def workload_rows(
-    deployments: Iterable[Mapping[str, Any]], pods: Iterable[Mapping[str, Any]], now: float
-) -> dict[str, list[Row]]:
+def workload_rows(deployments: Iterable[Object], pods: Iterable[Object], now: float) -> dict[str, list[Row]]:
     """Masters, what helps them, and apps. Only what this collection manages."""
     all_pods = list(pods)
     found: dict[str, list[Row]] = {"masters": [], "helpers": [], "apps": []}
@@ -171,7 +174,7 @@ def ending_rows(workloads: Iterable[Row]) -> list[Row]:
     ]
 
 
-def went_back_rows(deployments: Iterable[Mapping[str, Any]]) -> list[Row]:
+def went_back_rows(deployments: Iterable[Object]) -> list[Row]:
     """What the keeper took back, as nobody else did; it stands there until the next step."""
     return _sorted(
         [
@@ -213,7 +216,7 @@ def outdated_rows(found: Iterable[Outdated]) -> list[Row]:
     ]
 
 
-def claim_rows(objects: Mapping[str, Sequence[Mapping[str, Any]]], usage: Mapping[str, int]) -> list[Row]:
+def claim_rows(objects: Mapping[str, Sequence[Object]], usage: Mapping[str, int]) -> list[Row]:
     """Of one cluster's objects by kind. `usage`: bytes used, by `<namespace>/<claim>`."""
     view, rows = View(), []
     for kind in ("PersistentVolumeClaim", "StorageClass", "Deployment"):
@@ -367,12 +370,12 @@ def _versions(apps: Any) -> list[str]:
 
 
 def cluster_rows(
-    clusters: Sequence[Mapping[str, Sequence[Mapping[str, Any]]]], usage: Mapping[str, int], now: float
+    clusters: Sequence[Mapping[str, Sequence[Object]]], usage: Mapping[str, int], now: float
 ) -> dict[str, list[Row]]:
     """What the clusters hold, from the objects of each by kind. `usage`: bytes used, by `<namespace>/<claim>`; `now` is
     a time in seconds since 1970."""
 
-    def all_of(kind: str) -> list[Mapping[str, Any]]:
+    def all_of(kind: str) -> list[Object]:
         return [*chain(*(objects.get(kind, ()) for objects in clusters))]
 
     nodes = node_rows(all_of("Node"))

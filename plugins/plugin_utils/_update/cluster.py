@@ -17,9 +17,10 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LEASE, LEASE_SECONDS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, parse_refs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import ApiError, Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object
@@ -103,13 +104,15 @@ class KubeCluster:
         return self._writer.delete([ref_of(item) for item in objects], dry_run, uids)
 
     def begin(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(objects, Settings(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say))
+        self._wait(
+            objects, WaitOptions(timeout, fail_on_restart=True, before=self._restarts, begun=True, say=self._say)
+        )
 
     def wait(self, objects: Sequence[Object], timeout: float) -> None:
-        self._wait(objects, Settings(timeout, say=self._say))
+        self._wait(objects, WaitOptions(timeout, say=self._say))
 
     def stay(self, objects: Sequence[Object], timeout: float, seconds: float = 0.0) -> None:
-        how = Settings(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
+        how = WaitOptions(timeout, fail_on_restart=True, watched=seconds, before=self._restarts, say=self._say)
         self._wait(objects, how)
 
     def beat(self, node: str) -> str:
@@ -117,10 +120,10 @@ class KubeCluster:
         lease = self._kube.get(Ref("Lease", node, "kube-node-lease", "coordination.k8s.io/v1")) or {}
         return str((lease.get("spec") or {}).get("renewTime") or "")
 
-    def _wait(self, objects: Sequence[Object], settings: Settings) -> None:
+    def _wait(self, objects: Sequence[Object], options: WaitOptions) -> None:
         refs = parse_refs([dict(item) for item in objects])
         if refs:
-            wait_for_rollout(self._kube, refs, settings)
+            wait_for_rollout(self._kube, refs, options)
 
 
 def awake_or_not() -> float:

@@ -41,7 +41,7 @@ def step_id(robot: str, apps: Sequence[str], started: float) -> str:
 def events_map(
     results: Sequence[StepResult],
     robot: str,
-    maps: Iterable[Mapping[str, Any]] = (),
+    maps: Iterable[dict[str, Any]] = (),
     running: StepResult | None = None,
     went_back: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def events_map(
     }
 
 
-def known_events(maps: Iterable[Mapping[str, Any]], robot: str) -> list[dict[str, Any]]:
+def known_events(maps: Iterable[dict[str, Any]], robot: str) -> list[dict[str, Any]]:
     """What the robot's ConfigMap says."""
     for item in maps:
         metadata = item.get("metadata") or {}

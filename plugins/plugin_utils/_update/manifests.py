@@ -96,7 +96,7 @@ def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Boun
     }
 
 
-def _history(app: str, step: Step, now: float) -> list[Mapping[str, Any]]:
+def _history(app: str, step: Step, now: float) -> list[Object]:
     """Earlier versions, the last proven one first, each once."""
     before = step.previous.get(app)
     if before is None:

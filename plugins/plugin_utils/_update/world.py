@@ -8,17 +8,18 @@ Every method either does what it says or raises one of our errors; `AwayError` s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import graph as ros_graph
+from ansible_collections.rosops.fleet.plugins.module_utils._step import objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
 
-Object = Mapping[str, Any]
+Object = objects.Object
 Graph = ros_graph.Graph
 
 

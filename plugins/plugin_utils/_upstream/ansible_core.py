@@ -8,11 +8,11 @@ An upgrade that moves one of them is seen by one test (test_upstream.py), which 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from ansible.executor.task_executor import TaskExecutor
 from ansible.playbook.task import Task
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 
 # --- a run ----------------------------------------------------------------------------------------------------------
 
@@ -47,12 +47,12 @@ def asks_for_a_password(plugin: Any) -> bool:
     return bool(plugin._play_context.become and plugin._play_context.become_pass)
 
 
-def run_module(plugin: Any, task: Any, task_vars: Mapping[str, Any]) -> dict[str, Any]:
+def run_module(plugin: Any, task: Any, task_vars: Variables) -> Result:
     """Run the module of another task in the place of the plugin's own."""
     own = plugin._task
     plugin._task = task
     try:
-        found: dict[str, Any] = plugin._execute_module(task.action, dict(task.args), task_vars=task_vars)
+        found: Result = plugin._execute_module(task.action, dict(task.args), task_vars=task_vars)
     finally:
         plugin._task = own
     return found
@@ -63,7 +63,7 @@ def run_command(plugin: Any, command: str) -> None:
     plugin._low_level_execute_command(command, sudoable=False)
 
 
-def run_action(plugin: Any, task: Any, task_vars: Mapping[str, Any]) -> dict[str, Any] | None:
+def run_action(plugin: Any, task: Any, task_vars: Variables) -> Result | None:
     """Run another action plugin with the connection of this one; None where there is none of that name."""
     other = plugin._shared_loader_obj.action_loader.get(
         task.action,
@@ -76,11 +76,11 @@ def run_action(plugin: Any, task: Any, task_vars: Mapping[str, Any]) -> dict[str
     )
     if other is None:
         return None
-    found: dict[str, Any] = other.run(task_vars=dict(task_vars))
+    found: Result = other.run(task_vars=dict(task_vars))
     return found
 
 
-def run_task(plugin: Any, known: Mapping[str, Any], definition: Mapping[str, Any]) -> dict[str, Any]:
+def run_task(plugin: Any, known: Variables, definition: Arguments) -> Result:
     """Run a task as a playbook would have it, `delegate_to` and all, in the place of the plugin's own."""
     hostvars, own = known["hostvars"], plugin._task
     manager = hostvars._variable_manager  # the action gets it no other way
@@ -97,5 +97,5 @@ def run_task(plugin: Any, known: Mapping[str, Any], definition: Mapping[str, Any
         None,  # the queue of retries and of asynchronous tasks, and this is neither
         manager,
     )
-    found: dict[str, Any] = executor.run()
+    found: Result = executor.run()
     return found

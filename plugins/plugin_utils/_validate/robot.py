@@ -12,7 +12,7 @@ from typing import Any
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Volume
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Master
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import MasterSettings
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, repeated
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
@@ -206,7 +206,7 @@ def fleet_app_problems(drafts: Iterable[Draft]) -> Iterator[Problem]:
     """Objects of the whole fleet come out of every robot's variables, so these have to agree."""
     known: dict[str, tuple[str, App]] = {}
     nodes: dict[str, tuple[str, App]] = {}
-    first: tuple[str, Master] | None = None
+    first: tuple[str, MasterSettings] | None = None
     for draft in drafts:
         if draft.robot.master.mode == "shared":
             first = first or (draft.robot.name, draft.robot.master)

@@ -19,14 +19,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import (
     SIZE,
     App,
     AppName,
-    Condition,
-    Filled,
     Quantities,
     Volume,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form, words
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, either, kind_of, text
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import Condition, Filled
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import OPEN
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import APPS, LAYERS

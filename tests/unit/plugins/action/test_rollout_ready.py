@@ -15,7 +15,8 @@ from ansible_collections.rosops.fleet.plugins.action import rollout_ready
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import cluster, voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import AUTH_ARG_SPEC
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions
 
 TALKER = {"kind": "Deployment", "name": "talker", "namespace": "robot-robot1"}
 
@@ -41,7 +42,8 @@ class FakeKube:
 
 def action(monkeypatch: pytest.MonkeyPatch, work: Any, args: dict[str, Any], check_mode: bool = False) -> Any:
     monkeypatch.setattr(cluster, "Kube", FakeKube)
-    monkeypatch.setattr(rollout_ready, "run", work)
+    monkeypatch.setattr(rollout_ready, "wait_for_rollout", work)
+    monkeypatch.setattr(rollout_ready, "look_once", lambda _kube, refs: {"looked": len(refs)})
     monkeypatch.setattr(os, "environ", dict(os.environ))
     task = SimpleNamespace(
         args={"objects": [TALKER], **args},
@@ -63,17 +65,13 @@ def test_success(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr(voice.display, "display", said.append)
 
-    def work(params: Any, kube: Any, settings: Settings, check_mode: bool) -> dict[str, Any]:
+    def work(kube: Any, refs: list[Ref], options: WaitOptions) -> dict[str, Any]:
         assert kube.patience == 0  # the wait has a patience of its own
-        settings.say("1 of 1 still open")
-        return {
-            "objects": [],
-            "elapsed": 0.1,
-            "seen": (params["objects"], settings.timeout, settings.grace, check_mode),
-        }
+        options.say("1 of 1 still open")
+        return {"objects": [], "elapsed": 0.1, "seen": (refs, options.timeout, options.grace)}
 
     result = action(monkeypatch, work, {"host": "https://edge1:6443", "timeout": "20"})
-    assert result["seen"] == ([TALKER], 20.0, 10.0, False)
+    assert result["seen"] == ([Ref("Deployment", "talker", "robot-robot1")], 20.0, 10.0)
     assert result["changed"] is False
     assert "failed" not in result
     assert FakeKube.given == {"host": "https://edge1:6443"}
@@ -90,9 +88,14 @@ def test_failure_carries_the_objects(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result["objects"] == [TALKER]
 
 
-def test_check_mode_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    result = action(monkeypatch, lambda *given: {"mode": given[3]}, {}, check_mode=True)
-    assert result["mode"] is True
+def test_check_mode_only_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert action(monkeypatch, None, {}, check_mode=True)["looked"] == 1
+
+
+@pytest.mark.parametrize("check_mode", [True, False])
+def test_bad_references_are_told_before_anything_is_asked(monkeypatch: pytest.MonkeyPatch, check_mode: bool) -> None:
+    result = action(monkeypatch, None, {"objects": [{"kind": "Node", "namespace": "x"}]}, check_mode)
+    assert (result["failed"], result["msg"]) == (True, "objects[0].name: missing")
 
 
 @pytest.mark.parametrize("bad", [{"objects": "x"}, {"objects": None}, {"timeout": "soon"}, {"wait": True}])

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import bz2
-import gzip
 import lzma
 from collections.abc import Callable
 from pathlib import Path
@@ -52,13 +51,6 @@ def test_the_id_is_the_configurations_digest_whatever_its_file_is_called(tmp_pat
         Image("docker.io/lab/apps:1.0", ID, "amd64"),
         Image("docker.io/lab/apps:latest", ID, "amd64"),
     ]
-
-
-def test_compressed_archives_are_read(tmp_path: Path) -> None:
-    path = docker(tmp_path / "a.tar", ["a:1"])
-    packed = tmp_path / "a.tar.gz"
-    packed.write_bytes(gzip.compress(Path(path).read_bytes()))
-    assert archive_images(str(packed)) == archive_images(path)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents impo
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._images.archives import (
     ARM,
     ID,
-    archive,
     digest,
     docker_image,
     oci,
@@ -37,15 +36,6 @@ def test_an_archive_that_is_packed_itself(make: Callable[..., str], tmp_path: Pa
     packed = tmp_path / "a.tar.gz"
     packed.write_bytes(gzip.compress(Path(make(tmp_path / "a.tar", "a:1", [LAYER])).read_bytes()))
     assert held(str(packed)) == ["docker.io/library/a:1"]
-
-
-@pytest.mark.parametrize(
-    "make",
-    [str, lambda path: path.write_bytes(b"no tar at all" * 99), lambda path: archive(path, {"x": b"1"})],
-)
-def test_what_is_no_archive_shows_nothing(make: Callable[[Path], Any], tmp_path: Path) -> None:
-    make(tmp_path / "x.tar")
-    assert Archives().ids([str(tmp_path / "x.tar"), "~nobody-at-all/x.tar"], "a:1") == frozenset()
 
 
 @pytest.mark.parametrize("make", [docker_image, oci_image])
@@ -101,4 +91,5 @@ def test_the_ids_of_an_image_for_whatever_machine(tmp_path: Path) -> None:
     (image,) = archives.ids([old, new], "docker.io/lab/a:1")
     assert {image} == archives.ids([new], "lab/a:1") != archives.ids([old], "lab/a:1")
     assert archives.ids([old], "lab/b:1") == archives.ids([], "lab/a:1") == frozenset()
+    assert archives.ids([str(tmp_path / "none.tar"), "~nobody-at-all/x.tar"], "lab/a:1") == frozenset()
     assert archives.ids([oci(tmp_path / "o.tar")], "lab/ros:noetic") == {ID, f"sha256:{digest(ARM)}"}

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import file_changes, old_archives, plan
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Source
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import File, Wanted
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, Wanted
 
-CONFIG = File("/etc/rancher/k3s/config.yaml", "a: 1\n", "0600", secret=False)
+CONFIG = HostFile("/etc/rancher/k3s/config.yaml", "a: 1\n", "0600", secret=False)
 DIGEST = hashlib.sha256(b"a: 1\n").hexdigest()
 NOW: dict[str, Any] = {
     "version": "v1.34.2+k3s1",
@@ -40,12 +40,12 @@ WANTED = Wanted(
     started_with=(),
     kubeconfig="/home/me/edge.yaml",
 )
-SOURCE = Source(sha256="binary", archive_name="k3s-airgap-images-amd64-0123456789ab.tar", archive_size=99)
-NO_ARCHIVE = Source(sha256="binary")
+SOURCE = Artifacts(sha256="binary", archive_name="k3s-airgap-images-amd64-0123456789ab.tar", archive_size=99)
+NO_ARCHIVE = Artifacts(sha256="binary")
 
 
 def planned(
-    now: dict[str, Any], source: Source = SOURCE, version: str = "v1.34.2+k3s1", right: bool = True, **wanted: Any
+    now: dict[str, Any], source: Artifacts = SOURCE, version: str = "v1.34.2+k3s1", right: bool = True, **wanted: Any
 ) -> dict[str, Any]:
     """The plan for a ready host after changes; in `now`, `a__b` reaches into a."""
     facts = copy.deepcopy(NOW)
@@ -110,7 +110,7 @@ def test_only_files_that_differ_are_written() -> None:
 
     gone = {"exists": False, "sha256": "", "mode": ""}
     contents = {"/same": "a", "/new": "b", "/mode": "c", "/s": "d", "/old": "", "/no": ""}
-    files = [File(path, content, "0600", secret=path == "/s") for path, content in contents.items()]
+    files = [HostFile(path, content, "0600", secret=path == "/s") for path, content in contents.items()]
     found = {
         "/same": there("a"),
         "/new": gone,

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Source, airgap, airgap_artifacts, source
+from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts, airgap_files, source
 
 SUM = "b" * 64
 MANIFEST = f"""{SUM}  k3s
@@ -22,11 +22,11 @@ MANIFEST = f"""{SUM}  k3s
 
 @pytest.mark.parametrize(
     ("machine", "binary", "images"),
-    [("x86_64", "k3s", "k3s-airgap-images-amd64.tar.zst"), ("aarch64", "k3s-arm64", "")],
+    [("x86_64", "k3s", "k3s-airgap-images-amd64.tar.zst"), ("aarch64", "k3s-arm64", None)],
 )
-def test_artifacts_of_a_machine(machine: str, binary: str, images: str) -> None:
-    found = airgap_artifacts(MANIFEST, machine)
-    assert (found["binary"]["name"], found["binary"]["sha256"], found["images"]["name"]) == (binary, SUM, images)
+def test_artifacts_of_a_machine(machine: str, binary: str, images: str | None) -> None:
+    found = airgap_files(MANIFEST, machine)
+    assert (found[0], found[1] and found[1].name) == ((binary, SUM), images)
 
 
 @pytest.mark.parametrize(
@@ -40,17 +40,16 @@ def test_artifacts_of_a_machine(machine: str, binary: str, images: str) -> None:
 )
 def test_bad_manifests(manifest: str, machine: str, message: str) -> None:
     with pytest.raises(SpecError, match=message):
-        airgap_artifacts(manifest, machine)
+        airgap_files(manifest, machine)
 
 
 def test_a_directory_without_what_its_manifest_names(tmp_path: Path) -> None:
+    variables = {"k3s_install_source": "airgap", "k3s_airgap_dir": str(tmp_path)}
     with pytest.raises(SpecError, match="SHA256SUMS cannot be read"):
-        airgap(str(tmp_path), "x86_64")
+        source(variables, "x86_64")
     (tmp_path / "SHA256SUMS").write_text(f"{SUM}  k3s\n")
     with pytest.raises(SpecError, match="k3s cannot be read: No such file"):
-        airgap(str(tmp_path), "x86_64")
-    (tmp_path / "k3s").write_text("abc")
-    assert airgap(str(tmp_path), "x86_64")["binary"]["size"] == 3
+        source(variables, "x86_64")
 
 
 RELEASE: dict[str, Any] = {
@@ -63,7 +62,7 @@ RELEASE: dict[str, Any] = {
 
 def test_a_release_has_its_version_in_its_path() -> None:
     found = source(RELEASE, "x86_64")
-    assert found == Source(
+    assert found == Artifacts(
         url="https://mirror/k3s/v1.34.2%2Bk3s1/k3s", sums="https://mirror/k3s/v1.34.2%2Bk3s1/sha256sum-amd64.txt"
     )
     assert (source(RELEASE, "aarch64").url[-10:], source(RELEASE, "aarch64").sha256) == ("/k3s-arm64", SUM)

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 
 NS = "robot-robot1"
 NOON = "2026-01-01T12:00:00Z"

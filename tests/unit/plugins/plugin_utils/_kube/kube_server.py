@@ -46,7 +46,6 @@ class Server(ThreadingHTTPServer):
     def __init__(self, port: int = 0) -> None:
         super().__init__(("127.0.0.1", port), _Handler)
         self.lists: dict[str, list[Any]] = {}
-        self.kinds: dict[str, list[Any]] = {}  # by group and version, what kinds beyond the usual ones there are
         self.writes: list[str] = []  # method and path of every request that was no GET
         self.owned: dict[tuple[str, str], Any] = {}  # by path and manager, what was last applied
         self.version = 100
@@ -169,8 +168,6 @@ class _Handler(BaseHTTPRequestHandler):
         elif url.path in self.server.lists or url.path.rpartition("/")[2] in PLURALS:
             items = self.server.lists.get(url.path, [])
             self._send(200, {"metadata": {"resourceVersion": str(self.server.version)}, "items": items})
-        elif url.path in self.server.kinds:
-            self._send(200, {"kind": "APIResourceList", "resources": self.server.kinds[url.path]})
         elif self.server.find(url.path):
             self._send(200, self.server.find(url.path))
         else:

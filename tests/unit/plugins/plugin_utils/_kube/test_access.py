@@ -86,13 +86,6 @@ def test_a_kubeconfig_as_file_or_as_data(server: Server, tmp_path: Path) -> None
         assert server.seen()[2]["authorization"] == "Bearer from-file"
 
 
-def test_another_context_and_a_host_of_ones_own(server: Server) -> None:
-    with Kube({"kubeconfig": kubeconfig(server.url), "context": "away"}) as kube:
-        assert kube.host == "http://[::1]:1"
-    with Kube({"kubeconfig": kubeconfig("http://127.0.0.1:1"), "host": f"{server.url}/"}) as kube:
-        assert kube.nodes() == []
-
-
 def test_a_kubeconfig_that_is_not_there_says_that_none_is_needed(tmp_path: Path) -> None:
     with pytest.raises(NoClusterError, match=r"no kubeconfig .*edge.yaml.*a run fetches its access"):
         Kube({"kubeconfig": str(tmp_path / "edge.yaml")})

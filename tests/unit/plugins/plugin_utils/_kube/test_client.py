@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError, Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Clock, Server
 
@@ -57,6 +58,7 @@ def test_lists_with_selectors_and_impersonation(server: Server) -> None:
 @pytest.mark.parametrize(
     ("status", "words", "transient"),
     [
+        (422, "that field cannot be changed", False),
         (401, "refuses the credentials", False),
         (403, "lack that permission", False),
         (404, "Is that address a Kubernetes API", False),
@@ -86,14 +88,6 @@ def test_nothing_listens(clock: Clock) -> None:
     assert error.value.transient
 
 
-def test_something_else_answers(server: Server, kube: Kube) -> None:
-    server.lists["/api/v1/nodes"] = None  # type: ignore[assignment] # an answer without items is an empty list
-    assert kube.nodes() == []
-    with pytest.raises(ApiError, match="404"):
-        server.refusals.append((404, ""))
-        kube.nodes()
-
-
 # --- patience -------------------------------------------------------------------------------------------------------
 
 
@@ -103,6 +97,14 @@ def test_what_passes_is_tried_again(server: Server, kube: Kube, status: int) -> 
     assert kube.nodes() == []
     server.write_refusals += [(status, "starting")] * 3
     assert [one.changed for one in kube.apply([NAMESPACE])] == [True]
+
+
+def test_without_patience_once_is_enough(server: Server) -> None:
+    with Kube({"host": server.url, "api_key": "t"}, patience=0) as impatient:
+        server.refusals += [(503, "starting")]
+        with pytest.raises(ApiError, match="starting"):
+            impatient.nodes()
+        assert impatient.nodes() == []
 
 
 def test_patience_has_an_end_that_says_what_was_seen(server: Server, clock: Clock) -> None:
@@ -153,17 +155,6 @@ def test_ten_robots_while_the_server_is_away(server: Server) -> None:
     others[0].stop()
     assert written == [[True] * 5] * 10
     assert len(lists[MAPS]) == 50
-
-
-def test_without_patience_and_for_what_does_not_pass_once_is_enough(server: Server, kube: Kube) -> None:
-    with Kube({"host": server.url, "api_key": "t"}, patience=0) as impatient:
-        server.refusals += [(503, "starting")]
-        with pytest.raises(ApiError, match="starting"):
-            impatient.nodes()
-    server.refusals += [(403, "no")]
-    with pytest.raises(ApiError, match="permission"):
-        kube.nodes()
-    assert kube.nodes() == []
 
 
 # --- writes ---------------------------------------------------------------------------------------------------------
@@ -244,25 +235,6 @@ def test_robots_that_apply_the_same_at_once(server: Server, kube: Kube) -> None:
         written = list(pool.map(lambda _: kube.apply([NAMESPACE, config_map("shared", k="v")]), range(16)))
     assert len(written) == 16
     assert server.find(f"{MAPS}/shared")["data"] == {"k": "v"}
-
-
-def test_a_value_that_kubernetes_refuses(server: Server, kube: Kube) -> None:
-    server.write_refusals += [(422, 'Deployment.apps "x" is invalid: spec.selector: field is immutable')]
-    with pytest.raises(ApiError, match=r"422 for PATCH .*robot-robot1: .*immutable.*cannot be changed"):
-        kube.apply([NAMESPACE])
-
-
-def test_a_kind_that_is_looked_up_and_one_that_is_unknown(server: Server, kube: Kube) -> None:
-    monitor = {"apiVersion": "example.com/v1", "kind": "Monitor", "metadata": {"name": "m"}}
-    server.kinds["/apis/example.com/v1"] = [
-        {"name": "monitors/status", "kind": "Monitor", "namespaced": False},
-        {"name": "monitors", "kind": "Monitor", "namespaced": False},
-    ]
-    assert [one.changed for one in kube.apply([monitor])] == [True]
-    assert server.writes == ["PATCH /apis/example.com/v1/monitors/m"]
-    for version in ("example.com/v1", "example.org/v1"):
-        with pytest.raises(ApiError, match=f"knows no kind Misspelt in {version}"):
-            kube.apply([{**monitor, "kind": "Misspelt", "apiVersion": version}])
 
 
 PAUSED = {"manager": "kubectl-rollout", "operation": "Update", "fieldsV1": {"f:spec": {"f:paused": {}}}}

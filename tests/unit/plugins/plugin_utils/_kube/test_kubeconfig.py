@@ -34,9 +34,11 @@ users:
 """
 
 
-def test_the_kubeconfig_names_the_cluster_and_says_what_it_was_made_from() -> None:
+def test_the_kubeconfig_names_the_cluster_and_says_what_it_was_made_from(tmp_path: Path) -> None:
     text = local_kubeconfig(ADMIN, "https://10.0.0.1:6443", "edge", SUM)
     assert text.splitlines()[0] == f"# rosops.fleet: edge at https://10.0.0.1:6443, from k3s.yaml sha256:{SUM}"
+    (tmp_path / "edge.yaml").write_text(text)
+    assert not is_foreign(str(tmp_path / "edge.yaml"))
     config = yaml.safe_load(text)
     assert config["current-context"] == "edge"
     assert config["contexts"] == [{"name": "edge", "context": {"cluster": "edge", "user": "edge"}}]
@@ -120,13 +122,6 @@ def test_a_kubeconfig_that_would_fill_the_memory_is_read_in_no_time() -> None:
         url_at("[" * 500, "10.0.0.1")
 
 
-def test_one_that_the_role_wrote_is_not_somebody_elses(tmp_path: Path) -> None:
-    path = tmp_path / "edge.yaml"
-    path.write_text(local_kubeconfig(ADMIN, "https://10.0.0.1:6443", "edge", SUM))
-    assert not is_foreign(str(path))
-    assert not is_foreign(str(tmp_path / "none"))
-
-
 def test_the_port_is_the_servers_own() -> None:
     assert url_at(ADMIN, "[2001:db8::1]") == "https://[2001:db8::1]:6443"
     assert url_at(ADMIN.replace(":6443", ""), "edge1") == "https://edge1:443"
@@ -148,7 +143,7 @@ def test_it_is_kept_for_its_owner_only_and_written_once(tmp_path: Path) -> None:
     assert is_made_from(str(path), "# head")
     assert not is_made_from(str(path), "# hea")
     assert not is_made_from(str(tmp_path / "none"), "# head")
-    assert is_foreign(str(path))
+    assert is_foreign(str(path)) and not is_foreign(str(tmp_path / "none"))
     path.chmod(0o644)
     assert keep(str(path), "# head\na: 1\n")
 

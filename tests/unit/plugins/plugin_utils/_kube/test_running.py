@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Outdated, outdated
 
 REF, OLD, NEW = "lab/apps:1.0", "sha256:01d", "sha256:4e3"

@@ -1,15 +1,17 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rollout verdicts, row by row: a view of the cluster, the verdict, words of the reason, what has to last."""
+"""Rollout verdicts, a row for each state: a view of the cluster, the verdict, words of the reason, what has to last."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, parse_refs, watched
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object, Verdict
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, parse_refs, targets_for
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Verdict
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import Tracker, judge, present_pods
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
     LATER,
@@ -35,241 +37,149 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
     waiting,
 )
 
-
-@dataclass
-class Case:
-    name: str
-    ref: Ref
-    view: View
-    verdict: str
-    words: str = ""
-    suspect: str = ""
-    refs: tuple[Ref, ...] = ()
+DEPLOYMENT, DAEMON, NODE = ref("Deployment"), ref("DaemonSet"), ref("Node", "robot1")
+PVC = ref("PersistentVolumeClaim", "logs-pvc")
+Row = tuple[Any, ...]  # a view, the verdict, words of the reason (all of it for a pass), the suspect, all references
 
 
-def check(case: Case) -> None:
-    verdict = judge(case.ref, case.view, case.refs or (case.ref,))
-    assert verdict.verdict == case.verdict, verdict
-    assert case.words in verdict.reason, verdict
-    assert verdict.suspect == case.suspect, verdict
+def check(of: Ref, row: Row) -> None:
+    view, wanted, words, suspect, refs = (*row, *(None, "", "", ())[len(row) - 1 :])
+    verdict = judge(of, view, refs or (of,))
+    assert (verdict.verdict, verdict.suspect) == (wanted, suspect), verdict
+    assert (words in verdict.reason) if wanted != "pass" else words in ("", verdict.reason), verdict
 
 
-DEPLOYMENT, DAEMON = ref("Deployment"), ref("DaemonSet")
+def rows(table: dict[str, Row]) -> Any:
+    return pytest.mark.parametrize("row", table.values(), ids=table)
+
+
 new_pod, old_pod = pod("talker-new-1", NEW), pod("talker-old-1", OLD)
-starting = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
-gated = pod(
-    "talker-new-1",
-    NEW,
-    [container(ready=True, running={})],
-    spec={"readinessGates": [{"conditionType": "ros/graph"}]},
-)
-
-# The states that kubernetes.core's waiters misjudge (measured with its 6.2.0 and 6.6.0), one row each.
-OTHERS_FAIL = [
-    Case(
-        "0 of 1 updated: not ready",
-        DEPLOYMENT,
-        rolled(old_pod, status={"updatedReplicas": 0, "unavailableReplicas": 0}),
-        "wait",
-        "0 of 1 pods updated",
-    ),
-    Case(
-        "1 of 3 updated: not ready",
-        DEPLOYMENT,
-        rolled(
-            new_pod,
-            pod("talker-old-1", OLD),
-            pod("talker-old-2", OLD),
-            replicas=3,
-            status={"updatedReplicas": 1, "unavailableReplicas": 0},
-        ),
-        "wait",
-        "1 of 3 pods updated",
-    ),
-    Case(
-        "paused, new template: not ready",
-        DEPLOYMENT,
-        rolled(old_pod, paused=True, status={"updatedReplicas": 0}),
-        "wait",
-        "paused",
-        "Paused",
-    ),
-    Case(
-        "readinessGate False: not ready",
-        DEPLOYMENT,
-        rolled(gated, status={"availableReplicas": 0, "unavailableReplicas": 1}),
-        "wait",
-        "readiness gate ros/graph is not True",
-    ),
-    Case(
-        "DaemonSet, one unavailable: not ready",
-        DAEMON,
-        View(
-            [
-                daemon_set(status={"numberAvailable": 1, "numberUnavailable": 1}),
-                *REVISIONS,
-                set_pod("talker-a", "new"),
-                set_pod("talker-b", "new", [waiting("ContainerCreating")]),
-            ]
-        ),
-        "wait",
-        "1 of 2 pods available: pod talker-b, container ros-app: ContainerCreating",
-    ),
-    Case(
-        "DaemonSet OnDelete: ready",
-        DAEMON,
-        View(
-            [
-                daemon_set(status={"updatedNumberScheduled": 0}, updateStrategy={"type": "OnDelete"}),
-                *REVISIONS,
-                set_pod("talker-a", "old"),
-                set_pod("talker-b", "old"),
-            ]
-        ),
-        "pass",
-        "2 left at an older revision (OnDelete)",
-    ),
-    *(
-        Case(f"{kind} missing: waited for", ref(kind), View(), "wait", "is not there yet")
-        for kind in ("Deployment", "DaemonSet", "Node", "PersistentVolumeClaim")
-    ),
-]
-
-
-@pytest.mark.parametrize("case", OTHERS_FAIL, ids=lambda case: case.name)
-def test_states_that_other_waiters_misjudge(case: Case) -> None:
-    check(case)
+creating = waiting("ContainerCreating")
+running = container(running={})
+OPEN = {"updatedReplicas": 1, "availableReplicas": 0, "unavailableReplicas": 1}
+GATED = {"readinessGates": [{"conditionType": "ros/graph"}]}
+gated = pod("talker-new-1", NEW, [container(ready=True, running={})], spec=GATED)
+refused = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota: robot"}
 
 
 def exceeded(when: str) -> Object:
-    progressing = {
+    return {
         "type": "Progressing",
         "status": "False",
         "reason": "ProgressDeadlineExceeded",
         "message": 'ReplicaSet "talker-new" has timed out progressing.',
         "lastTransitionTime": when,
     }
-    return {"updatedReplicas": 1, "replicas": 2, "conditions": [progressing]}
 
 
-refused = {
-    "type": "ReplicaFailure",
-    "status": "True",
-    "reason": "FailedCreate",
-    "message": "exceeded quota: robot",
-}
-DEPLOYMENTS = [
-    Case("rolled out", DEPLOYMENT, rolled(new_pod), "pass", "1 of 1 pods"),
-    Case("generation unseen", DEPLOYMENT, rolled(new_pod, status={"observedGeneration": 1}), "wait", "generation 2"),
-    Case("no status yet", DEPLOYMENT, View([obj("Deployment", "talker", generation=1)]), "wait", "generation 1"),
-    Case("being deleted", DEPLOYMENT, View([gone_soon(deployment())]), "wait", "being deleted"),
-    Case("replica set unseen", DEPLOYMENT, View([deployment(), new_pod]), "wait", "0 pods seen, 1 wanted"),
-    Case(
-        "only the old replica set seen",
-        DEPLOYMENT,
-        View([deployment(), replica_set("talker-old", "1"), old_pod]),
-        "wait",
-        "0 pods seen",
-    ),
-    Case(
-        "old pod terminates", DEPLOYMENT, rolled(new_pod, gone_soon(old_pod)), "wait", "talker-old-1 is terminating on"
-    ),
-    Case("old pod still there", DEPLOYMENT, rolled(new_pod, old_pod), "wait", "talker-old-1 still runs on robot1"),
-    Case("own pod terminates", DEPLOYMENT, rolled(new_pod, gone_soon(pod("talker-new-0", NEW))), "wait", "terminating"),
-    Case(
-        "old pod of a deleted replica set",
-        DEPLOYMENT,
-        rolled(new_pod, gone_soon(pod("talker-4f5-x", owner("ReplicaSet", "talker-4f5")))),
-        "wait",
-        "talker-4f5-x is terminating",
-    ),
-    Case(
-        "another app's pod does not count",
-        DEPLOYMENT,
-        rolled(new_pod, gone_soon(pod("talker-b-4f5-x", owner("ReplicaSet", "talker-b-4f5")))),
-        "pass",
-    ),
-    Case("old pods by number only", DEPLOYMENT, rolled(new_pod, status={"replicas": 2}), "wait", "1 old pods left"),
-    Case(
-        "unavailable",
-        DEPLOYMENT,
-        rolled(starting, status={"availableReplicas": 0, "unavailableReplicas": 1}),
-        "wait",
-        "0 of 1 pods available: pod talker-new-1, container ros-app: ContainerCreating",
-    ),
-    Case(
-        "readiness probe not passed",
-        DEPLOYMENT,
-        rolled(pod("talker-new-1", NEW, [container(running={})]), status={"availableReplicas": 0}),
-        "wait",
-        "container ros-app: not ready yet",
-    ),
-    Case("scaled to nothing", DEPLOYMENT, rolled(replicas=0), "pass", "0 of 0"),
-    Case("scaled to nothing, pod left", DEPLOYMENT, rolled(new_pod, replicas=0), "wait", "1 pods seen, 0 wanted"),
-    Case("paused but done", DEPLOYMENT, rolled(new_pod, paused=True), "pass", "paused"),
-    Case(
-        "paused half way",
-        DEPLOYMENT,
-        rolled(new_pod, old_pod, paused=True, replicas=2, status={"updatedReplicas": 1}),
-        "wait",
-        "resume it",
-        "Paused",
-    ),
-    Case(
-        "deadline exceeded",
-        DEPLOYMENT,
-        rolled(pod("talker-new-1", NEW, [container(running={})]), old_pod, status=exceeded(LATER)),
-        "fail",
-        "ProgressDeadlineExceeded: ReplicaSet",
-    ),
-    Case(
-        "deadline exceeded by the template before this one",
-        DEPLOYMENT,
-        rolled(
-            pod("talker-new-1", NEW, [waiting("ContainerCreating")], metadata={"creationTimestamp": LATER}),
-            old_pod,
-            status=exceeded(NOON),
+def after(*seen: Object, **status: Any) -> View:
+    """The controller has said this; one new pod counts."""
+    return rolled(*seen, status={"updatedReplicas": 1, "replicas": 2, **status})
+
+
+def without(made: Object, *path: str) -> Object:
+    """The object as the API shows it when a field was never set."""
+    found = inner = copy.deepcopy(made)
+    for key in path[:-1]:
+        inner = inner[key]
+    del inner[path[-1]]
+    return found
+
+
+DONE = "1 of 1 pods updated and available"
+SETS = replica_set("talker-old", "1"), replica_set("talker-new", "2")
+
+
+@rows(
+    {
+        "rolled out": (rolled(new_pod), "pass", DONE),
+        "one replica is the default": (View([without(deployment(), "spec", "replicas"), *SETS, new_pod]), "pass", DONE),
+        "missing": (View(), "wait", "is not there yet"),
+        "generation unseen": (rolled(new_pod, status={"observedGeneration": 1}), "wait", "generation 2"),
+        "no status yet": (View([obj("Deployment", "talker", generation=1)]), "wait", "generation 1"),
+        "being deleted": (View([gone_soon(deployment())]), "wait", "being deleted"),
+        "replica set unseen": (View([deployment(), new_pod]), "wait", "0 pods seen, 1 wanted"),
+        "only the old one seen": (View([deployment(), replica_set("talker-old", "1"), old_pod]), "wait", "0 pods seen"),
+        # those that kubernetes.core's waiters misjudge (measured with its 6.2.0 and 6.6.0), and the like
+        "0 of 1 updated": (rolled(old_pod, status={**OPEN, "updatedReplicas": 0}), "wait", "0 of 1 pods updated"),
+        "1 of 3 updated": (
+            rolled(new_pod, old_pod, replicas=3, status={"updatedReplicas": 1, "unavailableReplicas": 0}),
+            "wait",
+            "1 of 3 pods updated",
         ),
-        "wait",
-        "ProgressDeadlineExceeded",
-        "ProgressDeadlineExceeded",
-    ),
-    Case(
-        "pods refused",
-        DEPLOYMENT,
-        rolled(status={"updatedReplicas": 0, "replicas": 0, "conditions": [refused]}),
-        "wait",
-        "exceeded quota",
-        "ReplicaFailure",
-    ),
-    Case(
-        "pods refused, and the deadline has passed over it",
-        DEPLOYMENT,
-        rolled(old_pod, status={"updatedReplicas": 0, "conditions": [refused, *exceeded(NOON)["conditions"]]}),
-        "wait",
-        "exceeded quota",
-        "ReplicaFailure",
-    ),
-    Case(
-        "pods refused while an old one still takes the quota",
-        DEPLOYMENT,
-        rolled(gone_soon(old_pod), status={"updatedReplicas": 0, "conditions": [refused]}),
-        "wait",
-        "exceeded quota",
-    ),
-    Case(
-        "the old pod's crash loop is no failure of the new one",
-        DEPLOYMENT,
-        rolled(new_pod, pod("talker-old-1", OLD, [waiting("CrashLoopBackOff", restartCount=2)])),
-        "wait",
-        "old pod talker-old-1",
-    ),
-]
-
-
-@pytest.mark.parametrize("case", DEPLOYMENTS, ids=lambda case: case.name)
-def test_deployment(case: Case) -> None:
-    check(case)
+        "paused, new template": (
+            rolled(old_pod, paused=True, status={"updatedReplicas": 0}), "wait", "paused", "Paused",
+        ),
+        "paused half way": (
+            rolled(new_pod, old_pod, paused=True, replicas=2, status={"updatedReplicas": 1}),
+            "wait",
+            "resume it",
+            "Paused",
+        ),
+        "paused but done": (rolled(new_pod, paused=True), "pass", f"{DONE}, paused"),
+        "readiness gate": (rolled(gated, status=OPEN), "wait", "readiness gate ros/graph is not True"),
+        "unavailable": (
+            rolled(pod("talker-new-1", NEW, [creating]), status=OPEN),
+            "wait",
+            "0 of 1 pods available: pod talker-new-1, container ros-app: ContainerCreating",
+        ),
+        "not ready": (rolled(pod("talker-new-1", NEW, [running]), status=OPEN), "wait", "ros-app: not ready yet"),
+        "old pod terminates": (rolled(new_pod, gone_soon(old_pod)), "wait", "talker-old-1 is terminating on"),
+        "old pod still there": (rolled(new_pod, old_pod), "wait", "talker-old-1 still runs on robot1"),
+        "own pod terminates": (rolled(new_pod, gone_soon(pod("talker-new-0", NEW))), "wait", "terminating"),
+        "old pod of a deleted replica set": (
+            rolled(new_pod, gone_soon(pod("talker-4f5-x", owner("ReplicaSet", "talker-4f5")))),
+            "wait",
+            "talker-4f5-x is terminating",
+        ),
+        "another app's pod": (
+            rolled(new_pod, gone_soon(pod("talker-b-4f5-x", owner("ReplicaSet", "talker-b-4f5")))), "pass", DONE,
+        ),
+        "old pods by number only": (rolled(new_pod, status={"replicas": 2}), "wait", "1 old pods left"),
+        "the old pod crashes": (
+            rolled(new_pod, pod("talker-old-1", OLD, [waiting("CrashLoopBackOff", restartCount=2)])),
+            "wait",
+            "old pod talker-old-1",
+        ),
+        "scaled to nothing": (rolled(replicas=0), "pass", "0 of 0 pods updated and available"),
+        "scaled to nothing, pod left": (rolled(new_pod, replicas=0), "wait", "1 pods seen, 0 wanted"),
+        "deadline exceeded": (
+            after(pod("talker-new-1", NEW, [running]), old_pod, conditions=[exceeded(LATER)]),
+            "fail",
+            "ProgressDeadlineExceeded: ReplicaSet",
+        ),
+        "deadline exceeded by the template before this one": (
+            after(
+                pod("talker-new-1", NEW, [creating], metadata={"creationTimestamp": LATER}),
+                old_pod,
+                conditions=[exceeded(NOON)],
+            ),
+            "wait",
+            "ProgressDeadlineExceeded",
+            "ProgressDeadlineExceeded",
+        ),
+        "pods refused": (
+            after(updatedReplicas=0, replicas=0, conditions=[refused]), "wait", "exceeded quota", "ReplicaFailure",
+        ),
+        "pods refused, and the deadline has passed over it": (
+            after(old_pod, updatedReplicas=0, conditions=[refused, exceeded(NOON)]),
+            "wait",
+            "exceeded quota",
+            "ReplicaFailure",
+        ),
+        "pods refused while an old one still takes the quota": (
+            after(gone_soon(old_pod), updatedReplicas=0, conditions=[refused]), "wait", "exceeded quota",
+        ),
+        "and the deadline has passed over that": (
+            after(gone_soon(old_pod), updatedReplicas=0, conditions=[refused, exceeded(NOON)]),
+            "wait",
+            "ProgressDeadlineExceeded",
+            "ProgressDeadlineExceeded",
+        ),
+    }
+)  # fmt: skip
+def test_deployment(row: Row) -> None:
+    check(DEPLOYMENT, row)
 
 
 crashed = waiting(
@@ -279,321 +189,291 @@ crashed = waiting(
     lastState={"terminated": {"exitCode": 1, "reason": "Error", "message": "ImportError: rospy"}},
 )
 NO_PYTHON = 'error during container init: exec: "python3": executable file not found in $PATH: unknown'
+HINT = "executable file not found in $PATH (the image has no Python 3.8 for our code in the pod: write hooks: sidecar"
 unbound = "0/3 nodes are available: pod has unbound immediate PersistentVolumeClaims."
-no_room = "0/3 nodes are available: 3 Insufficient memory."
-OPEN = {"updatedReplicas": 1, "availableReplicas": 0, "unavailableReplicas": 1}
+no_room = unscheduled("talker-new-1", NEW, "0/3 nodes are available: 3 Insufficient memory.")
+setup = {"initContainerStatuses": [waiting("ImagePullBackOff", name="setup")]}
+NOWHERE = {"spec": {"nodeName": None}, "status": {"conditions": []}}
 
 
-def new_container(state: Object) -> View:
-    return rolled(pod("talker-new-1", NEW, [state]), status=OPEN)
+def with_pod(*pods: Object) -> View:
+    return rolled(*pods, status=OPEN)
 
 
-PODS = [
-    *(
-        Case(
-            reason,
-            DEPLOYMENT,
-            new_container(waiting(reason, "not found")),
+def with_container(state: Object) -> View:
+    return with_pod(pod("talker-new-1", NEW, [state]))
+
+
+@rows(
+    {
+        **{
+            reason: (with_container(waiting(reason, "not found")), "fail", f"{reason}: image lab/apps:1.0: not")
+            for reason in ("ErrImagePull", "ImagePullBackOff", "InvalidImageName", "ErrImageNeverPull")
+        },
+        "crash loop": (
+            with_container(crashed),
             "fail",
-            f"{reason}: image lab/apps:1.0: not",
-        )
-        for reason in ("ErrImagePull", "ImagePullBackOff", "InvalidImageName", "ErrImageNeverPull")
-    ),
-    Case(
-        "crash loop",
-        DEPLOYMENT,
-        new_container(crashed),
-        "fail",
-        "container ros-app: CrashLoopBackOff: 3 restarts, last exit code 1 (Error): ImportError",
-    ),
-    Case(
-        "an image without Python",
-        DEPLOYMENT,
-        new_container({**crashed, "lastState": {"terminated": {"exitCode": 128, "message": NO_PYTHON}}}),
-        "fail",
-        'exec: "python3": executable file not found in $PATH (the image has no Python 3.8 for our code in the pod: '
-        "write hooks: sidecar, with host_network hooks: none): unknown",
-    ),
-    Case(
-        "an image without Python, before its first start",
-        DEPLOYMENT,
-        new_container(waiting("RunContainerError", NO_PYTHON)),
-        "wait",
-        "executable file not found in $PATH (the image has no Python 3.8 for our code in the pod: write hooks: sidecar",
-        "RunContainerError",
-    ),
-    Case(
-        "a first crash is not a loop",
-        DEPLOYMENT,
-        new_container(container(terminated={"exitCode": 1, "reason": "Error"})),
-        "wait",
-        "ended with exit code 1 (Error)",
-    ),
-    Case(
-        "a back-off before any restart is not a loop yet",
-        DEPLOYMENT,
-        new_container(waiting("CrashLoopBackOff")),
-        "wait",
-        "0 restarts",
-        "CrashLoopBackOff",
-    ),
-    Case(
-        "restarted once and running",
-        DEPLOYMENT,
-        new_container({**container(running={}), "restartCount": 1, "lastState": {"terminated": {"exitCode": 1}}}),
-        "wait",
-        "not ready yet",
-    ),
-    Case(
-        "missing configuration",
-        DEPLOYMENT,
-        new_container(waiting("CreateContainerConfigError", 'configmap "params" not found')),
-        "fail",
-        'CreateContainerConfigError: configmap "params" not found',
-    ),
-    Case(
-        "configuration not synced yet",
-        DEPLOYMENT,
-        new_container(waiting("CreateContainerConfigError", "failed to sync configmap cache: timed out")),
-        "wait",
-        suspect="CreateContainerConfigError",
-    ),
-    Case(
-        "no such command",
-        DEPLOYMENT,
-        new_container(waiting("RunContainerError", 'exec: "talkerr": not found')),
-        "wait",
-        "talkerr",
-        "RunContainerError",
-    ),
-    Case(
-        "init container's image",
-        DEPLOYMENT,
-        rolled(
-            pod("talker-new-1", NEW, [], status={"initContainerStatuses": [waiting("ImagePullBackOff", name="setup")]}),
-            status=OPEN,
+            "container ros-app: CrashLoopBackOff: 3 restarts, last exit code 1 (Error): ImportError",
         ),
-        "fail",
-        "container setup: ImagePullBackOff",
-    ),
-    Case(
-        "unschedulable",
-        DEPLOYMENT,
-        rolled(unscheduled("talker-new-1", NEW, no_room), status=OPEN),
-        "wait",
-        "Insufficient memory",
-        "Unschedulable",
-    ),
-    Case(
-        "unschedulable while another pod makes room",
-        DEPLOYMENT,
-        rolled(unscheduled("talker-new-1", NEW, no_room), gone_soon(old_pod), status=OPEN),
-        "wait",
-    ),
-    Case(
-        "its volume is being made",
-        DEPLOYMENT,
-        rolled(unscheduled("talker-new-1", NEW, unbound), status=OPEN),
-        "wait",
-        "unbound immediate",
-    ),
-    Case(
-        "not scheduled yet",
-        DEPLOYMENT,
-        rolled(pod("talker-new-1", NEW, [], spec={"nodeName": None}, status={"conditions": []}), status=OPEN),
-        "wait",
-        "not scheduled yet",
-    ),
-    Case(
-        "a pod on its way out has no trouble",
-        DEPLOYMENT,
-        rolled(gone_soon(pod("talker-new-0", NEW, [crashed])), new_pod),
-        "wait",
-        "is terminating",
-    ),
-]
-
-
-@pytest.mark.parametrize("case", PODS, ids=lambda case: case.name)
-def test_pods(case: Case) -> None:
-    check(case)
+        "an image without Python": (
+            with_container({**crashed, "lastState": {"terminated": {"exitCode": 128, "message": NO_PYTHON}}}),
+            "fail",
+            f"{HINT}, with host_network hooks: none): unknown",
+        ),
+        "an image without Python, before its first start": (
+            with_container(waiting("RunContainerError", NO_PYTHON)), "wait", HINT, "RunContainerError",
+        ),
+        "a first crash is not a loop": (
+            with_container(container(terminated={"exitCode": 1, "reason": "Error"})),
+            "wait",
+            "ended with exit code 1 (Error)",
+        ),
+        "a back-off before any restart": (
+            with_container(waiting("CrashLoopBackOff")), "wait", "0 restarts", "CrashLoopBackOff",
+        ),
+        "restarted once and running": (
+            with_container({**running, "restartCount": 1, "lastState": {"terminated": {"exitCode": 1}}}),
+            "wait",
+            "not ready yet",
+        ),
+        "missing configuration": (
+            with_container(waiting("CreateContainerConfigError", 'configmap "params" not found')),
+            "fail",
+            'CreateContainerConfigError: configmap "params" not found',
+        ),
+        "configuration not synced yet": (
+            with_container(waiting("CreateContainerConfigError", "failed to sync configmap cache: timed out")),
+            "wait",
+            "",
+            "CreateContainerConfigError",
+        ),
+        "no such command": (
+            with_container(waiting("RunContainerError", 'exec: "talkerr"')), "wait", "talkerr", "RunContainerError",
+        ),
+        "init container's image": (
+            with_pod(pod("talker-new-1", NEW, [], status=setup)), "fail", "container setup: ImagePullBackOff",
+        ),
+        "unschedulable": (with_pod(no_room), "wait", "Insufficient memory", "Unschedulable"),
+        "unschedulable while another pod makes room": (with_pod(no_room, gone_soon(old_pod)), "wait"),
+        "its volume is being made": (with_pod(unscheduled("talker-new-1", NEW, unbound)), "wait", "unbound immediate"),
+        "not scheduled yet": (with_pod(pod("talker-new-1", NEW, [], **NOWHERE)), "wait", "not scheduled yet"),
+        "a pod on its way out": (rolled(gone_soon(pod("talker-0", NEW, [crashed])), new_pod), "wait", "is terminating"),
+    }
+)  # fmt: skip
+def test_pods(row: Row) -> None:
+    check(DEPLOYMENT, row)
 
 
 def two(first: str, second: str, containers: list[Object] | None = None) -> list[Object]:
     return [set_pod("talker-0", first), set_pod("talker-1", second, containers)]
 
 
+def daemon(*objects: Object, desired: int = 2, **more: Any) -> View:
+    return View([daemon_set(desired, **more), *REVISIONS, *objects])
+
+
 OF_OTHER = {"name": "talker-new", "namespace": NS, "ownerReferences": owner("DaemonSet", "talker", "uid-other")}
 LABELLED = {"controller-revision-hash": "new"}
+BY_HAND = {"updateStrategy": {"type": "OnDelete"}}
 
 
-SETS = [
-    Case("rolled out", DAEMON, View([daemon_set(), *REVISIONS, *two("new", "new")]), "pass", "2 of 2"),
-    Case("generation unseen", DAEMON, View([daemon_set(status={"observedGeneration": 1})]), "wait", "generation"),
-    Case(
-        "OnDelete, one deleted",
-        DAEMON,
-        View(
-            [
-                daemon_set(updateStrategy={"type": "OnDelete"}),
-                *REVISIONS,
-                set_pod("talker-a", "old"),
-                gone_soon(set_pod("talker-b", "old")),
-            ]
+@rows(
+    {
+        "rolled out": (daemon(*two("new", "new")), "pass", "2 of 2 pods available"),
+        "missing": (View(), "wait", "is not there yet"),
+        "generation unseen": (View([daemon_set(status={"observedGeneration": 1})]), "wait", "generation"),
+        "revision unseen": (View([daemon_set(), *two("new", "new")]), "wait", "its controller revision has not been"),
+        "one unavailable": (
+            daemon(*two("new", "new", [creating]), status={"numberAvailable": 1, "numberUnavailable": 1}),
+            "wait",
+            "1 of 2 pods available: pod talker-1, container ros-app: ContainerCreating",
         ),
-        "wait",
-        "talker-b is terminating",
-    ),
-    Case(
-        "pods of a deleted namesake",
-        DAEMON,
-        View(
-            [
-                {**daemon_set(), "metadata": {**daemon_set()["metadata"], "uid": "uid-other"}},
-                {**controller_revision("new", 2), "metadata": {**OF_OTHER, "labels": LABELLED}},
-                *two("new", "new"),
-            ]
+        # numberAvailable may be that of the generation before
+        "one unavailable by its number": (
+            daemon(*two("new", "new"), status={"numberAvailable": 2, "numberUnavailable": 1}), "wait", "1 of 2 pods",
         ),
-        "wait",
-        "still runs",
-    ),
-    Case("revision unseen", DAEMON, View([daemon_set(), *two("new", "new")]), "wait", "revision has not"),
-    Case("one old pod", DAEMON, View([daemon_set(), *REVISIONS, *two("old", "new")]), "wait", "old pod"),
-    Case("no node wants it", DAEMON, View([daemon_set(0), *REVISIONS]), "pass", "no node wants it"),
-    Case(
-        "kept on a node that is no longer chosen",
-        DAEMON,
-        View([daemon_set(1), *REVISIONS, *two("new", "new")]),
-        "pass",
-    ),
-    Case(
-        "back to an earlier template",
-        DAEMON,
-        View(
-            [
-                daemon_set(),
-                controller_revision("new", 3),
-                controller_revision("bad", 2),
-                *two("new", "new"),
-            ]
+        "one old pod": (daemon(*two("old", "new")), "wait", "old pod"),
+        "OnDelete": (
+            daemon(*two("old", "old"), status={"updatedNumberScheduled": 0}, **BY_HAND),
+            "pass",
+            "2 of 2 pods available, 2 left at an older revision (OnDelete)",
         ),
-        "pass",
-    ),
-    Case(
-        "bad image",
-        DAEMON,
-        View([daemon_set(), *REVISIONS, *two("old", "new", containers=[waiting("ImagePullBackOff")])]),
-        "fail",
-        "ImagePullBackOff",
-    ),
-]
-
-
-@pytest.mark.parametrize("case", SETS, ids=lambda case: f"{case.ref.kind}: {case.name}")
-def test_sets(case: Case) -> None:
-    check(case)
+        "OnDelete, one deleted": (
+            daemon(set_pod("talker-a", "old"), gone_soon(set_pod("talker-b", "old")), **BY_HAND),
+            "wait",
+            "talker-b is terminating",
+        ),
+        "pods of a deleted namesake": (
+            View(
+                [
+                    {**daemon_set(), "metadata": {**daemon_set()["metadata"], "uid": "uid-other"}},
+                    {**controller_revision("new", 2), "metadata": {**OF_OTHER, "labels": LABELLED}},
+                    *two("new", "new"),
+                ]
+            ),
+            "wait",
+            "still runs",
+        ),
+        "no node wants it": (daemon(desired=0), "pass", "no node wants it"),
+        "kept on a node that is no longer chosen": (daemon(*two("new", "new"), desired=1), "pass"),
+        "back to an earlier template": (
+            View([daemon_set(), controller_revision("new", 3), controller_revision("bad", 2), *two("new", "new")]),
+            "pass",
+        ),
+        "bad image": (daemon(*two("old", "new", [waiting("ImagePullBackOff")])), "fail", "ImagePullBackOff"),
+    }
+)  # fmt: skip
+def test_daemon_set(row: Row) -> None:
+    check(DAEMON, row)
 
 
 def claim(phase: str = "Pending", storage_class: str | None = "local-path") -> Object:
-    return obj(
-        "PersistentVolumeClaim", "logs-pvc", {"storageClassName": storage_class, "volumeName": "pv1"}, {"phase": phase}
-    )
+    spec = {"storageClassName": storage_class, "volumeName": "pv1"}
+    return obj("PersistentVolumeClaim", "logs-pvc", spec, {"phase": phase})
 
 
-def user(kind: str = "Deployment", **spec: object) -> Object:
+def user(**spec: object) -> Object:
     volumes = [{"name": "logs", "persistentVolumeClaim": {"claimName": "logs-pvc"}}]
-    return obj(kind, "talker", {"template": {"spec": {"volumes": volumes}}, **spec})
+    return obj("Deployment", "talker", {"template": {"spec": {"volumes": volumes}}, **spec})
 
 
 def storage_class(mode: str) -> Object:
     return {**obj("StorageClass", "local-path"), "volumeBindingMode": mode}
 
 
-PVC, LAZY = ref("PersistentVolumeClaim", "logs-pvc"), storage_class("WaitForFirstConsumer")
+def elsewhere(made: Object) -> Object:
+    return {**made, "metadata": {**made["metadata"], "namespace": "robot-other"}}
+
+
+ELSEWHERE = Ref("Deployment", "talker", "robot-other")
+LAZY, BOTH = storage_class("WaitForFirstConsumer"), (PVC, DEPLOYMENT)
+FREE = "waits for its first consumer, and none of the given workloads is one"
 unreadable = View([claim()])
 unreadable.hidden.add("StorageClass")
-CLAIMS = [
-    Case("bound", PVC, View([claim("Bound"), LAZY]), "pass", "bound to pv1"),
-    Case("lost", PVC, View([claim("Lost"), LAZY]), "fail", "Lost"),
-    Case("no consumer given", PVC, View([claim(), LAZY, user()]), "pass", "first consumer"),
-    Case(
-        "a given consumer",
-        PVC,
-        View([claim(), LAZY, user()]),
-        "wait",
-        "the pod of Deployment talker",
-        "",
-        (PVC, DEPLOYMENT),
-    ),
-    Case(
-        "a given consumer without pods", PVC, View([claim(), LAZY, user(replicas=0)]), "pass", "", "", (PVC, DEPLOYMENT)
-    ),
-    Case("immediate", PVC, View([claim(), storage_class("Immediate")]), "wait", "no volume is bound yet"),
-    Case("no such class", PVC, View([claim()]), "wait", "storage class local-path does not exist"),
-    Case("no class named", PVC, View([claim(storage_class=None)]), "wait", "none is the default"),
-    Case("classes not readable", PVC, unreadable, "wait", "may not read storage classes"),
-    Case("being deleted", PVC, View([gone_soon(claim("Bound"))]), "wait", "being deleted"),
-]
 
 
-def node(ready: str = "True", unschedulable: bool = False, **more: str) -> View:
-    return View(
-        [obj("Node", "robot1", {"unschedulable": unschedulable}, {"conditions": conditions(Ready=ready, **more)})]
-    )
+@rows(
+    {
+        "bound": (View([claim("Bound"), LAZY]), "pass", "bound to pv1"),
+        "lost": (View([claim("Lost"), LAZY]), "fail", "Lost"),
+        "missing": (View(), "wait", "is not there yet"),
+        "being deleted": (View([gone_soon(claim("Bound"))]), "wait", "being deleted"),
+        "no consumer given": (View([claim(), LAZY, user()]), "pass", FREE),
+        "a consumer": (View([claim(), LAZY, user()]), "wait", "the pod of Deployment talker", "", BOTH),
+        "a consumer elsewhere": (View([claim(), LAZY, elsewhere(user())]), "pass", FREE, "", (PVC, ELSEWHERE)),
+        "a consumer without pods": (View([claim(), LAZY, user(replicas=0)]), "pass", FREE, "", BOTH),
+        "immediate": (View([claim(), storage_class("Immediate")]), "wait", "no volume is bound yet"),
+        "no such class": (View([claim()]), "wait", "storage class local-path does not exist"),
+        "no class named": (View([claim(storage_class=None)]), "wait", "none is the default"),
+        "classes not readable": (unreadable, "wait", "may not read storage classes"),
+    }
+)
+def test_claim(row: Row) -> None:
+    check(PVC, row)
 
 
-NODE = ref("Node", "robot1")
-NODES = [
-    Case("ready", NODE, node(), "pass", "Ready"),
-    Case("not ready", NODE, node("False"), "wait", "NotReady"),
-    Case("unknown", NODE, node("Unknown"), "wait", "NotReady"),
-    Case("pressure", NODE, node(DiskPressure="True"), "wait", "DiskPressure"),
-    Case("no network", NODE, node(NetworkUnavailable="True"), "wait", "NetworkUnavailable"),
-    Case("cordoned", NODE, node(unschedulable=True), "pass", "cordoned"),
-]
-OTHER = [
-    Case("no rollout", ref("ConfigMap"), View(), "pass", "has no rollout"),
-    Case("a Job of another API", ref("Job", api_version="batch.volcano.sh/v1alpha1"), View(), "pass", "has no rollout"),
-    Case("with its API version", ref("Deployment", api_version="apps/v1"), View(), "wait", "not there yet"),
-]
+def node(*said: Object, ready: str = "True", unschedulable: bool = False) -> View:
+    states = [*conditions(Ready=ready), *said]
+    return View([obj("Node", "robot1", {"unschedulable": unschedulable}, {"conditions": states})])
 
 
-@pytest.mark.parametrize("case", CLAIMS + NODES + OTHER, ids=lambda case: f"{case.ref.kind}: {case.name}")
-def test_other_kinds(case: Case) -> None:
-    check(case)
+not_ready = {"type": "Ready", "status": "False", "reason": "KubeletNotReady", "message": "no network yet"}
+full: Object = {"type": "DiskPressure", "status": "True", "message": "a full disk"}
 
 
-def test_a_suspicion_fails_only_when_it_lasts() -> None:
-    tracker, doubt = Tracker(grace=10), Verdict("wait", "no room", suspect="Unschedulable")
-    assert tracker.settle(DEPLOYMENT, doubt, now=100).verdict == "wait"
+@rows(
+    {
+        "ready": (node(), "pass", "Ready"),
+        "cordoned": (node(unschedulable=True), "pass", "Ready, cordoned"),
+        "missing": (View(), "wait", "is not there yet"),
+        "not ready": (node(ready="False"), "wait", "NotReady"),
+        "unknown": (node(ready="Unknown"), "wait", "NotReady"),
+        "why": (
+            View([obj("Node", "robot1", status={"conditions": [not_ready]})]),
+            "wait",
+            "NotReady: KubeletNotReady: no network yet",
+        ),
+        "pressure": (node(full), "wait", "DiskPressure: a full disk"),
+        "no network": (node(*conditions(NetworkUnavailable="True")), "wait", "NetworkUnavailable"),
+    }
+)
+def test_node(row: Row) -> None:
+    check(NODE, row)
+
+
+def test_what_has_no_rollout() -> None:
+    check(ref("ConfigMap"), (View(), "pass", "a ConfigMap has no rollout"))
+    check(ref("Job", api_version="batch.volcano.sh/v1alpha1"), (View(), "pass", "a Job has no rollout"))
+    check(ref("Deployment", api_version="apps/v1"), (View(), "wait", "not there yet"))
+
+
+@pytest.mark.parametrize(
+    ("of", "objects", "spoiling"),
+    [
+        (DEPLOYMENT, [deployment(), *SETS, new_pod], [replica_set("talker-x", "9"), pod("x", OLD)]),
+        (DAEMON, [daemon_set(), *REVISIONS, *two("new", "new")], [controller_revision("z", 3), set_pod("x", "old")]),
+    ],
+)
+def test_namesakes_in_another_namespace_do_not_count(of: Ref, objects: list[Object], spoiling: list[Object]) -> None:
+    alone = judge(of, View(objects))
+    assert alone.verdict == "pass"
+    assert judge(of, View([*objects, *map(elsewhere, spoiling)])) == alone
+    beside = View([*objects, *map(elsewhere, objects[1:])])
+    assert present_pods(of, beside) == present_pods(of, View(objects))
+
+
+@pytest.mark.parametrize(("count", "end"), [(1, ""), (2, " and 1 more"), (3, " and 2 more")])
+def test_old_pods_are_counted(count: int, end: str) -> None:
+    old = [pod(f"talker-old-{number}", OLD) for number in range(count)]
+    words = judge(DEPLOYMENT, rolled(new_pod, *old)).reason
+    assert words.partition(" more")[0].count("talker-old-") == 1, words
+    assert (end in words) if end else (" more" not in words), words
+
+
+@pytest.mark.parametrize(("count", "end"), [(3, ""), (4, "; and 1 more"), (6, "; and 3 more")])
+def test_open_pods_are_named_up_to_three(count: int, end: str) -> None:
+    pods = [pod(f"talker-new-{number}", NEW, [creating]) for number in range(count)]
+    status = {"availableReplicas": 0, "unavailableReplicas": count}
+    words = judge(DEPLOYMENT, rolled(*pods, replicas=count, status=status)).reason
+    assert words.count("talker-new-") == 3, words
+    assert words.endswith(end) if end else " more" not in words, words
+
+
+DOUBT = Verdict("wait", "no room", suspect="Unschedulable")
+
+
+def test_a_suspicion_fails_only_when_it_lasts_and_each_object_has_its_own() -> None:
+    tracker, other_words = Tracker(grace=10), Verdict("wait", "no room at all", suspect="Unschedulable")
+    assert tracker.settle(DEPLOYMENT, DOUBT, now=100).verdict == "wait"
     assert tracker.due() == 110
-    other_words = Verdict("wait", "no room at all", suspect="Unschedulable")
+    assert tracker.settle(DAEMON, DOUBT, now=105).verdict == "wait"
     assert tracker.settle(DEPLOYMENT, other_words, now=109.9).verdict == "wait"
     assert tracker.settle(DEPLOYMENT, other_words, now=110).verdict == "fail"
+    assert tracker.settle(DAEMON, DOUBT, now=110).verdict == "wait"
 
 
 @pytest.mark.parametrize("between", [Verdict("wait", "starting"), Verdict("wait", "quota", suspect="ReplicaFailure")])
 def test_a_suspicion_that_went_away_starts_over(between: Verdict) -> None:
-    tracker, doubt = Tracker(grace=10), Verdict("wait", "no room", suspect="Unschedulable")
-    tracker.settle(DEPLOYMENT, doubt, now=100)
+    tracker = Tracker(grace=10)
+    tracker.settle(DEPLOYMENT, DOUBT, now=100)
     tracker.settle(DEPLOYMENT, between, now=105)
-    assert tracker.settle(DEPLOYMENT, doubt, now=111).verdict == "wait"
+    assert tracker.settle(DEPLOYMENT, DOUBT, now=111).verdict == "wait"
     assert tracker.due() == 121
 
 
-def test_suspicions_of_different_objects_are_apart() -> None:
-    tracker, doubt = Tracker(grace=10), Verdict("wait", "no room", suspect="Unschedulable")
-    tracker.settle(DEPLOYMENT, doubt, now=100)
-    tracker.settle(DAEMON, doubt, now=105)
-    assert tracker.settle(DAEMON, doubt, now=110).verdict == "wait"
-    assert tracker.settle(DEPLOYMENT, doubt, now=110).verdict == "fail"
+# --- references -----------------------------------------------------------------------------------------------------
 
 
 def test_references_and_definitions_are_read_alike() -> None:
     full = {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": {"name": "talker", "namespace": NS}, "spec": {}}
     short = {"kind": "Deployment", "name": "talker", "namespace": NS, "api_version": "apps/v1"}
     node_ref = {"kind": "Node", "name": "robot1", "namespace": "ignored"}
-    assert parse_refs([full, short, node_ref]) == [Ref("Deployment", "talker", NS, "apps/v1"), Ref("Node", "robot1")]
+    job = {"apiVersion": "batch.volcano.sh/v1alpha1", "kind": "Job", "metadata": {"name": "x"}}  # of another API
+    assert parse_refs([full, short, node_ref, job]) == [
+        Ref("Deployment", "talker", NS, "apps/v1"),
+        NODE,
+        Ref("Job", "x", "", "batch.volcano.sh/v1alpha1"),
+    ]
 
 
 def test_all_errors_of_the_references_at_once() -> None:
@@ -612,19 +492,12 @@ def test_kinds_whose_rollout_nobody_judges_are_refused(kind: str) -> None:
     )
 
 
-def test_a_kind_of_that_name_in_another_api_is_not_refused() -> None:
-    job = {"apiVersion": "batch.volcano.sh/v1alpha1", "kind": "Job", "metadata": {"name": "x"}}
-    assert parse_refs([job]) == [Ref("Job", "x", "", "batch.volcano.sh/v1alpha1")]
-
-
 def test_what_is_watched() -> None:
-    assert watched([DEPLOYMENT, PVC, NODE, ref("Secret")]) == {
-        "Deployment": {NS},
-        "ReplicaSet": {NS},
-        "Pod": {NS},
-        "PersistentVolumeClaim": {NS},
-        "StorageClass": set(),
-        "Node": set(),
+    found = targets_for([DEPLOYMENT, PVC, NODE, ref("Secret"), ref("Deployment", api_version="apps.example.org/v1")])
+    assert {(one.kind, one.namespace) for one in found} == {
+        *((kind, NS) for kind in ("Deployment", "ReplicaSet", "Pod", "PersistentVolumeClaim")),
+        ("StorageClass", ""),
+        ("Node", ""),
     }
 
 
@@ -642,23 +515,22 @@ def test_a_fresh_listing_replaces_what_was_known() -> None:
 
 
 def names(of: Ref, view: View) -> list[str]:
-    return [str(one["metadata"]["name"]) for one in present_pods(of, view)]
+    return [name_of(one) for one in present_pods(of, view)]
 
 
 def test_present_pods_of_a_deployment_are_those_of_its_newest_replica_set() -> None:
     pods = (pod("new-1", NEW), pod("old-1", OLD), gone_soon(pod("new-2", NEW)), pod("other", owner("ReplicaSet", "x")))
-    assert names(ref("Deployment"), rolled(*pods)) == ["new-1"]
+    assert names(DEPLOYMENT, rolled(*pods)) == ["new-1"]
     # the controller has not seen the new template: what is newest now is the old one
-    assert names(ref("Deployment"), rolled(*pods, status={"observedGeneration": 1})) == []
-    assert names(ref("Deployment"), rolled(*pods, revision="3")) == []
+    assert names(DEPLOYMENT, rolled(*pods, status={"observedGeneration": 1})) == []
+    assert names(DEPLOYMENT, rolled(*pods, revision="3")) == []
 
 
 def test_present_pods_of_a_daemon_set_are_those_of_its_revision() -> None:
-    pods = two("old", "new")
     foreign = set_pod("talker-2", "new")
     foreign["metadata"]["ownerReferences"][0]["uid"] = "uid-of-a-namesake"
-    assert names(DAEMON, View([daemon_set(), *REVISIONS, *pods, foreign])) == ["talker-1"]
-    assert names(DAEMON, View([daemon_set(), *pods])) == []
+    assert names(DAEMON, daemon(*two("old", "new"), foreign)) == ["talker-1"]
+    assert names(DAEMON, View([daemon_set(), *two("old", "new")])) == []
 
 
 def test_what_has_no_pods() -> None:

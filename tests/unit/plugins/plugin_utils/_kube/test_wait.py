@@ -4,26 +4,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, SpecError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import PATIENCE, ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import latest, probe_line
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import telling
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import HOPELESS, latest, probe_line
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import (
     BEGUN_SECONDS,
-    Settings,
+    WaitOptions,
     look_once,
-    run,
-    targets_for,
-    telling,
     wait_for_rollout,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import StreamEvent
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import (
     NEW,
     NS,
@@ -56,7 +54,7 @@ class Clock:
 class Script:
     """Plays changes at set times; the clock moves only while the wait waits."""
 
-    def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[Change]]]) -> None:
+    def __init__(self, clock: Clock, steps: Iterable[tuple[float, list[StreamEvent]]]) -> None:
         self.clock, self.start = clock, clock.time
         self.steps = sorted(steps, key=lambda step: step[0])
         self.followed: list[Target] = []
@@ -75,7 +73,7 @@ class Script:
     def follow(self, targets: Iterable[Target]) -> None:
         self.followed += targets
 
-    def changes(self, timeout: float) -> list[Change]:
+    def changes(self, timeout: float) -> list[StreamEvent]:
         self.waits += 1
         until = self.clock.time + timeout
         if self.steps and self.start + self.steps[0][0] <= until:
@@ -106,15 +104,15 @@ class FakeKube:
         return self.log
 
 
-def listed(target: Target, *objects: Object) -> Change:
-    return Change("listed", target, list(objects))
+def listed(target: Target, *objects: Object) -> StreamEvent:
+    return StreamEvent("listed", target, list(objects))
 
 
-def changed(target: Target, obj: Object, what: str = "set") -> Change:
-    return Change(what, target, [obj])
+def changed(target: Target, obj: Object, what: str = "set") -> StreamEvent:
+    return StreamEvent(what, target, [obj])
 
 
-def lists(*pods: Object, **state: Any) -> list[Change]:
+def lists(*pods: Object, **state: Any) -> list[StreamEvent]:
     return [
         listed(DEPLOYMENTS, deployment(**state)),
         listed(SETS, replica_set("talker-old", "1"), replica_set("talker-new", "2")),
@@ -126,16 +124,16 @@ class Run:
     """One wait and all that came of it."""
 
     def __init__(
-        self, *steps: tuple[float, list[Change]], refs: list[Ref] | None = None, kube: Any = None, **more: Any
+        self, *steps: tuple[float, list[StreamEvent]], refs: list[Ref] | None = None, kube: Any = None, **more: Any
     ):
         self.clock = Clock()
         self.said: list[str] = []
         self.script = Script(self.clock, steps)
-        settings = Settings(say=self.said.append, now=self.clock, watch=self.script, **more)
+        options = WaitOptions(say=self.said.append, now=self.clock, watch=self.script, **more)
         self.error: Exception | None = None
         self.result: dict[str, Any] = {}
         try:
-            self.result = wait_for_rollout(kube or FakeKube(), refs or [DEPLOYMENT], settings)
+            self.result = wait_for_rollout(kube or FakeKube(), refs or [DEPLOYMENT], options)
         except (NotReadyError, ApiError) as exc:
             self.error = exc
             self.result = dict(exc.details)
@@ -146,33 +144,126 @@ class Run:
         return str(self.error)
 
 
-def test_ready_at_the_first_look() -> None:
-    done = Run((0.1, lists(new_pod)))
-    assert done.result == {
+CRASHED = {"terminated": {"exitCode": 3, "reason": "Error"}}
+REFUSED = ApiError("The Kubernetes API at https://edge1:6443 cannot be reached: connection refused.", transient=True)
+
+
+def app(**more: Any) -> Object:
+    return {**container(running={}), **more}
+
+
+def restarted(count: int, ready: bool = True, **how: Any) -> Object:
+    """A pod that was begun anew so often."""
+    made = pod("talker-new-1", NEW, None if ready else [])
+    made["status"]["containerStatuses"] = [app(ready=ready, restartCount=count, lastState=how or CRASHED)]
+    return made
+
+
+def lost(target: Target) -> StreamEvent:
+    return StreamEvent("lost", target, error=REFUSED)
+
+
+GOING, GONE, HERE = [changed(PODS, gone_soon(old_pod, 45))], [changed(PODS, old_pod, "gone")], [changed(PODS, new_pod)]
+RUNS, DEAD = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW, [app(state=CRASHED)])
+FETCHES = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
+NO_ROOM = unscheduled("talker-new-1", NEW, "0/1 nodes are available: 1 node(s) didn't have free ports")
+NO_QUOTA = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota"}
+NONE_YET = {"status": {"availableReplicas": 0, "updatedReplicas": 0, "replicas": 0}}
+UNREADY = [changed(PODS, RUNS), changed(DEPLOYMENTS, deployment(status={"availableReplicas": 0}))]
+READY = [*HERE, changed(DEPLOYMENTS, deployment())]
+STARTS = [changed(PODS, pod("talker-new-1", NEW, [container(ready=False)]))]
+BOTH = (0.1, lists(RUNS, old_pod))
+ONCE: dict[str, Any] = {"fail_on_restart": True}
+FIRST, SECOND, THIRD = lists(new_pod, gone_soon(old_pod))
+
+# When what happens; options; words of the failure, or none; how long it took
+TIMES: dict[str, tuple[list[Any], dict[str, Any], str, float]] = {
+    "ready with the change that makes it so": ([(0.1, lists(new_pod, old_pod)), (2, GOING), (4.5, GONE)], {}, "", 4.5),
+    "nothing passes before every stream has listed": ([(0.1, [FIRST, SECOND]), (3, [THIRD]), (4, GONE)], {}, "", 4),
+    "one that comes later": ([(0.1, [*map(listed, (DEPLOYMENTS, SETS, PODS))]), (2, lists(new_pod))], {}, "", 2),
+    "a suspicion lasts, without further news": (
+        [(0.5, lists(NO_ROOM, status={"availableReplicas": 0}))], {"grace": 5.0}, "free ports", 5.5,
+    ),
+    "a time-out of zero looks once": ([(0.1, lists(old_pod))], {"timeout": 0}, "after 0 s", 0.1),
+    # the old one was told to end at 2 s, and has 45: the 20 s of the rollout are those before and after
+    "an old pod ends": ([(0, lists(new_pod, old_pod)), (2, GOING), (43, GONE)], {"timeout": 20}, "", 43),
+    "late": ([(0, lists(new_pod, old_pod)), (2, GOING), (46.9, GONE)], {"timeout": 20}, "", 46.9),
+    "never": ([(0, lists(new_pod, old_pod)), (2, GOING)], {"timeout": 20}, "old pod talker-old-1 is terminating", 65),
+    "its time is nearly over": ([(0, lists(new_pod, old_pod)), (19.999, GOING), (60, GONE)], {"timeout": 20}, "", 60),
+    "what comes after an old pod has its whole time": (
+        [(0, lists(gone_soon(old_pod, 45), **NONE_YET)), (40, [*GONE, *STARTS]), (55, READY)],
+        {"timeout": 20}, "", 55,
+    ),
+    "and no more": (
+        [(0, lists(gone_soon(old_pod, 45), **NONE_YET)), (40, [*GONE, *STARTS])],
+        {"timeout": 20}, "not ready", 60,
+    ),
+    # the silence of the API is none of the objects' time
+    "the API is silent": ([(0, [lost(DEPLOYMENTS)]), (20, lists(new_pod))], {"timeout": 3}, "", 20),
+    "the API is silent, and then it is not ready": (
+        [(0, [lost(DEPLOYMENTS)]), (20, lists(old_pod))], {"timeout": 3}, "old pod talker-old-1", 23,
+    ),
+    "the API is away later": (
+        [(0.1, lists(new_pod, old_pod)), (5, [lost(PODS)]), (22, [listed(PODS, new_pod)])], {}, "", 22,
+    ),
+    # an end with an error, at once
+    "an end": ([BOTH, (1, [changed(PODS, DEAD)])], ONCE, "exit code 3", 1),
+    "an end that may be mended": ([BOTH, (1, [changed(PODS, DEAD)])], {"timeout": 5}, "rolled out after 5 s", 5.1),
+    "an end that was missed": ([BOTH, (2, [changed(PODS, restarted(1)), *GONE])], ONCE, "(Error) (1 restart)", 2),
+    "an end that was mended": ([BOTH, (2, [changed(PODS, restarted(1)), *GONE])], {}, "", 2),
+    "restarts of an earlier life": ([(0.1, lists(restarted(2)))], ONCE, "", 0.1),
+    "and one more": (
+        [(0.1, lists(restarted(2), old_pod)), (1, [changed(PODS, restarted(3, False))])], ONCE, "3 restarts", 1,
+    ),
+    "a clean end": (
+        [BOTH, (1, [changed(PODS, restarted(1, terminated={"exitCode": 0}))]), (2, GONE)], ONCE, "", 2,
+    ),
+    "a crash before the first look": ([(0.1, lists(restarted(1, False), old_pod))], ONCE, "exit code 3", 0.1),
+    "the old pod's crash": (
+        [(0.1, lists(new_pod, pod("talker-old-1", OLD, [app(state=CRASHED)]))), (1, GONE)], ONCE, "", 1,
+    ),
+    # it has to stay
+    "it stays": ([(0.1, lists(new_pod))], {"watched": 9.0, "timeout": 5.0}, "", 9.1),
+    "it ends meanwhile": ([(0.1, lists(new_pod)), (4, [changed(PODS, DEAD)])], {"watched": 9, **ONCE}, "code 3", 4),
+    "it is away meanwhile": ([(0.1, lists(new_pod)), (4, UNREADY), (6, READY)], {"watched": 9}, "", 15),
+    "its Deployment does not say so yet": ([(0.1, lists(new_pod)), (4, UNREADY[:1])], {"watched": 9}, "", 9.1),
+    # beside the old one
+    "it has begun": (
+        [(0.1, lists(old_pod)), (0.5, [changed(PODS, FETCHES)]), (2, [changed(PODS, RUNS)])],
+        {"begun": True}, "", 2 + BEGUN_SECONDS,
+    ),
+    "it has begun when it is Ready": (
+        [(0.1, lists(old_pod, minReadySeconds=299)), (0.5, [changed(PODS, RUNS)]), (9, HERE)], {"begun": True}, "", 9,
+    ),
+    "it has no place yet": ([(0.1, lists(old_pod)), (0.5, [changed(PODS, NO_ROOM)])], {"begun": True}, "", 0.5),
+    "it has no place in the quota": (
+        [(0.1, lists(old_pod, status={"updatedReplicas": 0, "conditions": [NO_QUOTA]}))], {"begun": True}, "", 0.1,
+    ),
+    "it has not begun": (
+        [(0.1, lists(old_pod)), (0.5, [changed(PODS, RUNS)]), (1.2, [changed(PODS, DEAD)])],
+        {"begun": True, **ONCE}, "exit code 3", 1.2,
+    ),
+    "the old one is none that has begun": (
+        [(0.1, lists(pod("talker-old-1", OLD, [app()])))], {"begun": True, "timeout": 5}, "old-1 still runs", 5.1,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("steps", "options", "words", "took"), TIMES.values(), ids=TIMES)
+def test_when_it_ends(steps: list[Any], options: dict[str, Any], words: str, took: float) -> None:
+    done = Run(*steps, **options)
+    assert (words in done.message) if words else not done.error, done.message
+    assert done.took == pytest.approx(took)
+    assert done.script.waits < 25  # it does not turn round and round
+
+
+def test_what_is_returned() -> None:
+    assert Run((0.1, lists(new_pod))).result == {
         "objects": [{**TALKER, "verdict": "pass", "reason": "1 of 1 pods updated and available"}],
         "elapsed": 0.1,
     }
-
-
-def test_returns_with_the_change_that_makes_it_ready() -> None:
-    done = Run(
-        (0.1, lists(new_pod, old_pod)),
-        (2.0, [changed(PODS, gone_soon(old_pod))]),
-        (4.5, [changed(PODS, old_pod, "gone")]),
-    )
-    assert done.error is None
-    assert done.took == pytest.approx(4.5)
-
-
-def test_nothing_passes_before_every_stream_has_listed() -> None:
-    first, second, third = lists(new_pod, gone_soon(old_pod))
-    done = Run((0.1, [first, second]), (3.0, [third]), (4.0, [changed(PODS, old_pod, "gone")]))
-    assert done.took == pytest.approx(4.0)
-
-
-def test_an_object_that_comes_later_is_waited_for() -> None:
-    done = Run((0.1, [listed(DEPLOYMENTS), listed(SETS), listed(PODS)]), (2.0, lists(new_pod)))
-    assert done.error is None
+    done = Run(refs=[ref("ConfigMap")])
+    assert (done.took, done.script.followed) == (0, [])
 
 
 def test_fails_at_once_with_the_pods_reason() -> None:
@@ -187,47 +278,7 @@ def test_fails_at_once_with_the_pods_reason() -> None:
     assert done.result["objects"][0]["verdict"] == "fail"
 
 
-def test_unschedulable_fails_after_the_grace_without_any_further_news() -> None:
-    stuck = unscheduled("talker-new-1", NEW, "0/3 nodes are available: 3 Insufficient memory.")
-    done = Run((0.5, lists(stuck, status={"availableReplicas": 0})), grace=5.0)
-    assert done.took == pytest.approx(5.5)
-    assert "Insufficient memory" in done.message
-
-
-NONE_YET = {"status": {"availableReplicas": 0, "updatedReplicas": 0, "replicas": 0}}
-
-
-@pytest.mark.parametrize(("ends", "took"), [(43.0, 43.0), (46.9, 46.9), (None, 65.0)])
-def test_the_time_that_an_old_pod_has_for_its_end_is_not_the_new_ones(ends: float | None, took: float) -> None:
-    """It was told to end at 2 s, and has 45: the 20 s of the rollout are those before and after."""
-    gone = [(ends, [changed(PODS, old_pod, "gone")])] if ends else []
-    done = Run((0.0, lists(new_pod, old_pod)), (2.0, [changed(PODS, gone_soon(old_pod, 45))]), *gone, timeout=20)
-    assert (done.error is None, done.took) == (bool(ends), pytest.approx(took))
-    assert ends or "old pod talker-old-1 is terminating" in done.message
-
-
-@pytest.mark.parametrize(("ready", "took"), [(55.0, 55.0), (None, 60.0)])
-def test_what_comes_after_an_old_pod_has_its_whole_time(ready: float | None, took: float) -> None:
-    starting = pod("talker-new-1", NEW, [container(ready=False)])
-    steps = [(40.0, [changed(PODS, old_pod, "gone"), changed(PODS, starting)])]
-    steps += [(ready, [changed(PODS, new_pod), changed(DEPLOYMENTS, deployment())])] if ready else []
-    done = Run((0.0, lists(gone_soon(old_pod, 45), **NONE_YET)), *steps, timeout=20)
-    assert (done.error is None, done.took) == (bool(ready), pytest.approx(took))
-
-
-def test_a_wait_for_an_end_does_not_turn_round_and_round() -> None:
-    """The time was nearly over when it began."""
-    done = Run(
-        (0.0, lists(new_pod, old_pod)),
-        (19.999, [changed(PODS, gone_soon(old_pod, 45))]),
-        (60.0, [changed(PODS, old_pod, "gone")]),
-        timeout=20,
-    )
-    assert done.error is None
-    assert done.script.waits < 20
-
-
-def test_time_out_names_everything_that_is_open_and_its_last_reason() -> None:
+def test_time_out_names_everything_that_is_open_and_says_so_every_ten_seconds() -> None:
     refs = [DEPLOYMENT, ref("Deployment", "listener"), ref("ConfigMap", "params")]
     done = Run((0.1, lists(new_pod, old_pod)), refs=refs, timeout=25)
     assert done.took == pytest.approx(25.1)
@@ -238,13 +289,10 @@ def test_time_out_names_everything_that_is_open_and_its_last_reason() -> None:
     )
     assert [row["verdict"] for row in done.result["objects"]] == ["wait", "wait", "pass"]
     assert done.result["elapsed"] == 25.1
-
-
-def test_says_every_ten_seconds_what_is_open() -> None:
-    done = Run((0.1, lists(new_pod, old_pod)), timeout=25)
     assert done.said == [
-        f"rollout: 1 of 1 still open after {seconds} s\n"
-        f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1"
+        f"rollout: 2 of 3 still open after {seconds} s\n"
+        f"  Deployment {NS}/talker: old pod talker-old-1 still runs on robot1\n"
+        f"  Deployment {NS}/listener: is not there yet"
         for seconds in (10, 20)
     ]
 
@@ -255,95 +303,36 @@ def test_a_progress_message_stays_short() -> None:
     assert done.said[0].splitlines()[-1] == "  and 8 more"
 
 
-def test_a_timeout_of_zero_looks_once() -> None:
-    assert Run((0.1, lists(new_pod)), timeout=0).error is None
-    assert "0 s" in Run((0.1, lists(old_pod)), timeout=0).message
-
-
-def test_nothing_to_wait_for() -> None:
-    done = Run(refs=[ref("ConfigMap")])
-    assert (done.took, done.script.followed) == (0, [])
-    assert wait_for_rollout(FakeKube(), [], Settings(watch=done.script))["objects"] == []
-
-
-# --- the API is away ------------------------------------------------------------------------------------------------
-
-REFUSED = ApiError("The Kubernetes API at https://edge1:6443 cannot be reached: connection refused.", transient=True)
-
-
-def lost(target: Target) -> Change:
-    return Change("lost", target, error=REFUSED)
-
-
-def test_never_reached_fails_soon_with_the_cause() -> None:
+def test_an_api_that_was_never_reached_is_the_cause() -> None:
     done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=300)
     assert done.error is REFUSED
     assert done.took == pytest.approx(PATIENCE, abs=1)
 
 
-def test_the_silence_of_the_api_is_none_of_the_objects_time() -> None:
-    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(new_pod)), timeout=3)
-    assert done.error is None
-    done = Run((0.0, [lost(DEPLOYMENTS)]), (20.0, lists(old_pod)), timeout=3)
-    assert "old pod talker-old-1" in done.message
-    assert done.took == pytest.approx(23)
-    done = Run((0.0, [lost(DEPLOYMENTS)]), timeout=3)
-    assert done.error is REFUSED
-    assert done.took == pytest.approx(PATIENCE, abs=1)
-
-
-def test_reached_after_some_tries() -> None:
-    assert Run((0.0, [lost(DEPLOYMENTS)]), (6.0, lists(new_pod))).error is None
-
-
-def test_away_later_is_waited_for_and_told() -> None:
+def test_an_api_that_is_away_is_told() -> None:
     done = Run((0.1, lists(old_pod)), (5.0, [lost(PODS)]), timeout=25)
     assert "no news at the moment: The Kubernetes API at https://edge1:6443" in done.said[0]
     assert "The last news is old" in done.message
-    back = Run((0.1, lists(new_pod, old_pod)), (5.0, [lost(PODS)]), (22.0, [listed(PODS, new_pod)]), timeout=60)
-    assert back.error is None
 
 
-def test_refused_credentials_end_the_wait() -> None:
-    error = ApiError("401", status=401)
-    assert Run((0.1, [Change("refused", DEPLOYMENTS, error=error)])).error is error
+@pytest.mark.parametrize(("target", "status"), [(DEPLOYMENTS, 401), (PODS, 403)])
+def test_who_may_not_see_what_is_waited_for_waits_no_longer(target: Target, status: int) -> None:
+    error = ApiError("no", status=status)
+    assert Run((0.1, [StreamEvent("refused", target, error=error)])).error is error
 
 
-# --- many namespaces, few permissions -------------------------------------------------------------------------------
-
-
-def fleet(count: int) -> list[Ref]:
-    return [Ref("PersistentVolumeClaim", "logs-pvc", f"robot-{index}") for index in range(count)]
-
-
-def test_few_namespaces_have_streams_of_their_own() -> None:
-    assert targets_for(fleet(2)) == [
-        Target("PersistentVolumeClaim", "robot-0"),
-        Target("PersistentVolumeClaim", "robot-1"),
-        Target("StorageClass"),
-    ]
-
-
-def test_many_namespaces_share_one() -> None:
-    assert targets_for(fleet(5)) == [Target("PersistentVolumeClaim"), Target("StorageClass")]
-
-
-def test_who_may_not_see_the_whole_cluster_looks_namespace_by_namespace() -> None:
-    forbidden = ApiError("403", status=403)
-    refs, everywhere = fleet(5), Target("PersistentVolumeClaim")
-    bound = [{**obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})} for _ref in refs]
-    for one, claim in zip(refs, bound):
-        claim["metadata"]["namespace"] = one.namespace
-    each = [listed(Target("PersistentVolumeClaim", one.namespace), claim) for one, claim in zip(refs, bound)]
-    refusals = [Change("refused", target, error=forbidden) for target in (everywhere, Target("StorageClass"))]
-    done = Run((0.1, refusals), (0.2, each), refs=refs)
+def test_who_may_not_read_storage_classes_waits_for_a_claim_all_the_same() -> None:
+    claims, classes = Target("PersistentVolumeClaim", NS), Target("StorageClass")
+    forbidden = StreamEvent("refused", classes, error=ApiError("403", status=403))
+    bound = obj("PersistentVolumeClaim", "logs-pvc", status={"phase": "Bound"})
+    done = Run((0.1, [forbidden, listed(claims, bound)]), refs=[ref("PersistentVolumeClaim", "logs-pvc")])
     assert done.error is None
-    assert done.script.followed[2:] == [Target("PersistentVolumeClaim", one.namespace) for one in refs]
 
 
-def test_forbidden_in_the_namespace_itself_is_an_error() -> None:
-    error = ApiError("403", status=403)
-    assert Run((0.1, [Change("refused", PODS, error=error)])).error is error
+def test_a_restart_between_two_waits_of_one_run_is_seen() -> None:
+    known: dict[str, dict[str, int]] = {}
+    assert Run((0.1, lists(RUNS)), (1.0, HERE), before=known, **ONCE).error is None
+    assert "exit code 3" in Run((0.1, lists(restarted(1))), before=known, **ONCE).message
 
 
 # --- what explains a failure ----------------------------------------------------------------------------------------
@@ -359,7 +348,6 @@ def warning(name: str, message: str, second: int, reason: str = "FailedMount", k
 
 
 def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
-    starting = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
     other = {**warning("talker-new-1", "of an earlier pod of that name", 7)}
     other["involvedObject"] = {**other["involvedObject"], "uid": "uid-earlier"}
     events = [
@@ -374,7 +362,7 @@ def test_a_time_out_quotes_the_newest_warning_of_each_object() -> None:
         warning("talker", "of the Deployment itself", 1, "Odd", "Deployment"),
         warning("talker-new", "of the replica set", 1, "FailedCreate", "ReplicaSet"),
     ]
-    steps = (0.1, lists(starting, gone_soon(old_pod), status={"availableReplicas": 0}))
+    steps = (0.1, lists(FETCHES, gone_soon(old_pod), status={"availableReplicas": 0}))
     done = Run(steps, kube=FakeKube({"Event": events}), timeout=5)
     assert done.message.splitlines()[1:-1] == [
         "  event of Pod talker-new-1: FailedMount: second",
@@ -387,11 +375,6 @@ def test_a_crash_loop_quotes_the_log_if_the_container_left_no_message() -> None:
     steps = (0.1, lists(pod("talker-new-1", NEW, [crash]), status={"availableReplicas": 0}))
     done = Run(steps, kube=FakeKube(log="Traceback\nImportError: rospy"))
     assert done.message.splitlines()[-2] == "  log of pod talker-new-1, container ros-app: ImportError: rospy"
-
-
-def test_what_may_not_be_read_is_done_without() -> None:
-    done = Run((0.1, lists(old_pod)), kube=FakeKube(refuse=403), timeout=5)
-    assert len(done.message.splitlines()) == 2
 
 
 def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
@@ -411,142 +394,22 @@ def test_of_a_log_the_lines_that_tell_are_chosen() -> None:
     assert telling("\n".join(f"Error of {word}" for word in "abcdefgh")) == [f"Error of {word}" for word in "defgh"]
 
 
-def test_what_a_node_said_that_ended_is_told_of_a_container_that_runs_on() -> None:
-    line = "Startup probe failed: cannot become ready: node /imu: ended with exit code 1, and is not started again"
-    kube = FakeKube({"Event": [unhealthy(line, 1)]}, log="[imu-1] started\nKeyError: 'port'")
-    done = Run((0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), kube=kube)
-    assert done.message.splitlines()[0].startswith("node /imu: ended with exit code 1")
-    assert "  log of pod talker-new-1, container ros-app: KeyError: 'port'" in done.message.splitlines()
-
-
-# --- an end with an error, at once -----------------------------------------------------------------------------------
-
-CRASHED = {"terminated": {"exitCode": 3, "reason": "Error"}}
-
-
-def app(**more: Any) -> Object:
-    return {**container(running={}), **more}
-
-
-def test_an_end_with_an_error_fails_at_once_with_exit_code_and_log() -> None:
-    dead = pod("talker-new-1", NEW, [app(state=CRASHED)])
+def test_an_end_quotes_the_log_of_the_container_that_ended() -> None:
     kube = FakeKube(log="Traceback\nImportError: rospy")
     kube.no_previous = True
-    steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, dead)])]
-    done = Run(*steps, kube=kube, fail_on_restart=True)
-    assert done.took == pytest.approx(1.0)
-    assert done.message.splitlines()[:-1] == [
+    assert Run(BOTH, (1.0, [changed(PODS, DEAD)]), kube=kube, **ONCE).message.splitlines()[:-1] == [
         f"ended with exit code 3 (Error) (Deployment {NS}/talker, pod talker-new-1, container ros-app)",
         "  log of pod talker-new-1, container ros-app: Traceback",
         "  log of pod talker-new-1, container ros-app: ImportError: rospy",
     ]
-    assert Run(*steps, timeout=5).took == pytest.approx(5.1)  # without the option it may come back
 
 
-def test_an_end_that_was_missed_is_seen_by_the_restart_even_if_the_pod_is_ready_again() -> None:
-    starting = pod("talker-new-1", NEW, [app()])
-    back = pod("talker-new-1", NEW)
-    back["status"]["containerStatuses"] = [app(ready=True, restartCount=1, lastState=CRASHED)]
-    steps = [(0.1, lists(starting, old_pod)), (2.0, [changed(PODS, back), changed(PODS, old_pod, "gone")])]
-    done = Run(*steps, fail_on_restart=True, kube=FakeKube(log="last words"))
-    assert "exit code 3 (Error) (1 restart)" in done.message
-    assert done.message.splitlines()[-2].endswith("container ros-app: last words")
-    assert Run(*steps).error is None
-
-
-def test_restarts_of_an_earlier_life_and_clean_ends_are_no_failure() -> None:
-    survivor = pod("talker-new-1", NEW)
-    survivor["status"]["containerStatuses"] = [app(ready=True, restartCount=2, lastState=CRASHED)]
-    assert Run((0.1, lists(survivor)), fail_on_restart=True).error is None
-    again = pod("talker-new-1", NEW, [app(restartCount=3, lastState=CRASHED)])
-    later = [(0.1, lists(survivor, old_pod)), (1.0, [changed(PODS, again)])]
-    assert "3 restarts" in Run(*later, fail_on_restart=True).message
-    clean = pod("talker-new-1", NEW)
-    clean["status"]["containerStatuses"] = [
-        app(ready=True, restartCount=1, lastState={"terminated": {"exitCode": 0, "reason": "Completed"}})
-    ]
-    steps = [(0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), (1.0, [changed(PODS, clean)])]
-    assert Run(*steps, (2.0, [changed(PODS, old_pod, "gone")]), fail_on_restart=True).took == pytest.approx(2.0)
-
-
-def test_a_crash_before_the_first_look_counts_for_a_pod_that_is_not_ready() -> None:
-    crashed = pod("talker-new-1", NEW, [app(restartCount=1, lastState=CRASHED)])
-    assert "exit code 3" in Run((0.1, lists(crashed, old_pod)), fail_on_restart=True).message
-
-
-def test_an_old_pods_crash_is_not_this_rollouts() -> None:
-    crashed = pod("talker-old-1", OLD, [app(restartCount=1, lastState=CRASHED)])
-    done = Run((0.1, lists(new_pod, crashed)), (1.0, [changed(PODS, crashed, "gone")]), fail_on_restart=True)
-    assert done.error is None
-
-
-def test_what_has_to_stay_is_watched_for_as_long_and_an_end_by_an_error_ends_it() -> None:
-    runs = (0.1, lists(new_pod))
-    assert Run(runs, watched=9.0).took == pytest.approx(9.1)
-    assert Run(runs, watched=9.0, timeout=5.0).error is None  # the time is for coming up
-    crashed = pod("talker-new-1", NEW, [app(restartCount=1, lastState=CRASHED)])
-    done = Run(runs, (4.0, [changed(PODS, crashed)]), watched=9.0, fail_on_restart=True)
-    assert ("exit code 3" in done.message, done.took) == (True, pytest.approx(4.0))
-    unready = pod("talker-new-1", NEW, [app()])
-    away = [changed(PODS, unready), changed(DEPLOYMENTS, deployment(status={"availableReplicas": 0}))]
-    steps = [runs, (4.0, away), (6.0, [changed(PODS, new_pod), changed(DEPLOYMENTS, deployment())])]
-    assert Run(*steps, watched=9.0).took == pytest.approx(15.0)
-    late = Run(runs, (4.0, [changed(PODS, unready)]), watched=9.0)  # its Deployment does not say so yet
-    assert (late.took, late.script.waits < 20) == (pytest.approx(9.1), True)
-
-
-def test_a_restart_between_two_waits_of_one_run_is_seen() -> None:
-    known: dict[str, dict[str, int]] = {}
-    starting, back = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW)
-    back["status"]["containerStatuses"] = [app(ready=True, restartCount=1, lastState=CRASHED)]
-    first = Run((0.1, lists(starting)), (1.0, [changed(PODS, new_pod)]), fail_on_restart=True, before=known)
-    assert first.error is None
-    assert "exit code 3" in Run((0.1, lists(back)), fail_on_restart=True, before=known).message
-    assert Run((0.1, lists(back)), fail_on_restart=True).error is None  # else it was an earlier life's
-
-
-# --- who is beside the old pod ---------------------------------------------------------------------------------------
-
-
-def test_a_new_pod_that_runs_beside_the_old_one_is_enough() -> None:
-    made, runs = pod("talker-new-1", NEW, [waiting("ContainerCreating")]), pod("talker-new-1", NEW, [app()])
-    done = Run((0.1, lists(old_pod)), (0.5, [changed(PODS, made)]), (2.0, [changed(PODS, runs)]), begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(2.0 + BEGUN_SECONDS))
-
-
-def test_one_that_is_to_be_ready_for_a_while_before_the_old_one_goes_has_begun_when_it_is() -> None:
-    runs = pod("talker-new-1", NEW, [app()])
-    steps = [(0.1, lists(old_pod, minReadySeconds=299)), (0.5, [changed(PODS, runs)]), (9.0, [changed(PODS, new_pod)])]
-    done = Run(*steps, begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(9.0))
-
-
-def test_one_that_ends_at_once_has_not_begun() -> None:
-    runs, ended = pod("talker-new-1", NEW, [app()]), pod("talker-new-1", NEW, [app(state=CRASHED)])
-    steps = [(0.1, lists(old_pod)), (0.5, [changed(PODS, runs)]), (1.2, [changed(PODS, ended)])]
-    assert "exit code 3" in Run(*steps, begun=True, fail_on_restart=True).message
-
-
-def test_one_that_has_no_place_before_the_old_one_has_gone_is_not_waited_for() -> None:
-    stuck = unscheduled("talker-new-1", NEW, "0/1 nodes are available: 1 node(s) didn't have free ports")
-    done = Run((0.1, lists(old_pod)), (0.5, [changed(PODS, stuck)]), begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(0.5))
-
-
-def test_one_that_has_no_place_in_the_quota_is_not_waited_for() -> None:
-    refused = {"type": "ReplicaFailure", "status": "True", "reason": "FailedCreate", "message": "exceeded quota"}
-    done = Run((0.1, lists(old_pod, status={"updatedReplicas": 0, "conditions": [refused]})), begun=True)
-    assert (done.error, done.took) == (None, pytest.approx(0.1))
-
-
-def test_one_that_cannot_run_fails_beside_the_old_one() -> None:
-    bad = pod("talker-new-1", NEW, [waiting("ImagePullBackOff", "not found")])
-    assert "not found" in Run((0.1, lists(old_pod)), (1.0, [changed(PODS, bad)]), begun=True).message
-
-
-def test_an_old_pod_that_runs_is_none_that_has_begun() -> None:
-    starting = pod("talker-old-1", OLD, [app()])
-    assert Run((0.1, lists(starting)), begun=True, timeout=5).took == pytest.approx(5.1)
+def test_what_a_node_said_that_ended_is_told_of_a_container_that_runs_on() -> None:
+    line = "Startup probe failed: cannot become ready: node /imu: ended with exit code 1, and is not started again"
+    kube = FakeKube({"Event": [unhealthy(line, 1)]}, log="[imu-1] started\nKeyError: 'port'")
+    done = Run((0.1, lists(RUNS, old_pod)), kube=kube)
+    assert done.message.splitlines()[0].startswith("node /imu: ended with exit code 1")
+    assert "  log of pod talker-new-1, container ros-app: KeyError: 'port'" in done.message.splitlines()
 
 
 # --- what probes say -------------------------------------------------------------------------------------------------
@@ -560,13 +423,12 @@ def unhealthy(message: str, second: int, name: str = "talker-new-1", uid: str = 
 def test_a_probe_without_hope_fails_at_once_with_its_line() -> None:
     line = "Startup probe failed: cannot become ready: /talker_new has /temperature at 250 Hz of 500\n"
     kube = FakeKube({"Event": [unhealthy("Startup probe failed: not ready: not registered yet", 1)]})
-    starting = pod("talker-new-1", NEW, [app()])
-    calm = Run((0.1, lists(starting, old_pod)), kube=kube, timeout=15)
+    calm = Run((0.1, lists(RUNS, old_pod)), kube=kube, timeout=15)
     assert calm.message.splitlines()[0] == f"not registered yet (Deployment {NS}/talker, pod talker-new-1)"
     assert len(calm.message.splitlines()) == 2  # and not once more as an event
     assert "not registered yet" in calm.said[0]
     kube.lists["Event"].append(unhealthy(line, 2))
-    done = Run((0.1, lists(starting, old_pod)), kube=kube)
+    done = Run((0.1, lists(RUNS, old_pod)), kube=kube)
     assert done.took == pytest.approx(0.1)
     assert done.message == (
         f"/talker_new has /temperature at 250 Hz of 500 (Deployment {NS}/talker, pod talker-new-1)\n"
@@ -575,13 +437,11 @@ def test_a_probe_without_hope_fails_at_once_with_its_line() -> None:
 
 
 def test_events_are_listed_once_a_second_and_only_while_a_pod_is_up_and_not_ready() -> None:
-    starting = pod("talker-new-1", NEW, [app()])
-    pulling = pod("talker-new-1", NEW, [waiting("ContainerCreating")])
     kube = FakeKube()
     done = Run(
-        (0.1, lists(pulling, old_pod)),
-        (5.0, [changed(PODS, starting)]),
-        *((5.0 + step / 10, [changed(PODS, starting)]) for step in range(30)),
+        (0.1, lists(FETCHES, old_pod)),
+        (5.0, [changed(PODS, RUNS)]),
+        *((5.0 + step / 10, [changed(PODS, RUNS)]) for step in range(30)),
         (10.0, [changed(PODS, new_pod)]),
         (20.0, [changed(PODS, old_pod, "gone")]),
         kube=kube,
@@ -612,18 +472,18 @@ def test_events_of_other_pods_say_nothing_here() -> None:
         unhealthy(hopeless, 1, uid="uid-of-an-earlier-pod"),
         {**unhealthy(hopeless, 1), "reason": "Killing"},
     ]
-    starting = pod("talker-new-1", NEW, [app()])
     unready_old = pod("talker-old-1", OLD, [app()])
-    done = Run((0.1, lists(starting, unready_old)), kube=FakeKube({"Event": events}), timeout=3)
+    done = Run((0.1, lists(RUNS, unready_old)), kube=FakeKube({"Event": events}), timeout=3)
     assert done.took == pytest.approx(3.1)
     assert "never" not in done.message.splitlines()[0]
 
 
 def test_events_that_may_not_be_read_are_asked_for_once() -> None:
     kube = FakeKube(refuse=403)
-    done = Run((0.1, lists(pod("talker-new-1", NEW, [app()]), old_pod)), kube=kube, timeout=20)
+    done = Run((0.1, lists(RUNS, old_pod)), kube=kube, timeout=20)
     assert done.took == pytest.approx(20.1)
     assert len(kube.asked) == 2  # and once for the message
+    assert len(done.message.splitlines()) == 2
 
 
 @pytest.mark.parametrize(
@@ -645,24 +505,16 @@ def test_a_probes_line(message: str, line: str) -> None:
 def test_the_newest_line_counts() -> None:
     old = {**unhealthy("Startup probe failed: cannot become ready: a", 1), "lastTimestamp": "2026-01-01T11:00:00Z"}
     by_series = {**unhealthy("Startup probe failed: b", 1), "series": {"lastObservedTime": "2026-01-01T12:30:00.123Z"}}
-    assert latest([by_series, old, unhealthy("Startup probe failed: c", 5)])["uid-talker-new-1"].text.endswith("b")
+    assert latest([by_series, old, unhealthy("Startup probe failed: c", 5)])["uid-talker-new-1"].endswith("b")
     same = [unhealthy("Startup probe failed: cannot become ready: d", 5), unhealthy("Startup probe failed: e", 5)]
-    assert latest(same)["uid-talker-new-1"].hopeless
+    assert HOPELESS in latest(same)["uid-talker-new-1"]
 
 
-# --- check mode, parameters -----------------------------------------------------------------------------------------
+# --- check mode -----------------------------------------------------------------------------------------
 
 
 def test_check_mode_looks_once_and_never_fails() -> None:
     shown = {"Deployment": [deployment()], "ReplicaSet": [replica_set("talker-new", "2")], "Pod": [new_pod]}
-    params = {"objects": [TALKER, {"kind": "Node", "name": "robot1"}]}
-    result = run(params, FakeKube(shown), Settings(), check_mode=True)
+    result = look_once(FakeKube(shown), [DEPLOYMENT, Ref("Node", "robot1")])
     assert [row["verdict"] for row in result["objects"]] == ["pass", "wait"]
     assert look_once(FakeKube(refuse=403), [DEPLOYMENT])["objects"][0]["verdict"] == "wait"
-
-
-@pytest.mark.parametrize("check_mode", [True, False])
-def test_bad_parameters_are_told_before_anything_is_asked(check_mode: bool) -> None:
-    watch: Callable[..., Any] = lambda *_: pytest.fail("asked the cluster")  # noqa: E731
-    with pytest.raises(SpecError, match=r"objects\[0\].name: missing"):
-        run({"objects": [{"kind": "Node", "namespace": "x"}]}, FakeKube(), Settings(watch=watch), check_mode)

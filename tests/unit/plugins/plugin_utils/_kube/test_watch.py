@@ -11,7 +11,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube import watch as _watch
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import Change, Watch
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import StreamEvent, Watch
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_objects import obj
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import CUT, END, GONE, Server
 
@@ -22,9 +22,9 @@ def names(objects: list[Any]) -> list[str]:
     return [one["metadata"]["name"] for one in objects]
 
 
-def take(watch: Watch, count: int) -> list[Change]:
+def take(watch: Watch, count: int) -> list[StreamEvent]:
     """The next changes; a test that waits for one that never comes ends here."""
-    found: list[Change] = []
+    found: list[StreamEvent] = []
     while len(found) < count:
         new = watch.changes(10)
         assert new, f"only {[change.what for change in found]} came"
@@ -32,7 +32,7 @@ def take(watch: Watch, count: int) -> list[Change]:
     return found
 
 
-def told(changes: list[Change]) -> list[tuple[str, list[str]]]:
+def told(changes: list[StreamEvent]) -> list[tuple[str, list[str]]]:
     return [(change.what, names(change.objects)) for change in changes]
 
 
@@ -71,21 +71,14 @@ def test_a_watch_that_ends_is_resumed_where_it_stood(server: Server, kube: Kube,
         assert told(take(watch, 1)) == [("set", ["b"])]
 
 
-def test_410_within_the_stream_lists_again(server: Server, kube: Kube) -> None:
-    with Watch(kube, [PODS]) as watch:
-        take(watch, 1)
-        server.lists[PODS.path] = [obj("Pod", "new")]
-        server.send(PODS.path, GONE)
-        assert told(take(watch, 1)) == [("listed", ["new"])]
-
-
-def test_410_as_an_answer_lists_again(server: Server, kube: Kube) -> None:
+@pytest.mark.parametrize("refusal", [[], [(410, "too old")]])
+def test_410_lists_again(server: Server, kube: Kube, refusal: list[tuple[int, str]]) -> None:
     with Watch(kube, [PODS]) as watch:
         take(watch, 1)
         server.next_watch()
-        server.refusals.append((410, "too old"))
+        server.refusals += refusal
         server.lists[PODS.path] = [obj("Pod", "new")]
-        server.send(PODS.path, END)
+        server.send(PODS.path, END if refusal else GONE)  # as an answer, or within the stream
         assert told(take(watch, 1)) == [("listed", ["new"])]
 
 

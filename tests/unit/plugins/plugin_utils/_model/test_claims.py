@@ -26,39 +26,22 @@ def test_each_claim_has_its_directory() -> None:
 
 
 def test_a_claim_that_is_there_twice_is_told_apart_by_its_volume() -> None:
-    found = sources({"robot1": [claim("logs", number=2)], "edge1": [claim("logs", number=1)]}, ASKED)
-    assert [one.target for one in found] == ["robot1/logs.pvc-u1", "robot1/logs.pvc-u2"]
-
-
-def test_two_claims_never_share_a_directory() -> None:
-    """One of somebody's own may lack the end that ours have."""
-    found = sources({"robot1": [claim("logs", number=1), "pvc-u2_robot-robot1_logs"]}, ASKED)
-    assert [one.target for one in found] == ["robot1/logs.pvc-u1", "robot1/logs.pvc-u2"]
+    twice = {"robot1": [claim("logs", number=2)], "edge1": [claim("logs", number=1)]}
+    of_ones_own = {"robot1": [claim("logs", number=1), "pvc-u2_robot-robot1_logs"]}  # without the end that ours have
+    for there in (twice, of_ones_own):
+        assert [one.target for one in sources(there, ASKED)] == ["robot1/logs.pvc-u1", "robot1/logs.pvc-u2"]
 
 
 @pytest.mark.parametrize(
     "directory",
     [
-        "pvc-u1_robot-../.._.ssh",
-        "pvc-u1_robot-/root_.ssh",
-        "pvc-u1_robot-robot1_..",
-        "pvc-u1_robot-robot1_../robot2/logs-pvc",
-        "pvc-u1_robot-robot1_/etc/cron.d-pvc",
-        "pvc-u1_robot-robot1_a/b",
-        "pvc-u1_robot-robot1_logs.sh",
-        "pvc-u1_robot-robot1_logs-pvc\n",
-        "pvc-u1_robot-robot1_-pvc",
-        "pvc-u1_robot-robot1_",
-        "pvc-u1_robot-_logs-pvc",
-        "pvc-u1_robot-Robot1_logs-pvc",
-        "pvc-u1_robot-robot1_" + "l" * 64,
-        "pvc-u1_robot-robot1_l\0",
-        "pvc-u1_robot-robot1_$(id)",
-        "pvc-../../x_robot-robot1_logs-pvc",
-        "/pvc-u1_robot-robot1_logs-pvc",
-        "x_robot-robot1_logs-pvc",
-        "pvc-_robot-robot1_logs-pvc",
-        "pvc-U_robot-robot1_logs-pvc",
+        *(f"pvc-u1_robot-{place}" for place in ("../.._.ssh", "/root_.ssh", "_logs-pvc", "Robot1_logs-pvc")),
+        *(
+            f"pvc-u1_robot-robot1_{claim}"
+            for claim in ("..", "../robot2/logs-pvc", "/etc/cron.d-pvc", "a/b", "logs.sh")
+        ),
+        *(f"pvc-u1_robot-robot1_{claim}" for claim in ("logs-pvc\n", "-pvc", "", "l" * 64, "l\0", "$(id)")),
+        *(f"{volume}_robot-robot1_logs-pvc" for volume in ("pvc-../../x", "/pvc-u1", "x", "pvc-", "pvc-U")),
         "..",
         "",
     ],

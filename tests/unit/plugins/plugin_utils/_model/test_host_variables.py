@@ -43,6 +43,7 @@ def hostvars(tmp_path: Path) -> Any:
 def test_a_value_may_lead_to_another_host(hostvars: Any) -> None:
     hosts = HostVariables(hostvars)
     assert hosts["robot1"]["observability_hub_url"] == "http://192.0.2.1"
+    assert fleet_hosts(hosts, ["robot1"])["robot1"]["ros_apps"][0]["env"] == {"HUB": "192.0.2.1"}
     assert hosts["edge1"]["place"] == "hall"
     assert set(hosts) == {"edge1", "robot1", "robot2", "robot3"} and len(hosts) == 4
     assert "robot4" not in hosts and "missing" not in hosts["robot1"]
@@ -51,12 +52,6 @@ def test_a_value_may_lead_to_another_host(hostvars: Any) -> None:
 def test_a_plain_mapping_stays_what_it_is() -> None:
     plain = {"r": {"a": "{{ x }}"}}
     assert HostVariables(plain)["r"] is plain["r"]
-
-
-def test_the_validation_sees_it(hostvars: Any) -> None:
-    hosts = fleet_hosts(HostVariables(hostvars), ["robot1"])
-    assert hosts["robot1"]["ros_apps"][0]["env"] == {"HUB": "192.0.2.1"}
-    assert hosts["robot1"]["observability_hub_url"] == "http://192.0.2.1"
 
 
 @pytest.mark.parametrize(

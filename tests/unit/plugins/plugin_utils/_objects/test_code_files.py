@@ -21,17 +21,26 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files i
 )
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils.pythons import pythons
 
-FILES = app_files()
-ETCD_LIMIT = 1 << 20  # a ConfigMap holds no more
+FILES = {"app": app_files(), "exporter": exporter_files()}
+CONFIG_MAP_LIMIT = 1 << 20
 
 
-def test_every_command_is_there_with_all_that_it_imports() -> None:
-    assert {f"{module}.py" for command, module in COMMANDS.items() if command != "exporter"} <= set(FILES)
-    for name, text in FILES.items():
-        module = "_pod.run" if name == "run.py" else name[: -len(".py")]
-        assert {f"{found}.py" for found in relative_imports(module, text)} <= set(FILES)
-    assert FILES["run.py"] == (MODULE_UTILS / "_pod" / "run.py").read_text("utf-8")
-    assert sum(map(len, FILES.values())) < ETCD_LIMIT / 2
+def module_of(name: str) -> str:
+    return "_pod.run" if name == "run.py" else name.removesuffix(".py")
+
+
+@pytest.mark.parametrize("files", FILES.values(), ids=FILES)
+def test_each_is_there_with_all_that_it_imports_and_fits(files: dict[str, str]) -> None:
+    for name, text in files.items():
+        assert {f"{found}.py" for found in relative_imports(module_of(name), text)} <= set(files)
+    assert files["run.py"] == (MODULE_UTILS / "_pod" / "run.py").read_text("utf-8")
+    assert sum(map(len, files.values())) < CONFIG_MAP_LIMIT / 2
+
+
+def test_each_pod_has_its_commands_and_not_the_others() -> None:
+    assert {f"{module}.py" for command, module in COMMANDS.items() if command != "exporter"} <= set(FILES["app"])
+    assert not [name for name in FILES["app"] if "exporter" in name]
+    assert "_exporter.main.py" in FILES["exporter"] and "_pod.started.py" not in FILES["exporter"]
 
 
 def test_imports_in_functions_and_of_names_count() -> None:
@@ -41,8 +50,8 @@ def test_imports_in_functions_and_of_names_count() -> None:
 
 def test_no_form_of_an_import_is_overlooked() -> None:
     """What Python itself reads of the files."""
-    for name, text in {**FILES, **exporter_files()}.items():
-        module = "_pod.run" if name == "run.py" else name[: -len(".py")]
+    for name, text in {**FILES["app"], **FILES["exporter"]}.items():
+        module = module_of(name)
         named = [item for item in ast.walk(ast.parse(text)) if isinstance(item, ast.ImportFrom) and item.level]
         whole = [item.module for item in named if _is_module(module, item)]
         found = relative_imports(module, text)
@@ -60,38 +69,80 @@ def test_imports_of_a_package_in_a_package() -> None:
     assert sorted(relative_imports("_p.r.q", text)) == ["_e.f", "_p.c", "_p.d", "_p.r.a", "_p.r.b"]
 
 
-@pytest.fixture
-def mounted(tmp_path: Path) -> Path:
+def mounted(place: Path, files: dict[str, str]) -> Path:
     """As the kubelet mounts a ConfigMap: links into a directory with a changing name."""
-    real = tmp_path / "hooks" / "..2026_01_01"
+    real = place / "hooks" / "..2026_01_01"
     real.mkdir(parents=True)
-    (tmp_path / "hooks" / "..data").symlink_to(real.name)
-    for name, text in FILES.items():
+    (place / "hooks" / "..data").symlink_to(real.name)
+    for name, text in files.items():
         (real / name).write_text(text)
-        (tmp_path / "hooks" / name).symlink_to(f"..data/{name}")
-    return tmp_path / "hooks"
+        (place / "hooks" / name).symlink_to(f"..data/{name}")
+    return place / "hooks"
 
 
-SETTINGS = json.dumps({"node": "/a", "expect_node": False})
+ENVIRON = {
+    "PATH": os.environ["PATH"],
+    "ROSOPS_SETTINGS": json.dumps({"node": "/a", "expect_node": False}),
+    "ROSOPS_NODE_NAME": "a",
+    "ROS_MASTER_URI": "http://127.0.0.1:9/",
+}
 
 
-def run(mounted: Path, word: str, python: str = sys.executable) -> tuple[int, str]:
-    environ = {"PATH": os.environ["PATH"], "ROSOPS_SETTINGS": SETTINGS, "ROSOPS_NODE_NAME": "a"}
-    command = [python, "-I", "-S", str(mounted / "run.py"), word]
-    found = subprocess.run(command, capture_output=True, text=True, check=False, env=environ, cwd="/")  # noqa: S603
+def run(command: list[str]) -> tuple[int, str]:
+    found = subprocess.run(  # noqa: S603 - our own
+        command, capture_output=True, text=True, check=False, env=ENVIRON, cwd="/", timeout=60
+    )
     return found.returncode, found.stdout + found.stderr
 
 
 @pytest.mark.parametrize("python", pythons())
 @pytest.mark.parametrize("word", ["started", "stop"])
-def test_it_runs_from_a_mount_and_writes_nothing_there(mounted: Path, word: str, python: str) -> None:
-    before = sorted(mounted.rglob("*"))
+def test_it_runs_from_a_mount_and_writes_nothing_there(tmp_path: Path, word: str, python: str) -> None:
+    place = mounted(tmp_path, FILES["app"])
+    before = sorted(place.rglob("*"))
     said = "rosops.fleet: left to SIGTERM: the ROS master does not answer" if word == "stop" else ""
-    status, output = run(mounted, word, python)
+    status, output = run([python, "-I", "-S", str(place / "run.py"), word])
     assert (status, output[: len(said)], bool(output)) == (0, said, bool(said))
-    assert sorted(mounted.rglob("*")) == before
+    assert sorted(place.rglob("*")) == before
 
 
-@pytest.mark.parametrize("word", ["", "jump"])
-def test_another_word_is_explained(mounted: Path, word: str) -> None:
-    assert run(mounted, word) == (2, "usage: run.py exec|started|stop|sidecar|keeper|exporter\n")
+@pytest.mark.parametrize(
+    ("files", "words", "code"),
+    [("app", [], 2), ("app", ["jump"], 2), ("exporter", ["jump"], 2), ("exporter", ["exporter", "--jump", "1"], 1)],
+)
+def test_other_words_are_explained(tmp_path: Path, files: str, words: list[str], code: int) -> None:
+    place = mounted(tmp_path, FILES[files])
+    status, output = run([sys.executable, "-I", "-S", str(place / "run.py"), *words])
+    assert (status, "usage: " in output) == (code, True)
+
+
+SCRAPE = """
+import re, subprocess, sys, time, urllib.request
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE, text=True)
+try:
+    print(process.stdout.readline().strip())
+    port = sys.argv[-1]
+    for _try in range(200):
+        text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5).read().decode()
+        if "ros_master_up" in text:
+            break
+        time.sleep(0.05)
+    print(text)
+    maps = open(f"/proc/{process.pid}/maps").read()
+    print("OpenSSL" if "libssl" in maps else "no OpenSSL")
+finally:
+    process.kill()
+    process.wait()
+"""
+
+
+@pytest.mark.parametrize("python", pythons())
+def test_the_exporter_runs_from_a_mount_without_a_master(tmp_path: Path, python: str) -> None:
+    place = mounted(tmp_path, FILES["exporter"])
+    before, port = sorted(place.rglob("*")), str(20000 + os.getpid() % 10000)
+    command = [python, "-I", "-S", str(place / "run.py"), "exporter", "--address", "127.0.0.1", "--port", port]
+    _status, output = run([sys.executable, "-c", SCRAPE, *command])
+    assert "ros_master_up 0.0\n" in output
+    assert 'ros_exporter_scrape_errors_total{reason="refused"} 1.0\n' in output
+    assert "\nno OpenSSL\n" in output
+    assert sorted(place.rglob("*")) == before

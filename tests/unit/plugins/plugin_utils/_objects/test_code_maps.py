@@ -98,26 +98,9 @@ def test_the_stop_fits_in_the_grace_period(changes: dict[str, Any], expected: in
     assert settings(**changes)["stop_deadline"] == expected
 
 
-@pytest.mark.parametrize(
-    ("master", "keeper"),
-    [
-        ({}, "http://ros-keeper:11411"),
-        ({"mode": "shared"}, "http://ros-keeper.fleet:11411"),
-        (EXTERNAL, None),
-    ],
-)
-def test_the_keeper_is_the_masters(master: dict[str, Any], keeper: str | None) -> None:
-    found = robot(app(), master=master)
-    assert app_settings(found.apps[0], found)["keeper"] == keeper
-
-
 def objects(**changes: Any) -> list[dict[str, Any]]:
-    return app_objects(robot(app(**changes), name="r1", master={"mode": "shared"}), CODE)
-
-
-def test_maps_come_before_the_pods_that_mount_them_and_only_with_code() -> None:
-    assert [item["kind"] for item in objects()] == ["ConfigMap", "ConfigMap", "Deployment"]  # the shared master's, too
-    assert [item["kind"] for item in app_objects(robot(app()))] == ["Deployment"]
+    one = robot(app(**changes), name="r1", master={"mode": "shared"})
+    return [*code_maps(one, CODE), *app_objects(one)]
 
 
 @pytest.mark.parametrize("scope", ["robot", "fleet"])
@@ -152,18 +135,6 @@ def test_settings_belong_to_the_revision_that_they_came_with() -> None:
         readiness={"command": "echo $(HOME) > /x"}, name="a",
     )  # fmt: skip
     assert "$$(HOME)" in environment["ROSOPS_SETTINGS"]
-
-
-def test_probes_and_the_stop_hook() -> None:
-    container = objects()[-1]["spec"]["template"]["spec"]["containers"][0]
-    words = {"started": container["startupProbe"]["exec"], "stop": container["lifecycle"]["preStop"]["exec"]}
-    for word, call in words.items():
-        assert call["command"] == ["python3", "-I", "-S", "/opt/rosops-fleet/hooks/run.py", word]
-    # a node that is not connected yet is no reason to kill it, and a probe that is cut off says nothing
-    assert container["startupProbe"]["failureThreshold"] >= 100000
-    assert container["startupProbe"]["timeoutSeconds"] > 40
-    # at rest nothing is started in a pod, but for what the user asked for
-    assert not {"readinessProbe", "livenessProbe"} & set(container)
 
 
 @pytest.mark.parametrize("hooks", ["app", "sidecar", "none"])

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter import updates as _exporter_updates
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.main import OPTIONS, options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import Settings, exporter_objects
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import ExporterOptions, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import ros_core_objects
 from ansible_collections.rosops.fleet.tests.unit.golden import regenerate_exporter as golden
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
@@ -18,15 +18,15 @@ from ansible_collections.rosops.fleet.tests.unit.robots import robot
 CODE = {"run.py": "code"}
 
 
-def objects(settings: Settings | None = None, code: Any = None, **more: Any) -> Any:
-    return exporter_objects(robot(name="r1", **more), code or CODE, settings or Settings())
+def objects(options: ExporterOptions | None = None, code: Any = None, **more: Any) -> Any:
+    return exporter_objects(robot(name="r1", **more), code or CODE, options or ExporterOptions())
 
 
 @pytest.mark.parametrize("name", sorted(golden.CASES))
 def test_golden(name: str) -> None:
     """After a change that is meant: tests/unit/golden/regenerate_exporter.py."""
     expected = yaml.safe_load((golden.FILES / f"{name}.yml").read_text("utf-8"))
-    assert golden.built(name) == expected
+    assert golden.golden(name) == expected
 
 
 @pytest.mark.parametrize("mode", ["robot", "shared"])
@@ -41,24 +41,10 @@ def test_beside_its_master(mode: str) -> None:
 
 def test_a_shared_masters_are_the_same_from_every_robot() -> None:
     shared = {"mode": "shared"}
-    looks = Settings(claims_path="/s")
+    looks = ExporterOptions(claims_path="/s")
     one = objects(looks, master=shared, volumes=[{"name": "a"}])
     other = exporter_objects(robot(name="r2", master=shared), CODE, looks)
     assert one == other
-
-
-def test_prometheus_finds_it_and_kubernetes_asks_it() -> None:
-    template = objects()[1]["spec"]["template"]
-    container = template["spec"]["containers"][0]
-    port = container["ports"][0]["containerPort"]
-    assert port == 11511
-    assert {key: value for key, value in template["metadata"]["annotations"].items() if "prometheus" in key} == {
-        "prometheus.io/scrape": "true",
-        "prometheus.io/port": "11511",
-        "prometheus.io/path": "/metrics",
-    }
-    for probe in ("startupProbe", "readinessProbe", "livenessProbe"):
-        assert container[probe]["httpGet"]["port"] == port
 
 
 def test_newer_code_restarts_it() -> None:
@@ -70,38 +56,21 @@ def test_newer_code_restarts_it() -> None:
     assert template(objects(code={"run.py": "newer"})) != first
 
 
-def test_it_may_do_nothing() -> None:
-    pod = objects()[1]["spec"]["template"]["spec"]
-    assert pod["automountServiceAccountToken"] is False
-    context = {
-        "allowPrivilegeEscalation": False,
-        "seccompProfile": {"type": "RuntimeDefault"},
-        "readOnlyRootFilesystem": True,
-        "capabilities": {"drop": ["ALL"]},
-    }
-    assert pod["containers"][0]["securityContext"] == context
-    pod = objects(Settings(claims_path="/s"), volumes=[{"name": "a"}])[1]["spec"]["template"]["spec"]
-    context["capabilities"] = {"drop": ["ALL"], "add": ["DAC_OVERRIDE"]}
-    assert pod["containers"][0]["securityContext"] == context
-    assert all(mount["readOnly"] for mount in pod["containers"][0]["volumeMounts"])
-
-
 @pytest.mark.parametrize(
-    "settings", [Settings(), Settings(5, 1.5, True, "/s"), Settings(statistics=True), Settings(claims_path="/s")]
+    "given", [{}, {"interval": 5, "timeout": 1.5, "statistics": True, "claims_path": "/s"}, {"claims_path": "/s"}]
 )
-def test_the_process_knows_its_options(settings: Settings) -> None:
-    words = objects(settings, volumes=[{"name": "a", "size": "1Ki"}])[1]["spec"]["template"]["spec"]["containers"][0][
-        "args"
-    ]
-    chosen = options(words)
+def test_the_process_knows_its_options(given: dict[str, Any]) -> None:
+    wanted = ExporterOptions(**given)
+    pod = objects(wanted, volumes=[{"name": "a", "size": "1Ki"}])[1]["spec"]["template"]["spec"]
+    chosen = options(pod["containers"][0]["args"])
     assert set(chosen) == set(OPTIONS)
-    assert float(chosen["--interval"]) == settings.interval
-    assert (chosen["--statistics"] == "on") is settings.statistics
-    assert (chosen["--capacities"] == '{"a-pvc": 1024}') is bool(settings.claims_path)
+    assert float(chosen["--interval"]) == wanted.interval
+    assert (chosen["--statistics"] == "on") is wanted.statistics
+    assert (chosen["--capacities"] == '{"a-pvc": 1024}') is bool(wanted.claims_path)
 
 
 def test_no_claims_no_host_path() -> None:
-    volumes = objects(Settings(claims_path="/s"))[1]["spec"]["template"]["spec"]["volumes"]
+    volumes = objects(ExporterOptions(claims_path="/s"))[1]["spec"]["template"]["spec"]["volumes"]
     assert [volume["name"] for volume in volumes] == ["code", "updates"]
 
 

@@ -67,11 +67,3 @@ def test_maps_are_where_their_pods_are_and_come_before_them() -> None:
     assert held in ground_objects(one, [APPS], (), {})
     assert held not in ground_objects(one, [MASTER], (), {})
     assert made({"path": "/p", "secret": "s"})[0] == []
-
-
-def test_a_variable_may_be_in_a_secret() -> None:
-    _maps, template = made(env={"TOKEN": {"secret": "arm", "key": "token"}, "SPEED": 1})
-    assert template["spec"]["containers"][0]["env"][-3:-1] == [
-        {"name": "SPEED", "value": "1"},
-        {"name": "TOKEN", "valueFrom": {"secretKeyRef": {"name": "arm", "key": "token"}}},
-    ]

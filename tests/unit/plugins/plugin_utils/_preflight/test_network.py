@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.network import network_findings
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._preflight.test_findings import REQUIREMENTS
 
 WIFI = {"family": 4, "interface": "wlan0"}
 CABLE = {"family": 4, "interface": "eth0"}
@@ -17,9 +19,9 @@ SOUND: dict[str, Any] = {"firewalls": [], "selinux": {"mode": "", "policy": Fals
 
 def found(routes: Any = (CABLE,), role: str = "agent", interface: str = "", **network: Any) -> list[str]:
     facts = {"kernel": "6.1", "routes": routes, "network": {**SOUND, **network}}
-    seen = list(network_findings(facts, {"role": role, "interface": interface}))
-    assert {one["severity"] for one in seen} <= {"warning"}
-    return [f"{one['what']} | {one['fix']}" for one in seen]
+    seen = list(network_findings(facts, replace(REQUIREMENTS, role=role, interface=interface)))
+    assert {one.severity for one in seen} <= {"warning"}
+    return [f"{one.what} | {one.fix}" for one in seen]
 
 
 def test_a_sound_host_has_none() -> None:

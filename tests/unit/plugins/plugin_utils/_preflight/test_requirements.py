@@ -44,15 +44,15 @@ def test_an_agent_reaches_every_servers_api() -> None:
     assert found["reach"] == ["10.0.0.1:6443", "[fd00::2]:6443"]
     assert {"port": 6443, "protocol": "tcp"} not in found["ports"]
     wanted = requirements(part("agent"), DEFAULTS, servers)
-    assert wanted["server_urls"] == ["https://10.0.0.1:6443", "https://[fd00::2]:6443"]
+    assert wanted.server_urls == ["https://10.0.0.1:6443", "https://[fd00::2]:6443"]
 
 
 def test_a_host_that_passes_is_beyond_what_k3s_acts_upon() -> None:
-    limits = requirements(part("agent"), DEFAULTS, [])["disk_percent"]
+    limits = requirements(part("agent"), DEFAULTS, []).disk_percent
     assert limits["minimum"] > k3s_defaults.EVICTION_FREE_PERCENT
     assert limits["recommended"] > 100 - k3s_defaults.IMAGE_GC_USED_PERCENT
 
 
 @pytest.mark.parametrize(("role", "minimum"), [("server", 900), ("agent", 400)])
 def test_memory_goes_by_the_part(role: str, minimum: int) -> None:
-    assert requirements(part(role), DEFAULTS, [])["memory_mb"]["minimum"] == minimum
+    assert requirements(part(role), DEFAULTS, []).memory_mb["minimum"] == minimum

@@ -8,7 +8,7 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import level as level_of

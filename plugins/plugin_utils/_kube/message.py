@@ -1,0 +1,166 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a wait tells: what is still open, and why it failed, with what the cluster has to say beyond the status."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, is_terminating
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
+    IMAGE_ERRORS,
+    Verdict,
+    condition,
+    containers,
+    meta,
+    uid_of,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import HOPELESS
+
+SHOWN = 12  # lines of a progress message
+LOG_LINES, TELLING_LINES = 200, 5  # that are read of a log, and that are told
+_ERROR = re.compile(r"\b(ERROR|FATAL|Traceback|[A-Za-z.]*(Error|Exception)\b|rosops\.fleet:|not found|[Ss]egmentation)")
+_WHERE = re.compile(
+    r"(pod [^\s:,]+(?:, container [^\s:,]+)?): (?:\w+ probe failed: )?(?:(?:not|cannot become) ready: )?(.+)", re.S
+)
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_NAME, _NUMBER = re.compile(r"^\[[^\]]*\]"), re.compile(r"\d+")  # `[camera-3] killing on exit`
+
+
+@dataclass(frozen=True)
+class Row:
+    """One object and the last verdict on it."""
+
+    ref: Ref
+    verdict: Verdict
+
+    def as_dict(self) -> dict[str, str]:
+        return {
+            "kind": self.ref.kind,
+            "name": self.ref.name,
+            "namespace": self.ref.namespace,
+            "verdict": self.verdict.verdict,
+            "reason": self.verdict.reason,
+        }
+
+    def __str__(self) -> str:
+        return f"{self.ref}: {self.verdict.reason}"
+
+
+def progress(rows: Sequence[Row], elapsed: float, unreachable: str) -> str:
+    """What is still open, in a few lines."""
+    open_rows = [row for row in rows if row.verdict.verdict != PASS]
+    if not open_rows:
+        return "rollout: all of it is there, and watched for a while"
+    lines = [f"rollout: {len(open_rows)} of {len(rows)} still open after {elapsed:.0f} s"]
+    if unreachable:
+        lines.append(f"  no news at the moment: {unreachable}")
+    lines += [f"  {row}" for row in open_rows[:SHOWN]]
+    if len(open_rows) > SHOWN:
+        lines.append(f"  and {len(open_rows) - SHOWN} more")
+    return "\n".join(lines)
+
+
+def cause_first(row: Row) -> str:
+    """What is wrong, as the app or the kubelet has it, and then whose it is."""
+    found = _WHERE.match(row.verdict.reason)
+    where, why = (f", {found[1]}", found[2]) if found else ("", row.verdict.reason)
+    return f"{why} ({row.ref}{where})"
+
+
+def notes_on(kube: Kube, bad: Sequence[Row], view: View) -> list[str]:
+    """What the cluster has to say beyond the status: the last warnings, and the last words of what crashed.
+
+    It only explains a failure that is already certain, so it does without what it may not read.
+    """
+    notes: list[str] = []
+    said = " ".join(row.verdict.reason for row in bad)
+    try:
+        for namespace in sorted({row.ref.namespace for row in bad if row.ref.namespace})[:3]:
+            names = {row.ref.name for row in bad if row.ref.namespace == namespace}
+            events = kube.objects("Event", namespace, fields="type=Warning")
+            for pod in view.all("Pod", namespace):
+                notes += _last_words(kube, pod, names, said)
+            notes += _warnings((one for one in events if _is_news(one, view, namespace, said)), names)
+    except ApiError:
+        pass
+    return notes[:SHOWN]
+
+
+def _concerns(name: str, names: Iterable[str]) -> bool:
+    return any(name == wanted or name.startswith(f"{wanted}-") for wanted in names)
+
+
+def _is_news(event: Object, view: View, namespace: str, said: str) -> bool:
+    """Not about something that is gone or going, and not what the verdict says already."""
+    about = event.get("involvedObject") or {}
+    kind, name, message = str(about.get("kind")), str(about.get("name")), str(event.get("message") or "")
+    found = view.get(kind, namespace, name)
+    if kind == "Pod" and (not found or is_terminating(found) or uid_of(found) != about.get("uid")):
+        return False
+    if kind == "ReplicaSet" and found and not (found.get("spec") or {}).get("replicas"):
+        return False
+    if event.get("reason") == "Unhealthy" and f"pod {name}: " in said:
+        return False
+    bare = message.replace("Error: ", "")
+    return event.get("reason") != "BackOff" and bare not in IMAGE_ERRORS and bare not in said
+
+
+def _warnings(events: Iterable[Object], names: Iterable[str]) -> list[str]:
+    """The newest warning of each object."""
+    newest: dict[str, Object] = {}
+    for event in sorted(events, key=lambda one: str(one.get("lastTimestamp") or one.get("eventTime") or "")):
+        about = event.get("involvedObject") or {}
+        if _concerns(str(about.get("name", "")), names):
+            newest[f"{about.get('kind')} {about.get('name')}"] = event
+    return [f"  event of {about}: {event.get('reason')}: {event.get('message')}" for about, event in newest.items()]
+
+
+def _last_words(kube: Kube, pod: Object, names: Iterable[str], said: str) -> list[str]:
+    name, namespace = str(meta(pod).get("name")), str(meta(pod).get("namespace"))
+    recovered = condition(pod, "Ready").get("status") == "True" and f"pod {name}," not in said
+    if not _concerns(name, names) or recovered:
+        return []
+    lines: list[str] = []
+    for container in containers(pod):
+        last = (container.get("lastState") or {}).get("terminated") or {}
+        now = (container.get("state") or {}).get("terminated") or {}
+        ended = last or (now if now.get("exitCode") else {})
+        where = namespace, name, str(container.get("name"))
+        if ended and not ended.get("message"):
+            log = _log_of_the_end(kube, *where)
+        elif not ended and f"pod {name}: " in said and HOPELESS in said:  # a node of it has ended, and it has not
+            log = kube.log_tail(*where, LOG_LINES, previous=False)
+        else:
+            continue
+        lines += [f"  log of pod {name}, container {where[2]}: {line}" for line in telling(log)]
+    return lines
+
+
+def _log_of_the_end(kube: Kube, namespace: str, pod: str, container: str) -> str:
+    """Of the container that ended: the previous one, or the present one if none was started since."""
+    try:
+        return kube.log_tail(namespace, pod, container, LOG_LINES)
+    except ApiError:
+        return kube.log_tail(namespace, pod, container, LOG_LINES, previous=False)
+
+
+def telling(log: str, count: int = TELLING_LINES) -> list[str]:
+    """So many lines of a log that say the most of an end, in the log's order.
+
+    Errors and exceptions come before the rest. Of what is the same each time, as the end of each node, one is enough.
+    """
+    lines = [line for line in (_COLOUR.sub("", line).rstrip() for line in log.splitlines()) if line.strip()]
+    places = {line: number for number, line in enumerate(lines)}  # the last place of each
+    alike = {_NUMBER.sub("", _NAME.sub("", line)): number for line, number in places.items()}
+    errors = [number for number in alike.values() if _ERROR.search(lines[number])]
+    others = [number for number in alike.values() if number not in errors]
+    chosen = [*sorted(errors)[-count:], *sorted(others, reverse=True)][:count]
+    return [lines[number] for number in sorted(chosen)]
