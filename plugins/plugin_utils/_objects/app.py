@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import hung
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -101,8 +101,8 @@ def plain_deployment(app: App, robot: Robot) -> Object:
 
 
 def _liveness(app: App) -> Object:
-    usual = app.liveness_timeout == hung.TIMEOUT
-    return {} if usual else {hung.LIVENESS: str(app.liveness_timeout)}
+    usual = app.liveness_timeout == words.LIVENESS_TIMEOUT
+    return {} if usual else {words.LIVENESS: str(app.liveness_timeout)}
 
 
 def _pod_spec(app: App, robot: Robot) -> Object:

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Record
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED

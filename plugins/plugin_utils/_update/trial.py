@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import back_in_words, ways_back
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import soaks
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import back_in_words, ways_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import mark_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import took_over
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import marked

@@ -35,9 +35,10 @@ def loader():
 def started(directory: Path, word: str, text: str = LOOKS) -> dict[str, Any]:
     for name, content in app_files().items():
         (directory / name).write_text(content)
-    (directory / "_pod.keeper_main.py").write_text(text)
+    (directory / "_robot.main.py").write_text(text)
     (directory / "_pod.started.py").write_text(text)
-    (directory / "_pod.run_of.py").write_text(RUN_OF)
+    for room in ("_pod", "_robot"):
+        (directory / f"{room}.run_of.py").write_text(RUN_OF)
     command = [sys.executable, "-I", "-S", str(directory / "run.py"), word, "--record", "x"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own
     said = process.communicate(timeout=60)[0]

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import latched_topics
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched import EXPIRES, SETTLE
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched_topics import LatchedTopics
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import latched_topics
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched import EXPIRES, SETTLE
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched_topics import LatchedTopics
 from ansible_collections.rosops.fleet.plugins.module_utils._ros import latched, raw_node
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.keeper_client import KeeperCalls
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.raw_node import Publication, Slave
@@ -352,7 +352,7 @@ def test_the_loop_looks_and_ends_when_nothing_is_kept(stage: Stage, monkeypatch:
     topic.publish(b"at the charger")
     del stage.keeper._begin  # the thread of its own
     stage.keeper.now = time.monotonic
-    monkeypatch.setattr("ansible_collections.rosops.fleet.plugins.module_utils._pod.latched.SETTLE", 0.05)
+    monkeypatch.setattr("ansible_collections.rosops.fleet.plugins.module_utils._robot.latched.SETTLE", 0.05)
     stage.master.away = True  # which ends no thread
     assert stage.hook(old) == ""
     thread = stage.keeper.thread

@@ -7,7 +7,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LIVENESS, TIMEOUT, Silence, hung_pods
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence, hung_pods
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LIVENESS, LIVENESS_TIMEOUT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
@@ -47,9 +48,9 @@ def names(pods: list[dict[str, Any]], known: Silence) -> list[str]:
 
 
 def test_what_is_silent_for_so_long_hangs() -> None:
-    assert names([CAMERA, ARM], silence("arm", camera=TIMEOUT - 1)) == []
-    (found,) = hung_pods([CAMERA, ARM], silence("arm", camera=TIMEOUT))
-    assert (found.node, found.seconds, found.timeout) == ("/camera", TIMEOUT, TIMEOUT)
+    assert names([CAMERA, ARM], silence("arm", camera=LIVENESS_TIMEOUT - 1)) == []
+    (found,) = hung_pods([CAMERA, ARM], silence("arm", camera=LIVENESS_TIMEOUT))
+    assert (found.node, found.seconds, found.timeout) == ("/camera", LIVENESS_TIMEOUT, LIVENESS_TIMEOUT)
     assert names([CAMERA, ARM], silence("arm")) == []
 
 

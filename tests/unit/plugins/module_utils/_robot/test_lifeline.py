@@ -11,8 +11,8 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import lifeline as module
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.lifeline import Lifeline
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import lifeline as module
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.lifeline import Lifeline
 
 
 class Master:

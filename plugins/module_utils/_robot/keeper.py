@@ -18,9 +18,9 @@ from .._ros import registrations
 from .._ros.graph import MasterState
 from .._ros.registrar import Registrar
 from .._ros.registrations import Call, Entry, Liveness
-from . import keeper_memory
+from . import memory
 from .hung import Silence
-from .keeper_record import KeptFiles
+from .kept_files import KeptFiles
 
 LOOK = 1.0  # seconds between looks at the master,
 AWAY = 0.2  # while it does not answer,
@@ -51,7 +51,7 @@ class Keeper:
         self.ros, self.record, self.log, self.now, self.uri = ros, record, log, now, uri
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = now()
-        self.memory = keeper_memory.from_dict(record.load("registrations"), now())
+        self.memory = memory.from_dict(record.load("registrations"), now())
         self.saved: Any = None
         self.params: str = str(record.load("parameters") or "")
         self.params_at = 0.0
@@ -167,9 +167,9 @@ class Keeper:
     def _replay(self, now: float) -> None:
         """After a restart of the master: parameters first, which nodes that start now will read."""
         start = time.monotonic()
-        wanted = keeper_memory.parameters_of(self.params)
+        wanted = memory.parameters_of(self.params)
         tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
-        todo = list(keeper_memory.absent_parameters(wanted, tree))
+        todo = list(memory.absent_parameters(wanted, tree))
         for (name, _value), result in zip(
             todo, self.ros.calls([("setParam", self.ros.caller, name, value) for name, value in todo])
         ):
@@ -253,7 +253,7 @@ class Keeper:
             self.changed = True
             return
         self.params_at, self.told_by = now, master
-        text = keeper_memory.parameters_text(tree)
+        text = memory.parameters_text(tree)
         if text != self.params:
             self.params = text
             self.record.save("parameters", text)

@@ -7,12 +7,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import ApiError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LIVENESS, Silence
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.step_watch import LOOK
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import NAMESPACE, lease
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.test_hung import ADDRESSES, KEEPER, pod
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.test_step_watch import (
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LIVENESS
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import NAMESPACE, lease
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.test_hung import ADDRESSES, KEEPER, pod
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.test_step_watch import (
     ACTIVE,
     AWAY,
     SUCCEEDED,

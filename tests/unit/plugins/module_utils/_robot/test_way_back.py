@@ -8,11 +8,11 @@ import json
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import way_back
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Observed, Step, steps_of
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import way_back
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Observed, Step, steps_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import rolled_out
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import HANDOFF
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import (
     UPDATING,
     WENT_BACK,
     lease,

@@ -12,9 +12,9 @@ from __future__ import annotations
 import json
 from typing import Any, Dict, Iterable, Mapping
 
-from .._step.objects import Object, annotations_of, app_of
-from .._step.record import Record
-from .._step.words import WENT_BACK
+from .objects import Object, annotations_of, app_of
+from .record import Record
+from .words import WENT_BACK
 
 NAME, KEY = "robot-updates", "updates.json"
 RUNNING, WAITING = "running", "waiting"  # no outcomes yet; a run that waits for a busy robot lets go of its Lease

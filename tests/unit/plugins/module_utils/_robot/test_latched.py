@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched import (
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched import (
     DROP,
     EXPIRES,
     OFFER,

@@ -15,7 +15,7 @@ import threading
 import time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Mapping
+from typing import Any, Callable, Mapping
 
 from .._common.errors import RosError
 from .._ros.graph import MasterState
@@ -24,10 +24,8 @@ from .._ros.raw_node import SEND_SECONDS, Publication, Slave
 from .._ros.registrar import Registrar
 from .._ros.replies import connections, topic_types
 from .._ros.rpc import Api, Deadline, Request, in_parallel, reason
+from .kept_files import KeptFiles
 from .latched import DROP, OFFER, Value, from_record, to_record, worth_keeping
-
-if TYPE_CHECKING:  # a keeper of a collection before 1.0 that runs on loads this file, and has no such name
-    from .keeper_record import KeptFiles
 
 PART = "latched"  # of the record
 MESSAGE, TOTAL = 8 << 20, 32 << 20  # bytes; the record's volume has 64 MiB

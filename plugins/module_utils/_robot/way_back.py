@@ -36,9 +36,9 @@ from .._step.objects import (
     suffix_of,
 )
 from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of, record_of
+from .._step.subset import is_in
+from .._step.update_record import anew, by_run, went_back
 from .._step.words import KEEPER, LEASE, LEASE_SECONDS, SOAKING, UPDATING, WENT_BACK
-from .subset import is_in
-from .update_record import anew, by_run, went_back
 
 FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_main import Code
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import Code
 
 
 def volume(directory: Path, version: str) -> None:

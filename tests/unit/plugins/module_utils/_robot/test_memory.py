@@ -8,9 +8,15 @@ import json
 import xmlrpc.client
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_memory
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import Memory
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import (
+    MEMORY,
+    Memory,
+    absent_parameters,
+    from_dict,
+    parameters_of,
+    parameters_text,
+)
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
     DEAD,
@@ -150,7 +156,7 @@ def test_the_very_same_process_comes_back() -> None:
     assert looks(it, (20.0, Liveness(ALIVE, "", 7))) == ([], ["/n"])
     assert it.revive("/n") == it.nodes["/n"]
     it.bury("/n", 0.0)
-    assert it.due({}, keeper_memory.MEMORY + 1) == {}
+    assert it.due({}, MEMORY + 1) == {}
     assert it.removed == {}
 
 
@@ -158,15 +164,15 @@ def test_the_record(tmp_path: object) -> None:
     it = memory(n=ENTRY, m=Entry(OTHER, None, {"/a": "x/A"}))
     it.bury("/m", 3.0)
     record = KeptFiles(str(tmp_path))
-    assert keeper_memory.from_dict(record.load("registrations"), 50.0) == Memory()
+    assert from_dict(record.load("registrations"), 50.0) == Memory()
     record.save("registrations", it.as_dict())
-    back = keeper_memory.from_dict(record.load("registrations"), 50.0)
+    back = from_dict(record.load("registrations"), 50.0)
     removed, _at = it.removed["/m"]
     assert (back.master, back.nodes, back.removed) == (it.master, it.nodes, {"/m": (removed, 50.0)})
     earlier = {**it.as_dict(), "removed": {"/m": [removed.as_dict(), 1795252087.3]}}  # with the time of day
-    assert keeper_memory.from_dict(earlier, 50.0) == back
+    assert from_dict(earlier, 50.0) == back
     (record.directory / "registrations.json").write_text('{"nodes":')
-    assert keeper_memory.from_dict(record.load("registrations"), 50.0) == Memory()
+    assert from_dict(record.load("registrations"), 50.0) == Memory()
     assert json.loads(json.dumps(it.as_dict())) == it.as_dict()
 
 
@@ -179,19 +185,19 @@ def test_parameters_that_are_absent() -> None:
         "run_id": "old",
         "data": xmlrpc.client.Binary(b"\0"),
     }
-    wanted = keeper_memory.parameters_of(keeper_memory.parameters_text(tree))
+    wanted = parameters_of(parameters_text(tree))
     assert "run_id" not in wanted
     present = {"robot": {"name": "since", "map": {}}, "run_id": "new"}
-    assert dict(keeper_memory.absent_parameters(wanted, present)) == {
+    assert dict(absent_parameters(wanted, present)) == {
         "/data": xmlrpc.client.Binary(b"\0"),
         "/robot/map/x": 1.5,
         "/robot/wheels": 4,
     }
-    assert list(keeper_memory.absent_parameters(wanted, tree)) == []
-    assert keeper_memory.parameters_of("") == {}
+    assert list(absent_parameters(wanted, tree)) == []
+    assert parameters_of("") == {}
     # roslaunch says once where it is: without its address what it started is seen no more
     uris = {"host_10_42_0_7__40001": "http://10.42.0.7:40001/"}
-    wanted = keeper_memory.parameters_of(keeper_memory.parameters_text({"roslaunch": {"uris": uris}}))
-    assert list(keeper_memory.absent_parameters(wanted, {})) == [("/roslaunch", {"uris": uris})]
+    wanted = parameters_of(parameters_text({"roslaunch": {"uris": uris}}))
+    assert list(absent_parameters(wanted, {})) == [("/roslaunch", {"uris": uris})]
     # a value in the place of a tree is left as it is
-    assert list(keeper_memory.absent_parameters({"a": {"b": 1}}, {"a": 2})) == []
+    assert list(absent_parameters({"a": {"b": 1}}, {"a": 2})) == []

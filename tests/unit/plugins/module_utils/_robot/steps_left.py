@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Member, member_of
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Member, member_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_of
 
 NAMESPACE = "robot-r1"

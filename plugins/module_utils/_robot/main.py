@@ -22,7 +22,7 @@ from .._ros.rpc import address_of
 from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
-from .keeper_record import KeptFiles
+from .kept_files import KeptFiles
 from .latched_topics import LatchedTopics
 from .lifeline import Lifeline
 from .step_watch import Robot, Staying, StepWatch

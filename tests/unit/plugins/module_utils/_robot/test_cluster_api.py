@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import cluster_api, way_back
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import ApiError, Cluster, in_cluster
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.cluster_around import (
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import cluster_api, way_back
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster, in_cluster
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     certificate,
     environment,
     start_server,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import version
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import version
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 
 SPACE = "robot-r1"

@@ -16,13 +16,13 @@ from typing import Any, Callable, Iterable, Mapping
 
 from .._common.errors import FleetError, KubeError, RosError
 from .._ros.backend import Backend
+from .._step import update_record
 from .._step.objects import Object, name_of, node_of, rolled_out
 from .._step.record import PROVEN, Record, mark_of, record_of, soaks
 from .._step.words import KEEPER, SOAKING, UPDATING
-from . import update_record
 from .cluster_api import FLEET, ApiError, Cluster
 from .hung import Silence
-from .keeper_record import KeptFiles
+from .kept_files import KeptFiles
 from .open_goals import Goals, open_goals
 from .soak import Soak
 from .watchdog import Watchdog, left

@@ -15,10 +15,8 @@ from typing import Any, Iterable, Mapping
 
 from .._ros.graph import host_of
 from .._step.objects import Object, annotations_of, app_of, has_node, is_ready
-from .._step.words import KEEPER, MASTER
+from .._step.words import KEEPER, LIVENESS, LIVENESS_TIMEOUT, MASTER
 
-LIVENESS = "rosops.fleet/liveness-timeout"  # on a pod that has another one than the usual
-TIMEOUT, LEAST = 120, 30  # s, the usual, and the shortest that an inventory may say
 AT_MOST, WITHIN = 3, 3600.0  # restarts of an app, in so many seconds: more of them help nobody
 # Times the timeout: after that, goals of a node that cannot be read keep nobody waiting.
 UNREADABLE = 5
@@ -72,7 +70,7 @@ def in_no_pod(pods: Iterable[Object], silence: Silence) -> set[str]:
 def liveness_timeout(pod: Object) -> float:
     """Seconds; 0: never."""
     try:
-        return float(annotations_of(pod).get(LIVENESS, TIMEOUT))
+        return float(annotations_of(pod).get(LIVENESS, LIVENESS_TIMEOUT))
     except ValueError:  # by hand
         return 0.0
 

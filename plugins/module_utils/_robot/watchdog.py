@@ -15,8 +15,9 @@ from .._common.errors import RosError
 from .._ros.backend import Backend
 from .._ros.graph import Questions
 from .._step.objects import name_of
+from .._step.words import LIVENESS_LEAST
 from .cluster_api import ApiError, Cluster
-from .hung import AT_MOST, LEAST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, in_no_pod
+from .hung import AT_MOST, UNREADABLE, WITHIN, Hung, Silence, hung_pods, in_no_pod
 from .open_goals import Goals, open_goals_at
 
 GRACE = 10  # s for a pod that works on nothing: its node will not end by itself
@@ -38,7 +39,7 @@ class Watchdog:
     def hung(self, namespace: str) -> list[Hung]:
         """The pods here that a node hangs in. No request where all answer but those that are in no pod here."""
         silence, others = self.silence(), self.elsewhere.setdefault(namespace, set())
-        if all(seconds < LEAST or uri in others for uri, seconds in silence.silent.values()):
+        if all(seconds < LIVENESS_LEAST or uri in others for uri, seconds in silence.silent.values()):
             return []
         pods = self.cluster.pods(namespace)
         self.elsewhere[namespace] = in_no_pod(pods, silence)

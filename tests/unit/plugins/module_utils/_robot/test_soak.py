@@ -8,12 +8,24 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import soak
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.soak import LOOKS, RATED, Soak, conditions, ended, worse
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Step
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import soak
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.soak import (
+    LOOKS,
+    RATED,
+    Soak,
+    conditions,
+    ended,
+    worse,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Step
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import left, live, member, version
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import (
+    left,
+    live,
+    member,
+    version,
+)
 
 ERROR = {"exitCode": 1, "reason": "Error"}
 TOPIC = {"type": "std_msgs/String", "rate": 20.0, "publishers": {"/camera_2": {"rate": 20.0, "latched": True}}}

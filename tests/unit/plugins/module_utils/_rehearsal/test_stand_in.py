@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import stand_in
+from ansible_collections.rosops.fleet.plugins.module_utils._rehearsal import stand_in
 
 
 class Rospy:

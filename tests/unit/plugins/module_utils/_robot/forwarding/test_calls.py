@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.forwarding import calls, forwarder, rules
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.forwarding.calls import (
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding import calls, forwarder, rules
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding.calls import (
     GoalForwarding,
     SwitchedOff,
     offer,

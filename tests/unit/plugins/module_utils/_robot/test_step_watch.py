@@ -11,10 +11,9 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import ApiError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import Silence
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.step_watch import LOOK, Robot, Staying, StepWatch
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import CUT_OFF
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, Staying, StepWatch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Action,
     Graph,
@@ -23,13 +22,14 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Questions,
     StatusReading,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_gate
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import (
     NAMESPACE,
     UPDATING,
     WENT_BACK,

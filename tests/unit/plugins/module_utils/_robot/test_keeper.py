@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper_memory
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import (
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import memory
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import (
     ADDRESSES,
     AWAY,
     LOOK,
@@ -22,8 +22,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import (
     REST,
     Keeper,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import AGAIN
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import AGAIN
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
     ALIVE,
@@ -207,10 +207,10 @@ def test_a_parameter_that_changes_is_on_record_within_seconds(bench: Bench) -> N
     assert bench.ros.subscribed == [("http://keeper/", "/")]
     bench.ros.params["robot"] = {"wheels": 6}
     bench.steps(10.0)  # nobody told
-    assert keeper_memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 4}}
+    assert memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 4}}
     assert bench.keeper.parameter_changed("/master", "/robot/wheels/", 6) == [1, "", 0]
     bench.step()
-    assert keeper_memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 6}}
+    assert memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 6}}
     bench.ros.restart()
     bench.steps(3.0)
     assert bench.ros.subscribed == [("http://keeper/", "/")] * 2  # the new master knows of nobody
@@ -267,7 +267,7 @@ def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Benc
 def test_a_graph_that_stays_as_it_is_is_not_gone_through_again(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """With 100 robots on one master, that is most of what a look costs."""
     gone_through: list[str] = []
-    for owner, name in ((keeper_memory.Memory, "as_dict"), (keeper_memory.registrations, "missing")):
+    for owner, name in ((memory.Memory, "as_dict"), (memory.registrations, "missing")):
         real = getattr(owner, name)
         monkeypatch.setattr(owner, name, lambda *given, real=real, name=name: gone_through.append(name) or real(*given))
     bench.step()

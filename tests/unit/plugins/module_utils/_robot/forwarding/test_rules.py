@@ -7,8 +7,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.forwarding import rules
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.forwarding.rules import Goal, Hold, Sight
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding import rules
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.forwarding.rules import Goal, Hold, Sight
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.actionlib import RECALLING
 
 OLD, NEW, CLIENT = "http://old/", "http://new/", "http://client/"
