@@ -15,11 +15,12 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, Mapping
+from typing import Any, Callable, Iterable, Mapping
 from urllib.parse import urlencode
 
 from .._common.errors import KubeError
 from .._step.objects import Object, name_of
+from .._step.record import Record, record_of
 from .._step.words import KEEPER, LEASE
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
@@ -236,3 +237,14 @@ class Cluster:
 
 def _path(namespace: str, kind: str, name: str = "") -> str:
     return f"/{GROUPS[kind]}/namespaces/{namespace}/{kind.lower()}s" + (f"/{name}" if name else "")
+
+
+def read_records(cluster: Cluster, namespace: str, apps: Iterable[str]) -> dict[str, Record]:
+    """Those of the apps, and of all others of their steps."""
+    found: dict[str, Record] = {}
+    todo = list(apps)
+    while todo:
+        app = todo.pop()
+        found[app] = record_of(cluster.config_map(namespace, f"{app}-update"))
+        todo += [other for other in found[app].apps if other not in found and other not in todo]
+    return found

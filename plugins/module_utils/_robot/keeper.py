@@ -42,18 +42,18 @@ class Keeper:
     def __init__(
         self,
         ros: Registrar,
-        record: KeptFiles,
+        kept: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         uri: str = "",
     ) -> None:
         """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change."""
-        self.ros, self.record, self.log, self.now, self.uri = ros, record, log, now, uri
+        self.ros, self.kept, self.log, self.now, self.uri = ros, kept, log, now, uri
         self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
         self.restless = now()
-        self.memory = memory.from_dict(record.load("registrations"), now())
+        self.memory = memory.from_dict(kept.load("registrations"), now())
         self.saved: Any = None
-        self.params: str = str(record.load("parameters") or "")
+        self.params: str = str(kept.load("parameters") or "")
         self.params_at = 0.0
         self.changed = False  # since they were read
         self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
@@ -140,7 +140,7 @@ class Keeper:
     def _register(self, system: Any, now: float, anew: bool) -> bool:
         """Take up what the master has; addresses and types are asked for only where names changed, or now and then.
 
-        False: nothing was, so nothing can be missing, or worth recording, that was not at the last look.
+        False: nothing was, so nothing can be missing, or worth keeping, that was not at the last look.
         """
         state = self.ros.state_of(system)
         changed = self.state is None or anew or (state is not self.seen and state != self.seen)
@@ -241,7 +241,7 @@ class Keeper:
         calls = self._restore(need)
         self.log(f"{node} is back, process {answer.pid}: restored {in_words(calls)}")
 
-    # ---- parameters and the record
+    # ---- parameters, and what is kept
 
     def _read_params(self, now: float, master: tuple[Any, ...]) -> None:
         """All of them; and have this master tell of changes, which one that does not know the call never does."""
@@ -256,12 +256,12 @@ class Keeper:
         text = memory.parameters_text(tree)
         if text != self.params:
             self.params = text
-            self.record.save("parameters", text)
+            self.kept.save("parameters", text)
 
     def _save(self) -> None:
         content = self.memory.as_dict()
         if content != self.saved:
-            self.record.save("registrations", content)
+            self.kept.save("registrations", content)
             self.saved = content
 
 

@@ -103,23 +103,23 @@ class Value:
         known = self.had.get(subscriber)
         return known is None or bool(known and uri and known != uri)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         found = asdict(self)
-        return {name: found[name] for name in _RECORDED}
+        return {name: found[name] for name in _KEPT}
 
 
-_RECORDED = ("topic", "node", "uri", "header", "file", "size", "had", "beside")
+_KEPT = ("topic", "node", "uri", "header", "file", "size", "had", "beside")
 
 
-def from_record(data: Any) -> list[Value]:
-    """The reverse of to_record(); none of anything that is no record."""
+def from_kept(data: Any) -> list[Value]:
+    """The reverse of as_kept(); none of anything else."""
     try:
-        found = [Value(**{name: item[name] for name in _RECORDED}) for item in data["values"]]
+        found = [Value(**{name: item[name] for name in _KEPT}) for item in data["values"]]
         return found if isinstance(data["boot"], str) else []
     except (KeyError, TypeError):
         return []
 
 
-def to_record(values: Iterable[Value], boot: str) -> dict[str, Any]:
+def as_kept(values: Iterable[Value], boot: str) -> dict[str, object]:
     """`boot` of the host, after which they are worth nothing: nodes that it starts know of no event either."""
     return {"boot": boot, "values": [value.as_dict() for value in values]}

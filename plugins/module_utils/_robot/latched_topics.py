@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What stopped nodes had latched, taken from them and given to who comes later: what `latched` decides, done.
 
-Messages lie in files beside the keeper's record. Nothing is asked, and no thread runs, while none is kept.
+Messages lie in files beside the keeper's kept ones. Nothing is asked, and no thread runs, while none is kept.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from .._ros.registrar import Registrar
 from .._ros.replies import connections, topic_types
 from .._ros.rpc import Api, Deadline, Request, in_parallel, reason
 from .kept_files import KeptFiles
-from .latched import DROP, OFFER, Value, from_record, to_record, worth_keeping
+from .latched import DROP, OFFER, Value, as_kept, from_kept, worth_keeping
 
-PART = "latched"  # of the record
-MESSAGE, TOTAL = 8 << 20, 32 << 20  # bytes; the record's volume has 64 MiB
+PART = "latched"  # of the kept files
+MESSAGE, TOTAL = 8 << 20, 32 << 20  # bytes; their volume has 64 MiB
 LOOK = 1.0  # seconds between looks at the master; or so many times as long as a look took, up to these seconds:
 SHARE, MOST = 10, 10.0
 CONNECT = 2.0
@@ -43,13 +43,13 @@ class LatchedTopics:
         self,
         ros: Registrar,
         slave: Slave,
-        record: KeptFiles,
+        files: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.ros, self.slave, self.record, self.log, self.now = ros, slave, record, log, now
+        self.ros, self.slave, self.files, self.log, self.now = ros, slave, files, log, now
         self.caller = f"{slave.name}_latched"
-        self.directory = record.directory / PART
+        self.directory = files.directory / PART
         self.values: dict[tuple[str, str], Value] = {}
         self.ears: dict[tuple[str, str], Ear] = {}
         self.deaf: dict[tuple[str, str], float] = {}  # who could not be listened to, and when
@@ -62,9 +62,9 @@ class LatchedTopics:
 
     def resume(self) -> None:
         """Go on after a restart; files that nobody knows of go."""
-        content = self.record.load(PART)
-        recorded = from_record(content)
-        kept = {value.file: value for value in recorded if content["boot"] == _boot()}
+        content = self.files.load(PART)
+        known = from_kept(content)
+        kept = {value.file: value for value in known if content["boot"] == _boot()}
         for file in self.directory.glob("*"):
             value = kept.get(file.name)
             if value is not None and value.size == file.stat().st_size:
@@ -72,10 +72,10 @@ class LatchedTopics:
             else:
                 file.unlink()
         self.number = max([int(value.file) for value in self.values.values()], default=0)
-        self.over = {value.topic for value in recorded} - {topic for topic, _node in self.values}
+        self.over = {value.topic for value in known} - {topic for topic, _node in self.values}
         if self.values:
             self.log(f"still keeps what was latched on {', '.join(sorted(topic for topic, _node in self.values))}")
-        if recorded:
+        if known:
             self._begin()
 
     # ---- the call
@@ -151,9 +151,9 @@ class LatchedTopics:
         """A disk that is full costs the values at the next restart, and nothing now."""
         with self.lock:
             self.dirty = False
-            content = to_record(self.values.values(), _boot())
+            content = as_kept(self.values.values(), _boot())
         try:
-            self.record.save(PART, content)
+            self.files.save(PART, content)
         except OSError as error:
             self.log(f"what is kept of latched topics is not on record: {error}")
 

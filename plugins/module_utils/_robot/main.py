@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The keeper's process: `run.py keeper --record DIRECTORY`.
+"""The keeper's process: `run.py keeper --record DIRECTORY`, where it keeps its files.
 
 It is not replaced with the code in its ConfigMap: when that has changed, and nobody needs it, it begins anew by itself.
 """
@@ -25,11 +25,8 @@ from .keeper import Keeper
 from .kept_files import KeptFiles
 from .latched_topics import LatchedTopics
 from .lifeline import Lifeline
-from .step_watch import Robot, Staying, StepWatch
-
-TYPE_CHECKING = False  # typing's own costs its import
-if TYPE_CHECKING:
-    from typing import Any
+from .staying import Staying
+from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
 PORT = 11411
@@ -92,39 +89,17 @@ class Code:
         return self._now() != self.begun
 
 
-class Latched:
-    """What keeps latched messages, made when there are any: at rest a keeper asks nobody for them.
-
-    Its code is loaded with all else: a newer collection may have brought other files by the time it is needed.
-    """
-
-    def __init__(self, ros: Registrar, slave: Slave, record: KeptFiles) -> None:
-        self.ros, self.slave, self.record = ros, slave, record
-        self.topics: LatchedTopics | None = None
-        self.lock = threading.Lock()
-
-    def load(self) -> LatchedTopics:
-        with self.lock:
-            if self.topics is None:
-                self.topics = LatchedTopics(self.ros, self.slave, self.record, tell)
-                self.topics.resume()
-            return self.topics
-
-    def keep(self, node: str, uri: str, seconds: float) -> list[Any]:
-        return self.load().keep(node, uri, seconds)
-
-
 def main(words: list[str]) -> int:
     # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
     # thread starts, because it inherits what is blocked.
     signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
     threading.stack_size(STACK)
     chosen, code = options(words), Code(sys.argv[0])
-    record = KeptFiles(chosen["--record"])
+    kept = KeptFiles(chosen["--record"])
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     ros = Registrar(uri, TIMEOUT, NAME)
     slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
-    keeper = Keeper(ros, record, tell, uri=slave.uri)
+    keeper = Keeper(ros, kept, tell, uri=slave.uri)
     keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
     slave.ready_when(lambda: keeper.complete)
     slave.register({"paramUpdate": keeper.parameter_changed})
@@ -132,18 +107,17 @@ def main(words: list[str]) -> int:
     calls: GoalForwarding | SwitchedOff = SwitchedOff()
     if chosen["--goal-forwarding"] == "on":
         stays = Staying(cluster) if cluster else lambda _action, _server: True
-        calls = GoalForwarding(ros, slave, lambda content: record.save("goals", content), tell, stays)
+        calls = GoalForwarding(ros, slave, lambda content: kept.save("goals", content), tell, stays)
     offer(calls, slave)
-    calls.resume(record.load("goals") or [])
-    latched = Latched(ros, slave, record)
+    calls.resume(kept.load("goals") or [])
+    latched = LatchedTopics(ros, slave, kept, tell)
+    latched.resume()
     slave.register({"keep_latched": latched.keep})
-    if (record.load("latched") or {}).get("values"):
-        latched.load()
     slave.start()
     watch = None
     if cluster:
         robot = Robot(calls.hold, calls.release, keeper.take_back, lambda: keeper.silence)
-        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, record, tell)
+        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, kept, tell)
         threading.Thread(target=watch.run, daemon=True).start()
     tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
     pause = 0.0

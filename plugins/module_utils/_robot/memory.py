@@ -42,7 +42,7 @@ class Memory:
         default_factory=dict
     )  # node -> its first and last look without answer
 
-    # ---- recording
+    # ---- what is there
 
     def unknown(self, present: Mapping[str, Entry]) -> dict[str, Entry]:
         """Nodes whose process id is not known yet."""
@@ -188,9 +188,9 @@ class Memory:
         self.nodes[node] = entry
         return entry
 
-    # ---- for the record
+    # ---- as it is kept
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         return {
             "master": list(self.master),
             "nodes": {node: entry.as_dict() for node, entry in sorted(self.nodes.items())},
@@ -209,7 +209,7 @@ def _kept(known: Entry, lost: Entry, kind: str, node: str, restored: set[tuple[s
 
 
 def from_dict(data: Any, now: float) -> Memory:
-    """The reverse of Memory.as_dict(), what was removed as if just now; an empty one of anything that is no record."""
+    """The reverse of Memory.as_dict(), what was removed as if just now; an empty one of anything else."""
     try:
         return Memory(
             tuple(data["master"]),
@@ -229,13 +229,13 @@ def parameters_text(tree: Any) -> str:
     return xmlrpc.client.dumps((kept,), allow_none=True)
 
 
-def parameters_of(text: str) -> dict[str, Any]:
+def parameters_of(text: str) -> dict[str, object]:
     """The reverse of parameters_text()."""
     tree = loads(text.encode())[0][0] if text else {}
     return dict(tree) if isinstance(tree, Mapping) else {}
 
 
-def absent_parameters(wanted: Mapping[str, Any], present: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def absent_parameters(wanted: Mapping[str, object], present: object, path: str = "") -> Iterator[tuple[str, object]]:
     """(name, value) of what `present` does not have. A value that is there is left as it is."""
     there = present if isinstance(present, Mapping) else {}
     for key, value in sorted(wanted.items()):

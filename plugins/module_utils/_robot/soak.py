@@ -1,10 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Watches what a run has found good, for a while, before it is proven: containers that end, and the graph.
+"""The soak: for a while after its run has found a version good, its containers must not end, nor its graph get worse.
 
 A run sees a version work for some seconds. One that crashes, loses a connection or sends less after half a minute is
-seen here, and goes back. Pure but for the look at the graph.
+seen here, and goes back; the others are proven. Pure but for the look at the graph.
 
 Time counts only while all can be seen. What cannot be seen says nothing: a host that is away or starts anew, a peer
 that is gone, a master that is silent.
@@ -21,7 +21,7 @@ from .._ros.checks import Check
 from .._ros.conditions import conditions_from
 from .._ros.gate import Look, look
 from .._ros.silence import Silence
-from .._step.objects import crashes, ends_of, error_of, was_out_of_memory
+from .._step.objects import Object, crashes, ends_by_container, error_of, was_out_of_memory
 from .._step.words import MASTER
 from .way_back import Step
 
@@ -31,13 +31,14 @@ LISTS = ("nodes", "topics", "services", "actions", "edges")
 
 
 @dataclass
-class Watched:
+class Soaking:
     """What was seen of one step."""
 
     seconds: float = 0.0  # for which it could be seen
     looks: int = 0
     bad: int = 0  # looks that found it so, one after the other
     counted: bool = False  # messages were, when they were asked for last, and there were enough
+    with_host: dict[str, int] = field(default_factory=dict)  # container -> its ends, when the last one was its host's
     why: str = ""
 
     @property
@@ -48,19 +49,21 @@ class Watched:
 
 @dataclass
 class Soak:
-    """The steps of one namespace that are watched."""
+    """The steps of one namespace that soak."""
 
     silence: Silence = field(default_factory=Silence)
-    watched: dict[str, Watched] = field(default_factory=dict)
+    steps: dict[str, Soaking] = field(default_factory=dict)
 
     def look(self, steps: Sequence[Step], passed: float, ros: Backend) -> None:
         """Once at each; `passed` are the seconds since the last look."""
-        self.watched = {step.key: self.watched.get(step.key) or Watched() for step in steps}
+        self.steps = {step.key: self.steps.get(step.key) or Soaking() for step in steps}
         for step in steps:
-            self._look(step, self.watched[step.key], passed, ros)
+            self._look(step, self.steps[step.key], passed, ros)
 
-    def _look(self, step: Step, found: Watched, passed: float, ros: Backend) -> None:
-        found.why = "others of its step went back" if step.begun else ended(step)
+    def _look(self, step: Step, found: Soaking, passed: float, ros: Backend) -> None:
+        for member in step.members:
+            found.with_host.update(ends_by_container(member.pods, with_host=True))
+        found.why = "others of its step went back" if step.begun else ended(step, found.with_host)
         if found.why or not step.rolled_out:
             return
         counts = found.counts_messages
@@ -75,42 +78,42 @@ class Soak:
 
     def bad(self, step: Step) -> str:
         """Why it goes back; empty: it does not."""
-        return self.watched[step.key].why if step.key in self.watched else ""
+        return self.steps[step.key].why if step.key in self.steps else ""
 
     def good(self, step: Step) -> bool:
         """Whether it is proven by now."""
-        found = self.watched.get(step.key, Watched())
+        found = self.steps.get(step.key, Soaking())
         return found.seconds >= step.soak and found.counted and not found.why
 
 
-def conditions(step: Step, rates: bool) -> dict[str, Any]:
+def conditions(step: Step, rates: bool) -> dict[str, list[Any]]:
     """Options of ros_ready: what the step's apps owe. A master owes nothing: nodes come to it, and go."""
     parts = [
-        ros_contract.conditions(part)
-        for member in step.members
-        if member.name != MASTER
-        for part in (member.record.contract, member.record.contract.get("others"))
-        if part
+        ros_contract.conditions(part) for member in step.members if member.name != MASTER for part in member.contracts
     ]
-    found: dict[str, Any] = {key: [item for part in parts for item in part[key]] for key in LISTS}
+    found: dict[str, list[Any]] = {key: [item for part in parts for item in part[key]] for key in LISTS}
     if not rates:
         found["topics"] = ros_contract.unstreamed(found["topics"])
     return found
 
 
-def ended(step: Step) -> str:
-    """Which container has ended since the run found it good, by its own fault."""
+def ended(step: Step, with_host: Mapping[str, int]) -> str:
+    """Which container has ended since the run found it good, by its own fault.
+
+    A host that starts anew begins each container once more, however often. Whatever one did until then is forgiven:
+    the keeper would have seen it. `with_host`: container -> how many ends that were.
+    """
     for member in step.members:
-        code = next(filter(None, map(_fault, member.pods)), "")
-        times = ends_of(member.pods) - member.record.ends
-        if times > 0 and (code or times > 1):  # a host that starts anew begins each container once more
+        code, ends = next(filter(None, map(_fault, member.pods)), ""), ends_by_container(member.pods)
+        times = sum(ends.values()) - max(member.record.ends, sum(with_host.get(one, 0) for one in ends))
+        if times > 0 and (code or times > 1):  # somebody may have ended it once
             return f"{member.name} ended {_times(times)}{f' with exit code {code}' if code else ''}"
         if any(map(crashes, member.pods)):
             return f"{member.name} crashes again and again"
     return ""
 
 
-def _fault(pod: Mapping[str, Any]) -> str:
+def _fault(pod: Object) -> str:
     return error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "")
 
 

@@ -2,7 +2,7 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The keeper beside steps of updates: it takes back what `way_back` says, as the run would have that is gone, and what
-does not stay good (`soak`).
+does not stay good in its `soak`.
 
 A look costs one request, for the Leases of all robots. Only where one has changed, and nobody has it, the Deployments
 are looked at, and what the run left open in the record of updates is closed.
@@ -12,32 +12,31 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Iterable, Mapping
+from functools import partial
+from typing import Any, Callable, Collection, Iterable, Mapping
 
-from .._common.errors import FleetError, KubeError, RosError
+from .._common.errors import FleetError, RosError
 from .._ros.backend import Backend
 from .._step import update_record
+from .._step.lease import version_of
 from .._step.objects import Object, name_of, node_of, rolled_out
-from .._step.record import PROVEN, Record, mark_of, record_of, soaks
-from .._step.words import KEEPER, SOAKING, UPDATING
-from .cluster_api import FLEET, ApiError, Cluster
-from .hung import Silence
+from .._step.record import mark_of, record_of, soaks
+from .._step.words import SOAKING, UPDATING
+from .claim import Claim, LostError
+from .cluster_api import FLEET, ApiError, Cluster, read_records
+from .hung import Hung, Silence
 from .kept_files import KeptFiles
 from .open_goals import Goals, open_goals
 from .soak import Soak
 from .watchdog import Watchdog, left
-from .way_back import Observed, Step, lease_of, member_of, proven, restored, steps_of, version_of
+from .way_back import Observed, Step, member_of, restored, steps_of
 
 LOOK = 10.0  # seconds between two looks
 HOLD = 300.0  # for the old server to come back: goals are held so long
 CLUSTER = "the cluster"
 AGAIN = 0.5  # between "idle" and "idle still"
 UNREADABLE = 2.0  # times the time to get ready: after that, goals of a node that cannot be read keep nobody waiting
-STEPS = "steps"  # the part of the keeper's record: namespace -> steps that were seen rolled out
-
-
-class LostError(FleetError):
-    """Somebody else has the Lease."""
+STEPS = "steps"  # of the kept files: namespace -> steps that were seen rolled out
 
 
 @dataclass(frozen=True)
@@ -48,29 +47,6 @@ class Robot:
     release: Callable[[str], list[Any]]
     take_back: Callable[[Iterable[str]], None]  # services, by these nodes where they live
     silence: Callable[[], Silence]  # which nodes do not answer
-
-
-class Claim:
-    """The Lease, as it was `found` and is from then on: the API refuses a write if somebody else made one since."""
-
-    def __init__(self, cluster: Cluster, namespace: str, found: Object | None, at: Callable[[], str]) -> None:
-        self.cluster, self.namespace, self.at = cluster, namespace, at
-        self.found = found
-        self.lost = False
-
-    def renew(self) -> None:
-        """Before whatever is done next; LostError where it is another one's now."""
-        self._write(KEEPER)
-        if self.lost:
-            raise LostError("somebody else changes it now")
-
-    def release(self) -> None:
-        if not self.lost:
-            self._write("")
-
-    def _write(self, holder: str) -> None:
-        written = self.cluster.write_lease(self.namespace, lease_of(self.found, self.namespace, holder, self.at()))
-        self.found, self.lost = written or self.found, written is None
 
 
 @dataclass(frozen=True)
@@ -99,16 +75,16 @@ class StepWatch:
         cluster: Cluster,
         ros: Backend,
         robot: Robot,
-        record: KeptFiles,
+        kept: KeptFiles,
         log: Callable[[str], None],
         now: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self.cluster, self.ros, self.robot, self.record, self.log = cluster, ros, robot, record, log
+        self.cluster, self.ros, self.robot, self.kept, self.log = cluster, ros, robot, kept, log
         self.watchdog = Watchdog(cluster, ros, robot.silence, now)
         self.now, self.wall, self.sleep = now, wall, sleep
-        self.came_up = _texts(record.load(STEPS))
+        self.came_up = _texts(kept.load(STEPS))
         self.observed: dict[str, Observed] = {}
         self.soaks: dict[str, Soak] = {}
         self.said: dict[str, str] = {}
@@ -183,13 +159,13 @@ class StepWatch:
             patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
             reason = f"{seen.why(step)} after the run that began it had gone"
             self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
-        watched = self._soak(namespace, seen, there)
+        soaking = self._soak(namespace, seen, there)
         if seen.recorded != seen.version and self._record(namespace, there):
             seen.recorded = seen.version
-        seen.nothing = None if steps or watched or seen.recorded != seen.version else seen.version
+        seen.nothing = None if steps or soaking or seen.recorded != seen.version else seen.version
 
     def _steps(self, namespace: str, there: list[Object], key: str = UPDATING) -> list[Step]:
-        """Those whose Deployments are marked; with SOAKING those that are watched."""
+        """Those whose Deployments are marked; with SOAKING those that soak."""
         marked = [item for item in there if mark_of(item, key) is not None]
         pods = [] if key == UPDATING and all(map(rolled_out, marked)) else self.cluster.pods(namespace)
         records = read_records(self.cluster, namespace, map(name_of, marked))
@@ -197,7 +173,7 @@ class StepWatch:
         return steps_of([member_of(item, records, pods) for item in chosen], there)
 
     def _soak(self, namespace: str, seen: Observed, there: list[Object]) -> bool:
-        """Look at what runs have found good; whether any of it is watched still."""
+        """Look at what soaks; whether anything does still."""
         steps = self._steps(namespace, there, SOAKING) if any(mark_of(one, SOAKING) for one in there) else []
         soak = self.soaks.setdefault(namespace, Soak())
         soak.look(steps, seen.passed, self.ros)
@@ -205,40 +181,32 @@ class StepWatch:
             why = soak.bad(step)
             if why:
                 self._due(namespace, seen, Due(step, SOAKING, f"{why}, within {step.soak:.0f} s of the update"))
-        good = [step for step in steps if soak.good(step)]
+        good = {step.key: step.name for step in steps if soak.good(step)}
         if good:
-            self._prove(namespace, seen, good)
+            about = f"{namespace}/{next(iter(good.values()))}"
+            self._with_lease(namespace, seen, about, "is not proven yet: {}", partial(self._prove, good))
         return bool(steps)
 
-    def _prove(self, namespace: str, seen: Observed, good: list[Step]) -> None:
+    def _prove(self, good: Collection[str], claim: Claim) -> None:
         """They were good for long enough. The record says so first; only then the mark comes off."""
-        claim = self._claim(namespace, seen)
-        if claim is None:
-            return
-        try:
+        for step in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), SOAKING):
+            if step.key not in good:
+                continue
             claim.renew()
-            keys = {step.key for step in good}
-            there = self._steps(namespace, self.cluster.deployments(namespace), SOAKING)
-            for step in (one for one in there if one.key in keys):
-                claim.renew()
-                for member in step.members:
-                    record = self.cluster.config_map(namespace, f"{member.name}-update")
-                    if record_of(record) == member.record:
-                        self.cluster.apply(namespace, proven(record or {}))
-                for member in step.members:
-                    self.cluster.unmark(namespace, member.deployment, SOAKING)
-                self.log(f"{namespace}: {step.name} was good for {step.soak:.0f} s: proven")
-        except LostError as error:
-            self._tell(f"{namespace}/{good[0].name}", f"is not proven yet: {error}")
-        finally:
-            claim.release()
+            for member in step.members:
+                found = self.cluster.config_map(claim.namespace, f"{member.name}-update")
+                if found and record_of(found) == member.record:
+                    self.cluster.apply(claim.namespace, update_record.anew(found, member.record.fulfilled().data()))
+            for member in step.members:
+                self.cluster.unmark(claim.namespace, member.deployment, SOAKING)
+            self.log(f"{claim.namespace}: {step.name} was good for {step.soak:.0f} s: proven")
 
     def _remember(self, namespace: str, seen: Observed) -> None:
         """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
         known = {**self.came_up, namespace: sorted(seen.came_up)}
         known = {space: keys for space, keys in known.items() if keys}
         if known != self.came_up:
-            self.record.save(STEPS, known)
+            self.kept.save(STEPS, known)
             self.came_up = known
 
     def _record(self, namespace: str, there: list[Object]) -> bool:
@@ -262,16 +230,26 @@ class StepWatch:
             if waiting:
                 self._tell(about, waiting)
                 continue
-            claim = self._claim(namespace, seen)
-            if claim is not None:
-                try:
-                    claim.renew()
-                    self._tell(about, self.watchdog.begin_anew(namespace, one, self._time()))
-                except LostError as error:
-                    self._tell(about, left(one, error))
-                finally:
-                    claim.release()
+            self._with_lease(namespace, seen, about, left(one, "{}"), partial(self._begin_anew, one))
             return
+
+    def _begin_anew(self, one: Hung, claim: Claim) -> None:
+        said = self.watchdog.begin_anew(claim.namespace, one, self._time())
+        self._tell(f"{claim.namespace}/{one.app}", said)
+
+    def _with_lease(self, namespace: str, seen: Observed, about: str, lost: str, work: Callable[[Claim], None]) -> None:
+        """Do it with the Lease, unless somebody else has that by now. `lost` is said where another one takes it."""
+        found = self.cluster.lease(namespace)
+        if version_of(found) != seen.version:
+            return
+        claim = Claim(self.cluster, namespace, found, self._time)
+        try:
+            claim.renew()  # from here on nobody else changes the robot
+            work(claim)
+        except LostError as error:
+            self._tell(about, lost.format(error))
+        finally:
+            claim.release()
 
     # ---- the way back
 
@@ -282,24 +260,14 @@ class StepWatch:
         if waiting:
             self._tell(about, f"is taken back when it rests: {waiting}")
             return
-        claim = self._claim(namespace, seen)
-        if claim is None:
-            return
-        try:
-            claim.renew()
-            # from here on nobody else changes the robot; what was due may be over by now
-            for again in self._steps(namespace, self.cluster.deployments(namespace), due.key):
-                if again.key == step.key and due.still(again):
-                    self._go_back(claim, replace(due, step=again))
-        except LostError as error:  # goals that are held may be held for that one
-            self._tell(about, f"is not taken back any further: {error}")
-        finally:
-            claim.release()
+        # goals that are held when somebody takes the Lease may be held for that one
+        self._with_lease(namespace, seen, about, "is not taken back any further: {}", partial(self._still_due, due))
 
-    def _claim(self, namespace: str, seen: Observed) -> Claim | None:
-        """What the Lease is taken with; None: somebody else has it now."""
-        found = self.cluster.lease(namespace)
-        return Claim(self.cluster, namespace, found, self._time) if version_of(found) == seen.version else None
+    def _still_due(self, due: Due, claim: Claim) -> None:
+        """What was due may be over by now."""
+        for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), due.key):
+            if again.key == due.step.key and due.still(again):
+                self._go_back(claim, replace(due, step=again))
 
     def _go_back(self, claim: Claim, due: Due) -> None:
         """The Lease is renewed before all that may take its time, and before all that is written."""
@@ -345,64 +313,7 @@ class StepWatch:
         return f"{whole}.{int(seconds % 1 * 1e6):06d}Z"
 
 
-def read_records(cluster: Cluster, namespace: str, apps: Iterable[str]) -> dict[str, Record]:
-    """Those of the apps, and of all others of their steps."""
-    found: dict[str, Record] = {}
-    todo = list(apps)
-    while todo:
-        app = todo.pop()
-        found[app] = record_of(cluster.config_map(namespace, f"{app}-update"))
-        todo += [other for other in found[app].apps if other not in found and other not in todo]
-    return found
-
-
 def _texts(saved: Any) -> Mapping[str, list[str]]:
-    """A part of the record that is namespace -> texts; what is something else is left out."""
+    """A kept file that is namespace -> texts; what is something else is left out."""
     found = saved if isinstance(saved, dict) else {}
     return {space: list(map(str, keys)) for space, keys in found.items() if isinstance(keys, list)}
-
-
-class Staying:
-    """Whether the server of an action is the one that will stay: its version is not on trial, or has passed.
-
-    Where nobody can say so, nobody can take it back either.
-    """
-
-    def __init__(self, cluster: Cluster, now: Callable[[], float] = time.monotonic) -> None:
-        self.cluster, self.now = cluster, now
-        self.of: dict[tuple[str, str], tuple[str, str]] = {}  # action and node -> the Deployment
-        self.silent: float | None = None  # since when the API does not answer
-
-    def __call__(self, action: str, node: str) -> bool:
-        try:
-            found = self._on_trial(action, node)
-            self.silent = None
-        except KubeError:
-            self.silent = self.now() if self.silent is None else self.silent
-            return self.now() - self.silent >= LOOK
-        return not found
-
-    def _on_trial(self, action: str, node: str) -> bool:
-        found = self.of.get((action, node)) or self._find(action, node)
-        if found is None:
-            return False
-        self.of[action, node] = found
-        deployment = self.cluster.deployment(*found)
-        if deployment is None or mark_of(deployment) is None or rolled_out(deployment):
-            return False
-        records = read_records(self.cluster, found[0], [found[1]])
-        return member_of(deployment, records).state != PROVEN
-
-    def _find(self, action: str, node: str) -> tuple[str, str] | None:
-        """The Deployment of that node; a launch file's is the one on trial that served the action before."""
-        for namespace in self.cluster.namespaces():
-            there = self.cluster.deployments(namespace)
-            for item in there:
-                if node_of(item) == node:
-                    return namespace, name_of(item)
-            for item in there:
-                if mark_of(item) is not None:
-                    records = read_records(self.cluster, namespace, [name_of(item)])
-                    if action in member_of(item, records).actions:
-                        return namespace, name_of(item)
-        return None

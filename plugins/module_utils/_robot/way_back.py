@@ -21,6 +21,7 @@ import json
 from dataclasses import dataclass
 from typing import Any, Iterable, Mapping, Sequence
 
+from .._step.lease import holder_of, version_of
 from .._step.objects import (
     Object,
     annotations_of,
@@ -35,10 +36,10 @@ from .._step.objects import (
     rolled_out,
     suffix_of,
 )
-from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of, record_of
+from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of
 from .._step.subset import is_in
-from .._step.update_record import anew, by_run, went_back
-from .._step.words import KEEPER, LEASE, LEASE_SECONDS, SOAKING, UPDATING, WENT_BACK
+from .._step.update_record import by_run, went_back
+from .._step.words import KEEPER, LEASE_SECONDS, SOAKING, UPDATING, WENT_BACK
 
 FORGIVEN = 600.0  # after so long without a crash the kubelet, too, counts a container's crashes anew
 
@@ -76,7 +77,7 @@ class Member:
     @property
     def actions(self) -> frozenset[str]:
         """Those of its own node, and those of the others that a launch file starts."""
-        return frozenset(name for part in self._contracts for name in part.get("actions") or ())
+        return frozenset(name for part in self.contracts for name in part.get("actions") or ())
 
     @property
     def nodes_before(self) -> set[str]:
@@ -86,12 +87,13 @@ class Member:
         if node_of(self.before):
             return {node_of(self.before)}
         new, old = suffix_of(self.deployment), suffix_of(self.before)
-        named = [str(node) for part in self._contracts for node in part.get("nodes") or ()]
+        named = [str(node) for part in self.contracts for node in part.get("nodes") or ()]
         return {(node[: -len(new)] if new and node.endswith(new) else node) + old for node in named}
 
     @property
-    def _contracts(self) -> tuple[Mapping[str, Any], ...]:
-        return self.record.contract, self.record.contract.get("others") or {}
+    def contracts(self) -> Sequence[Mapping[str, Any]]:
+        """Of its own node, and of the others, where it owes them anything."""
+        return [part for part in (self.record.contract, self.record.contract.get("others")) if part]
 
     @property
     def differs(self) -> bool:
@@ -134,7 +136,7 @@ class Step:
 
     @property
     def soak(self) -> float:
-        """Seconds for which it is watched before it is proven."""
+        """Seconds for which it soaks."""
         return max(member.record.soak for member in self.members)
 
     @property
@@ -258,39 +260,7 @@ class Observed:
 # ---- what is written
 
 
-def version_of(lease: Object | None) -> str:
-    return str(((lease or {}).get("metadata") or {}).get("resourceVersion") or "")
-
-
-def holder_of(lease: Object | None) -> str:
-    return str(((lease or {}).get("spec") or {}).get("holderIdentity") or "")
-
-
-def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> dict[str, Any]:
-    """The Lease with this holder, or with none; the API refuses it if somebody else has written it since `found`."""
-    spec = (found or {}).get("spec") or {}
-    ours = holder_of(found) == KEEPER
-    return {
-        "apiVersion": "coordination.k8s.io/v1",
-        "kind": "Lease",
-        "metadata": (found or {}).get("metadata") or {"name": LEASE, "namespace": namespace},
-        "spec": {
-            **spec,
-            "holderIdentity": holder,
-            "leaseDurationSeconds": int(LEASE_SECONDS),
-            "renewTime": time,
-            "acquireTime": spec.get("acquireTime", time) if ours else time,
-            "leaseTransitions": int(spec.get("leaseTransitions") or 0) + (bool(spec) and not ours),
-        },
-    }
-
-
-def proven(record: Object) -> dict[str, Any]:
-    """The ConfigMap to apply once its version is proven."""
-    return anew(record, record_of(record).fulfilled().data())
-
-
-def restored(member: Member, reason: str, time: str) -> dict[str, Any]:
+def restored(member: Member, reason: str, time: str) -> Object:
     """What to apply: the version before as it was applied, without the mark, and how it came back."""
     before = member.before or {}
     notes = {key: value for key, value in annotations_of(before).items() if key not in (UPDATING, SOAKING)}

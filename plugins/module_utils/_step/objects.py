@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterable, Iterator, Mapping
+from typing import Any, Iterable, Iterator, Mapping, Sequence
 
 from .._ros.graph import host_of
 from .words import APP, HANDOFF, HASH, NODE, REVISION
@@ -115,12 +115,23 @@ def was_out_of_memory(pod: Object) -> bool:
 
 def ends_of(pods: Iterable[Object]) -> int:
     """How many lives of their containers have ended, and others begun."""
-    found = [one for pod in pods for one in (pod.get("status") or {}).get("containerStatuses") or []]
-    return sum(int(one.get("restartCount") or 0) for one in found)
+    return sum(ends_by_container(pods).values())
+
+
+def ends_by_container(pods: Iterable[Object], with_host: bool = False) -> dict[str, int]:
+    """The same of each; `with_host`: of those alone whose last life ended with their host, which nobody saw end."""
+    return {
+        f"{name_of(pod)}/{one.get('name', '')}": int(one.get("restartCount") or 0)
+        for pod in pods
+        for one in _containers(pod)
+        if not with_host or LOST in str(((one.get("lastState") or {}).get("terminated") or {}).get("reason"))
+    }
 
 
 def _states(pod: Object) -> Iterator[Object]:
     """Of its containers now, and before they were started anew."""
-    for one in (pod.get("status") or {}).get("containerStatuses") or []:
-        for key in ("state", "lastState"):
-            yield one.get(key) or {}
+    return (one.get(key) or {} for one in _containers(pod) for key in ("state", "lastState"))
+
+
+def _containers(pod: Object) -> Sequence[Object]:
+    return (pod.get("status") or {}).get("containerStatuses") or ()

@@ -21,10 +21,10 @@ from .words import CONTRACT, HISTORY, SOAKING, UPDATING
 # The answers.
 INSTALLED = "installed"  # by an installation that has not proven it: no version before it was ever proven
 PROVEN = "proven"
-ON_TRIAL = "on trial"  # by a step that has not proven it, or has not taken it back yet
+NEW = "new"  # by a step that has not proven it, or has not taken it back yet
 GOING_BACK = "going back"  # the version before, brought back and not yet proven again
 UNKNOWN = "unknown"  # nobody has written down that it was brought: it may be at work
-UNPROVEN = (INSTALLED, ON_TRIAL, GOING_BACK)
+UNPROVEN = (INSTALLED, NEW, GOING_BACK)
 
 READY_TIMEOUT = 180.0  # seconds, where the contract does not say it
 
@@ -81,7 +81,7 @@ class Record:
 
     @property
     def soak(self) -> float:
-        """Seconds for which the keeper watches the version, since its run has found it good; 0: it does not."""
+        """Seconds for which the version soaks, since its run has found it good; 0: it does not."""
         return 0.0 if self.proven else float(self.contract.get("soak") or 0.0)
 
     @property
@@ -153,14 +153,14 @@ def answer(deployment: Object, records: Mapping[str, Record]) -> str:
     this, earlier = record.revision == revision, record.is_history(revision)
     proven = _is_proven(record, records)
     if this and (proven or not earlier or record.is_by(mark_of(deployment), revision)):
-        return PROVEN if proven else ON_TRIAL
+        return PROVEN if proven else NEW
     if earlier:
         return PROVEN if proven or not record.is_by(mark_of(deployment), revision) else GOING_BACK
     return UNKNOWN  # nobody of ours has written it down
 
 
 def soaks(deployment: Object, records: Mapping[str, Record]) -> bool:
-    """Whether its run has found it good, and the keeper watches it before it is proven."""
+    """Whether its run has found it good, and the keeper sees for a while whether it stays so, before it is proven."""
     record, revision = records.get(name_of(deployment), Record()), revision_of(deployment)
     return record.soak > 0 and record.revision == revision and record.is_by(mark_of(deployment, SOAKING), revision)
 

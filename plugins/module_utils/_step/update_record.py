@@ -78,7 +78,7 @@ def back_in_words(told: Told) -> str:
 
 def closed(event: Mapping[str, Any], told: Told | None) -> Event:
     """What became of a step whose run is gone. `told`: how the keeper took the app back, when nobody else did."""
-    # one that was found good has failed in the time for which it is watched
+    # one that was found good has failed in its soak
     good = event.get("outcome") == UPDATED
     if told and told["from"] == event.get("to") and (told["run"] == run_of(event["started"]) if good else True):
         return {**closed(event, None), "outcome": ROLLED_BACK, "reason": back_in_words(told)[:REASON_KEPT]}

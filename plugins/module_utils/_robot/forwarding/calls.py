@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any, Callable, Mapping, Protocol, Sequence
+from typing import Any, Callable, Sequence
 
 from ..._common.errors import RosError
 from ..._ros.raw_node import Slave
@@ -19,33 +19,15 @@ from . import rules
 from .forwarder import TICK, Forwarder
 from .rules import Hold
 
-RETRY = 1.0  # seconds between attempts to write a record that could not be written
+RETRY = 1.0  # seconds between attempts to write what could not be written
 FIRST = 3.0  # seconds for all clients to be connected before a hold is confirmed
 OFF = "goal forwarding is switched off (ros_master_goal_forwarding)"
-
-
-class GoalCalls(Protocol):
-    """What the keeper answers. Each reply is [code, message, value], as the slave API has it."""
-
-    def hold(self, action: str, server: str, seconds: float) -> list[Any]:
-        """Keep the goals of `action` until a server that is not the present `server` is up; how many clients."""
-
-    def release(self, action: str) -> list[Any]:
-        """Hand the goals to whatever server is there; how many were forwarded."""
-
-    def state(self) -> list[Any]:
-        """Action -> what is held of it."""
-
-
-def offer(calls: GoalCalls, slave: Slave) -> None:
-    """Let the keeper's server answer them."""
-    slave.register({"hold": calls.hold, "release": calls.release, "state": calls.state})
 
 
 class SwitchedOff:
     """It holds nothing and says so: whoever asked goes on without."""
 
-    def resume(self, recorded: Sequence[Mapping[str, Any]]) -> None:
+    def resume(self, kept: Sequence[Any]) -> None:
         """What an earlier one held, with another option, is over."""
 
     def hold(self, action: str, server: str, seconds: float) -> list[Any]:  # noqa: ARG002 - the call's own shape
@@ -59,7 +41,10 @@ class SwitchedOff:
 
 
 class GoalForwarding:
-    """All holds. `stays` says of an action's server whether it will stay: only then it gets what is held."""
+    """All holds. `stays` says of an action's server whether it will stay: only then it gets what is held.
+
+    Each reply is [code, message, value], as the slave API has it.
+    """
 
     def __init__(
         self,
@@ -73,21 +58,21 @@ class GoalForwarding:
         self.name, self.write = slave.name, save
         self.forwarders: dict[str, Forwarder] = {}
         self.unsaved = False
-        self.retry: threading.Timer | None = None  # writes the record again
+        self.retry: threading.Timer | None = None  # to write again
         self.lock = threading.RLock()
 
-    def resume(self, recorded: Sequence[Mapping[str, Any]]) -> None:
+    def resume(self, kept: Sequence[Any]) -> None:
         """Go on after a restart."""
-        for item in recorded:
+        for item in kept:
             one = Forwarder(rules.from_dict(item, time.monotonic()), item["header"], self)
             self.forwarders[one.hold.action] = one
             one.log(f"{len(one.hold.goals)} goals are still held")
             one.start()
 
     def save(self) -> None:
-        """Write the record; where that fails (the disk is full), say so and try again until it is written.
+        """Keep it; where that fails (the disk is full), say so and try again until it is written.
 
-        Also that there is nothing to hold any more: what stands on an old record would be forwarded a second time.
+        Also that there is nothing to hold any more: what an old file says is held would be forwarded a second time.
         """
         with self.lock:
             now, was_unsaved = time.monotonic(), self.unsaved
@@ -114,6 +99,7 @@ class GoalForwarding:
     # ---- the calls
 
     def hold(self, action: str, server: str, seconds: float) -> list[Any]:
+        """Keep the goals of `action` until a server that is not the present `server` is up; how many clients."""
         try:
             old_uri = self.ros.addresses([server])[0].get(server, "")
         except RosError as error:
@@ -151,6 +137,7 @@ class GoalForwarding:
         return waiting
 
     def release(self, action: str) -> list[Any]:
+        """Hand the goals to whatever server is there; how many were forwarded."""
         with self.lock:
             one = self.forwarders.get(action)
         if one is None:
@@ -163,7 +150,7 @@ class GoalForwarding:
         return [1, kept, one.hold.forwarded]
 
     def state(self) -> list[Any]:
-        """What is held, for how long yet, and the server that goals go to."""
+        """Action -> what is held of it, for how long yet, and the server that goals go to."""
         now = time.monotonic()
         with self.lock:
             holds = [one.hold for one in self.forwarders.values()]
@@ -178,3 +165,8 @@ class GoalForwarding:
             for hold in holds
         }
         return [1, "", found]
+
+
+def offer(calls: GoalForwarding | SwitchedOff, slave: Slave) -> None:
+    """Let the keeper's server answer them."""
+    slave.register({"hold": calls.hold, "release": calls.release, "state": calls.state})

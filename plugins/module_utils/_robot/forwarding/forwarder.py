@@ -32,11 +32,11 @@ from .rules import Goal, Hold, Order, Sight
 
 TICK = 0.05
 LOOK = 0.1  # between looks at the master while goals are held
-TRIAL = 0.3  # between looks whether a server's version is still on trial
+STAYS = 0.3  # between looks whether a server's version may still go back
 CONNECT = 2.0
 AGAIN = 0.3  # between attempts to connect to the same publisher
 AWAY = 1.0  # before the next look at a master that does not answer
-RECORD = 5.0  # between records of a hold of which nothing is new but the seconds to go
+KEEP = 5.0  # between writes of a hold of which nothing is new but the seconds to go
 INTRODUCE = 1.0  # between tellings of a server that is not connected to all of its clients, or to us
 FIELDS = ("type", "md5sum", "message_definition")
 CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)))
@@ -69,7 +69,7 @@ class Forwarder(threading.Thread):
         super().__init__(daemon=True, name=f"hold {hold.action}")
         self.hold, self.header, self.keeper = hold, dict(header), keeper
         self.ros, self.slave = keeper.ros, keeper.slave
-        self.lock = keeper.lock  # one for all: whoever saves the record reads every hold
+        self.lock = keeper.lock  # one for all: whoever saves reads every hold
         self.wake = threading.Event()
         self.streams: dict[tuple[str, str], TopicStream] = {}
         self.tried: dict[tuple[str, str], float] = {}
@@ -78,7 +78,7 @@ class Forwarder(threading.Thread):
         self.scene: Participants | None = None
         self.advertised = False
         self.over = self.dirty = False
-        self.introduced = self.asked = self.recorded = 0.0
+        self.introduced = self.asked = self.kept = 0.0
         self.stayer = ""  # the address of the server that stays
         self.senders: frozenset[str] = frozenset()  # clients that the server of now is connected to
 
@@ -212,7 +212,7 @@ class Forwarder(threading.Thread):
         return {uri for uri, good in found.items() if good}
 
     def _stays(self, name: str, uri: str) -> bool:
-        if uri != self.stayer and time.monotonic() - self.asked >= TRIAL:
+        if uri != self.stayer and time.monotonic() - self.asked >= STAYS:
             self.asked = time.monotonic()
             self.stayer = uri if self.keeper.stays(self.hold.action, name) else self.stayer
         return uri == self.stayer
@@ -318,8 +318,8 @@ class Forwarder(threading.Thread):
             self.senders = sight.senders
             for todo in self.hold.step(sight, now):
                 self.do(todo)
-            if self.dirty or now - self.recorded > RECORD:
-                self.dirty, self.recorded = False, now
+            if self.dirty or now - self.kept > KEEP:
+                self.dirty, self.kept = False, now
                 self.keeper.save()
         whole = sight.direct and (sight.connected or not self.advertised)
         if self.hold.opened and not whole and time.monotonic() - self.introduced > INTRODUCE:

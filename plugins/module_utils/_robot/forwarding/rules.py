@@ -4,7 +4,7 @@
 """What becomes of an action's goals while its server is replaced. Pure: what happens is told to it, with the time.
 
 That is a monotonic clock's, which nobody sets: how long a hold lasts must not follow a wall clock that is put right. It
-begins anew with its computer, so the record has seconds to go and ages in its place.
+begins anew with its computer, so what is kept has seconds to go and ages in its place.
 
 From the hold on, every goal is seen here. One that a server lists in its status is that server's. The others are kept
 until a server is up that was not the one at the beginning, and will stay; then forwarded to it in their order.
@@ -64,7 +64,7 @@ class Sight:
     clients_ready: bool = False  # every client hears its results
     direct: bool = False  # it is connected to every client itself
     senders: frozenset[str] = frozenset()  # addresses of the clients that it is connected to itself
-    stays: bool = True  # its version is not on trial any more: goals that it gets are not taken away with it
+    stays: bool = True  # its version will not go back: goals that it gets are not taken away with it
 
 
 @dataclass(frozen=True)
@@ -231,9 +231,9 @@ class Hold:
         # two newer statuses; a server that sends them only on changes sends none
         return (len(self.statuses) == 2 and self.statuses[0] > start) or now - start > RESEND
 
-    # ---- for the record
+    # ---- as it is kept
 
-    def as_dict(self, now: float) -> dict[str, Any]:
+    def as_dict(self, now: float) -> dict[str, object]:
         return {
             "action": self.action,
             "node": self.node,
@@ -256,7 +256,7 @@ class Hold:
 def from_dict(data: Mapping[str, Any], now: float) -> Hold:
     """The reverse of Hold.as_dict(), after a restart: the server is looked for anew, and lists what it has again.
 
-    An older version recorded moments instead of seconds: its goals go to whatever server is there.
+    An older version kept moments instead of seconds: its goals go to whatever server is there.
     """
     hold = Hold(data["action"], data["node"], data["old_uri"], now + data.get("seconds", 0.0))
     hold.forwarded = data["forwarded"]

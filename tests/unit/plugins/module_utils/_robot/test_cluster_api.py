@@ -11,8 +11,10 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._robot import cluster_api, way_back
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import cluster_api
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError, Cluster, in_cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._step.lease import lease_with
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import KEEPER, UPDATING
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     certificate,
     environment,
@@ -23,6 +25,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube
 
 SPACE = "robot-r1"
 DEPLOYMENTS = f"/apis/apps/v1/namespaces/{SPACE}/deployments"
+NOBODYS = {"metadata": {"name": "robot-update", "namespace": SPACE}}
 OURS = {"app.kubernetes.io/managed-by": "rosops.fleet"}
 
 
@@ -73,7 +76,7 @@ def test_it_applies_as_a_run_does(cluster: Cluster, server: Server) -> None:
     """What the run's manager had and this one does not send is gone: the mark."""
     path, old = f"{DEPLOYMENTS}/camera", version("camera", 1, SPACE)
     marked = version("camera", 2, SPACE)
-    marked["metadata"]["annotations"][way_back.UPDATING] = "1000"
+    marked["metadata"]["annotations"][UPDATING] = "1000"
     query = {"fieldManager": "rosops.fleet", "force": "true"}
     assert server.write("PATCH", path, query, marked, "application/apply-patch+yaml")[0] == 200
     cluster.apply(SPACE, old)
@@ -82,13 +85,13 @@ def test_it_applies_as_a_run_does(cluster: Cluster, server: Server) -> None:
 
 
 def test_of_two_that_write_the_lease_one_has_it(cluster: Cluster) -> None:
-    first = cluster.write_lease(SPACE, way_back.lease_of(None, SPACE, "ros-keeper", "T"))
+    first = cluster.write_lease(SPACE, lease_with(KEEPER, NOBODYS, KEEPER, 15, "T"))
     assert first is not None
-    assert cluster.write_lease(SPACE, way_back.lease_of(None, SPACE, "ros-keeper", "T")) is None
-    second = cluster.write_lease(SPACE, way_back.lease_of(first, SPACE, "", "T"))
+    assert cluster.write_lease(SPACE, lease_with(KEEPER, NOBODYS, KEEPER, 15, "T")) is None
+    second = cluster.write_lease(SPACE, lease_with("", first, KEEPER, 15, "T"))
     assert second is not None
     assert second["spec"]["holderIdentity"] == ""
-    assert cluster.write_lease(SPACE, way_back.lease_of(first, SPACE, "ros-keeper", "T")) is None
+    assert cluster.write_lease(SPACE, lease_with(KEEPER, first, KEEPER, 15, "T")) is None
     assert cluster.lease(SPACE) == second
 
 

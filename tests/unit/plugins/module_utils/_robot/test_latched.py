@@ -14,9 +14,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched import
     SETTLE,
     WAIT,
     Value,
-    from_record,
+    as_kept,
+    from_kept,
     stem,
-    to_record,
     worth_keeping,
 )
 
@@ -133,11 +133,11 @@ def test_a_newer_version_of_the_node_takes_the_older_ones_place() -> None:
 def test_the_record_is_what_was_kept() -> None:
     kept = [value(early="http://early:1/", publishers={"/other": OTHER})]
     kept[0].offered, kept[0].alone = True, 5.0
-    again = from_record(to_record(kept, "boot 1"))
+    again = from_kept(as_kept(kept, "boot 1"))
     assert again == kept
     assert (again[0].offered, again[0].alone) == (False, None)  # by a clock that begins anew
 
 
 @pytest.mark.parametrize("data", [None, [], {}, {"boot": "x"}, {"boot": "x", "values": [{}]}, {"values": []}])
 def test_what_is_no_record_has_nothing(data: Any) -> None:
-    assert from_record(data) == []
+    assert from_kept(data) == []

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is watched before it is proven: which containers' ends count, what a look says, and when it is over."""
+"""The soak: which containers' ends count, what a look says, and when it is over."""
 
 from __future__ import annotations
 
@@ -61,7 +61,34 @@ def step(*pods: dict[str, Any], ready: bool = True, app: str = "camera", **said:
     ],
 )
 def test_which_ends_count(pods: list[dict[str, Any]], known: int, why: str) -> None:
-    assert ended(step(*pods, ends=known)) == why
+    assert ended(step(*pods, ends=known), {}) == why
+
+
+REBOOT, BY_HAND = {"exitCode": 255, "reason": "Unknown"}, {"exitCode": 0}
+
+
+@pytest.mark.parametrize(
+    ("lives", "why"),
+    [
+        ([REBOOT, REBOOT], ""),
+        ([None, REBOOT, REBOOT, {**REBOOT, "exitCode": 137, "reason": "ContainerStatusUnknown"}], ""),
+        ([REBOOT, BY_HAND], ""),
+        ([BY_HAND, REBOOT, BY_HAND], ""),
+        ([REBOOT, BY_HAND, BY_HAND], "camera ended 2 times"),
+        ([REBOOT, REBOOT, ERROR], "camera ended once with exit code 1"),
+    ],
+)
+@pytest.mark.parametrize("seen", ["each", "the last ones, by a keeper whose host has started anew with it"])
+def test_a_reboot_of_its_host_is_no_end_of_the_version(
+    monkeypatch: pytest.MonkeyPatch, lives: list[dict[str, Any] | None], why: str, seen: str
+) -> None:
+    Looks(monkeypatch)
+    soaking, one = Soak(), step()
+    last_reboot = max(number for number, last in enumerate(lives) if last and last is not BY_HAND and last is not ERROR)
+    for number in range(0 if seen == "each" else last_reboot, len(lives)):
+        one = step(pod(number + 3, lives[number]), ends=2)
+        soaking.look([one], 10.0, None)  # type: ignore[arg-type]
+    assert soaking.bad(one) == why
 
 
 def test_a_step_owes_its_contracts_and_counts_messages_now_and_then() -> None:
@@ -118,39 +145,39 @@ class Looks:
 
 
 def test_it_is_good_once_its_time_is_over_and_its_messages_were_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, watch, one = Looks(monkeypatch), Soak(), step()
+    looks, soaking, one = Looks(monkeypatch), Soak(), step()
     for number in range(12):
-        assert not watch.good(one), number
-        watch.look([one], 10.0, None)  # type: ignore[arg-type]
-    assert watch.good(one)
+        assert not soaking.good(one), number
+        soaking.look([one], 10.0, None)  # type: ignore[arg-type]
+    assert soaking.good(one)
     assert looks.rated == [number % RATED == RATED - 1 for number in range(12)]
 
 
 def test_looks_in_a_row_find_it_bad(monkeypatch: pytest.MonkeyPatch) -> None:
     Looks(monkeypatch, SLOW, SLOW, UP, SLOW, SLOW, SILENT, SLOW)
-    watch, one, words = Soak(), step(), []
+    soaking, one, words = Soak(), step(), []
     for _look in range(7):
-        watch.look([one], 10.0, None)  # type: ignore[arg-type]
-        words.append(watch.bad(one))
+        soaking.look([one], 10.0, None)  # type: ignore[arg-type]
+        words.append(soaking.bad(one))
     assert LOOKS == 3
     assert words == [""] * 6 + ["rate /image: 10 Hz of at least 18 Hz"]
-    assert not watch.good(one)
+    assert not soaking.good(one)
 
 
 def test_time_counts_only_while_it_can_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, watch = Looks(monkeypatch, *[SILENT] * 50), Soak()
+    looks, soaking = Looks(monkeypatch, *[SILENT] * 50), Soak()
     for _look in range(50):
-        watch.look([step()], 10.0, None)  # type: ignore[arg-type]
-    assert (watch.watched[step().key].seconds, watch.bad(step())) == (0.0, "")
-    watch.look([step(ready=False)], 10.0, None)  # type: ignore[arg-type]
+        soaking.look([step()], 10.0, None)  # type: ignore[arg-type]
+    assert (soaking.steps[step().key].seconds, soaking.bad(step())) == (0.0, "")
+    soaking.look([step(ready=False)], 10.0, None)  # type: ignore[arg-type]
     assert len(looks.rated) == 50  # a pod that is not ready is not asked for anything
 
 
 def test_another_version_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     Looks(monkeypatch)
-    watch, one = Soak(), step()
-    watch.look([one], 10.0, None)  # type: ignore[arg-type]
-    watch.look([], 10.0, None)  # type: ignore[arg-type]
-    assert watch.watched == {}
-    watch.look([Step(one.members, begun=True)], 10.0, None)  # type: ignore[arg-type]
-    assert watch.bad(one) == "others of its step went back"
+    soaking, one = Soak(), step()
+    soaking.look([one], 10.0, None)  # type: ignore[arg-type]
+    soaking.look([], 10.0, None)  # type: ignore[arg-type]
+    assert soaking.steps == {}
+    soaking.look([Step(one.members, begun=True)], 10.0, None)  # type: ignore[arg-type]
+    assert soaking.bad(one) == "others of its step went back"

@@ -13,7 +13,8 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, Staying, StepWatch
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.staying import Staying
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     Action,
     Graph,
@@ -803,7 +804,7 @@ def test_what_is_the_whole_fleets_is_in_the_record_of_the_robot_that_changed_it(
         (live(version("other", 2)), True),  # nobody's that we know
     ],
 )
-def test_a_server_stays_unless_its_version_is_on_trial(deployment: dict[str, Any], stays: bool) -> None:
+def test_a_server_stays_unless_its_version_may_go_back(deployment: dict[str, Any], stays: bool) -> None:
     world = World()
     world.put(deployment, left())
     assert Staying(world, lambda: world.at)("/dock", "/camera") is stays  # type: ignore[arg-type]

@@ -348,24 +348,6 @@ def test_it_applies_the_version_before_as_it_was_and_says_so() -> None:
     assert told == {**said, "run": "7"}
 
 
-def test_the_lease_is_written_as_electors_do() -> None:
-    made = way_back.lease_of(None, "robot-r1", "ros-keeper", "T1")
-    assert made["metadata"] == {"name": "robot-update", "namespace": "robot-r1"}
-    assert made["spec"] == {
-        "holderIdentity": "ros-keeper",
-        "leaseDurationSeconds": 15,
-        "renewTime": "T1",
-        "acquireTime": "T1",
-        "leaseTransitions": 0,
-    }
-    taken = way_back.lease_of(lease(RUN, 7), "robot-r1", "ros-keeper", "T2")
-    assert taken["metadata"]["resourceVersion"] == "7"
-    assert (taken["spec"]["acquireTime"], taken["spec"]["leaseTransitions"]) == ("T2", 4)
-    let_go = way_back.lease_of(taken, "robot-r1", "", "T3")
-    assert (let_go["spec"]["holderIdentity"], let_go["spec"]["acquireTime"]) == ("", "T2")
-    assert let_go["spec"]["leaseTransitions"] == 4
-
-
 # ---- a launch file's nodes
 
 

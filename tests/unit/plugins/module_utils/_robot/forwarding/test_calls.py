@@ -55,7 +55,7 @@ class Stage:
         self.nodes: list[Slave] = [self.client, self.server]
         self.said: list[str] = []
         self.record: list[Any] = []
-        self.on_trial = False
+        self.unproven = False
         self.asked: list[tuple[str, str]] = []
         self.keeper = self.start_keeper()
 
@@ -71,7 +71,7 @@ class Stage:
 
     def stays(self, action: str, server: str) -> bool:
         self.asked.append((action, server))
-        return not self.on_trial
+        return not self.unproven
 
     def replace(self) -> FakeServer:
         """The old server ends, and a new one of its name comes at another address."""
@@ -122,19 +122,19 @@ def test_a_server_is_replaced_and_no_goal_is_lost(stage: Stage) -> None:
     assert "goals of /work: let go, 2 forwarded" in stage.said
 
 
-def test_a_server_on_trial_gets_no_goal_and_its_successor_gets_them_all(stage: Stage) -> None:
+def test_a_server_that_may_go_back_gets_no_goal_and_its_successor_gets_them_all(stage: Stage) -> None:
     """A version that is refused later would take the goals that it got with it."""
     stage.keeper.hold(ACTION, SERVER, 60.0)
     stage.client.send("one")
     until(lambda: stage.held() == ["one"])
-    stage.on_trial = True
+    stage.unproven = True
     refused = stage.replace()
     until(lambda: stage.keeper.state()[2][ACTION]["server"] == refused.uri)
     asked = len(stage.asked)
     until(lambda: len(stage.asked) > asked + 1)
     stage.client.send("two")
     until(lambda: stage.held() == ["one", "two"])
-    stage.on_trial = False  # so is the one that comes back
+    stage.unproven = False  # so is the one that comes back
     good = stage.replace()
     until(lambda: not stage.keeper.state()[2])
     assert (refused.got, good.got) == ([], ["one", "two"])
@@ -282,7 +282,7 @@ def test_the_seconds_to_go_are_on_record_although_nothing_happens(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A keeper that is started again and again would hold for ever otherwise."""
-    monkeypatch.setattr(forwarder, "RECORD", 0.02)
+    monkeypatch.setattr(forwarder, "KEEP", 0.02)
     stage.keeper.hold(ACTION, SERVER, 60.0)
     first = stage.record[-1][0]["seconds"]
     until(lambda: stage.record[-1][0]["seconds"] < first - 0.05)

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The time between two waves, in which keepers watch what is new: until they have proven it, or have taken it back."""
+"""The wait between two waves: until what is new has soaked, and keepers have proven it or taken it back."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOOK_SECONDS = 5.0
 LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each look may take its time
 
 
-def trial(
+def soak(
     cluster: Cluster,
     namespaces: Sequence[str],
     new: Mapping[str, str],
@@ -34,17 +34,17 @@ def trial(
         bad = taken_back(live, new)
         if bad:
             return RobotOutcome(ROLLED_BACK, "; ".join(bad))
-        watched = [app_of(item) for item in live.deployments if soaks(item, records) and app_of(item) in new]
-        if not watched:
+        soaking = [app_of(item) for item in live.deployments if soaks(item, records) and app_of(item) in new]
+        if not soaking:
             return RobotOutcome(UPDATED)
-        spent, seconds = clock.now() - began, max(records[app].soak for app in watched)
+        spent, seconds = clock.now() - began, max(records[app].soak for app in soaking)
         if spent >= 2 * seconds + LATE:
             return RobotOutcome(
                 FAILED,
-                f"the robot's keeper has said for {spent:.0f} s neither that {', '.join(watched)} stays good nor that "
+                f"the robot's keeper has said for {spent:.0f} s neither that {', '.join(soaking)} stays good nor that "
                 "it does not; see its log (kubectl logs deploy/ros-keeper)",
             )
-        trace(f"waits whether {', '.join(watched)} stays good for {seconds:.0f} s")
+        trace(f"waits whether {', '.join(soaking)} stays good for {seconds:.0f} s")
         clock.sleep(LOOK_SECONDS)
 
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.action import _update_trial
-from ansible_collections.rosops.fleet.plugins.action._update_trial import is_last_wave, revisions
+from ansible_collections.rosops.fleet.plugins.action import _update_soak
+from ansible_collections.rosops.fleet.plugins.action._update_soak import is_last_wave, revisions
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 
 NOWHERE = {"kubeconfig": "/nowhere/edge.yaml"}
@@ -35,7 +35,7 @@ def test_waves_are_taken_in_the_order_of_names() -> None:
 )
 def test_what_need_not_be_waited_for_is_handed_on_as_it_is(told: dict[str, Any], batch: list[str]) -> None:
     known = {**WAVES, "inventory_hostname": batch[0], "ansible_play_batch": batch, "update_result": told}
-    result = run(_update_trial, NOWHERE, known)
+    result = run(_update_soak, NOWHERE, known)
     assert {key: value for key, value in result.items() if key in ("changed", *told)} == {"changed": False, **told}
 
 

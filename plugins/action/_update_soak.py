@@ -1,10 +1,10 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the playbooks: the next wave begins once the keepers of this one have seen that what is new stays good.
+"""For the playbooks: the next wave begins once what is new in this one has soaked, and stayed good.
 
 It goes on with what the update returned, and with another outcome where a keeper has taken something back. After the
-last wave nobody waits: the keepers watch all the same, and status and the next run say what became of it.
+last wave nobody waits: it soaks all the same, and status and the next run say what became of it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import k
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.trial import trial
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.soak import soak
 
 
 class ActionModule(ClusterAction):
@@ -42,7 +42,7 @@ class ActionModule(ClusterAction):
         with self.cluster(params, known) as kube, cancellable():
             stand = functools.partial(voice.stand, host)
             cluster = KubeCluster(kube, self.say(known), run_name(known))
-            found = trial(cluster, [robot.namespace, *shared], revisions(outcome), MonotonicClock(), stand)
+            found = soak(cluster, [robot.namespace, *shared], revisions(outcome), MonotonicClock(), stand)
             if found.outcome == UPDATED:
                 return result
             keep_early(kube, host, found.outcome, found.reason, changed=True)
