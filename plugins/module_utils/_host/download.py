@@ -20,7 +20,7 @@ PROXY = re.compile(r"(https?|all|no)_proxy", re.IGNORECASE)
 BLOCK = 1 << 20
 
 
-def proxies(environment: Mapping[str, Any]) -> dict[str, str]:
+def proxies(environment: Mapping[str, object]) -> dict[str, str]:
     """What of a unit's environment concerns a download, in both spellings that programs read."""
     found = {str(name): str(value) for name, value in environment.items() if PROXY.fullmatch(str(name))}
     return {spelled: value for name, value in found.items() for spelled in (name.lower(), name.upper())}

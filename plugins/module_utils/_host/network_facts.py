@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import os
 import re
-from typing import Any
 
-from .facts import Host
+from .facts import Facts
+from .files import Host
 
 # flannel's overlay, and the sets of k3s's network policies
 MODULES = ("vxlan", "ip_set")
@@ -20,7 +20,7 @@ POLICIES = ("/usr/share/selinux/packages/k3s.pp", "/etc/selinux/targeted/active/
 UFW_ON = re.compile(r"^ENABLED=yes\b", re.MULTILINE)
 
 
-def network(host: Host) -> dict[str, Any]:
+def network(host: Host) -> Facts:
     """`firewalls` that are on, `selinux` (mode, and whether k3s's policy is there), `lacking` kernel modules."""
     return {"firewalls": firewalls(host), "selinux": selinux(host), "lacking": lacking(host, os.uname().release)}
 
@@ -43,7 +43,7 @@ def _words(host: Host, pid: str) -> list[str]:
     return [word.rpartition("/")[2] for word in text.split("\0")[:3]]
 
 
-def selinux(host: Host) -> dict[str, Any]:
+def selinux(host: Host) -> Facts:
     mode = {"1": "enforcing", "0": "permissive"}.get(host.read("/sys/fs/selinux/enforce").strip(), "")
     return {"mode": mode, "policy": any(host.exists(name) for name in POLICIES)}
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, Mapping, Sequence, TypeVar
+from typing import Any, Dict, Mapping, Sequence, TypeVar
 
 from .._ros.client import Ros1Client
 from .._ros.names import resolve
@@ -22,6 +22,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 SCRATCH = f"/tmp/rosops-fleet-{os.getuid()}"  # noqa: S108
 CALLER = "/rosops_fleet_pod"
 TIMEOUT = 2.0
+Document = Dict[str, Any]  # what a file, or a variable of the environment, says as JSON
 Said = TypeVar("Said")
 
 
@@ -105,13 +106,13 @@ def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> Ros1Client:
     return Ros1Client(environ.get("ROS_MASTER_URI", "http://localhost:11311"), timeout, CALLER)
 
 
-def _as(kind: type[Said], found: Mapping[str, Any]) -> Said:
+def _as(kind: type[Said], found: Document) -> Said:
     """What it knows of it: the other side may be of a newer collection, or of an older one."""
     known = {one.name for one in fields(kind)}  # type: ignore[arg-type] # typeshed knows no protocol of dataclasses here
     return kind(**{key: value for key, value in found.items() if key in known})
 
 
-def _load(path: str) -> dict[str, Any]:
+def _load(path: str) -> Document:
     try:
         with open(path, encoding="utf-8") as file:
             return _mapping(file.read())
@@ -119,7 +120,7 @@ def _load(path: str) -> dict[str, Any]:
         return {}
 
 
-def _mapping(text: str) -> dict[str, Any]:
+def _mapping(text: str) -> Document:
     try:
         content = json.loads(text)
     except ValueError:

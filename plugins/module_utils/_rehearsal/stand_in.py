@@ -25,11 +25,13 @@ LOGS = "/tmp/ros-log"  # noqa: S108 - rospy wants a home directory, a container 
 QUEUE = 1000  # messages
 PERIOD = 1.0  # s between looks at the other nodes
 
+Said = Mapping[str, Any]  # a part of the plan, or classes by the names of their types
+
 
 class Node:
     """One node of the plan. `rospy` is the module, `generate` makes classes of a type's name and definition."""
 
-    def __init__(self, rospy: Any, generate: Callable[[str, str], Mapping[str, Any]], plan: Mapping[str, Any]) -> None:
+    def __init__(self, rospy: Any, generate: Callable[[str, str], Said], plan: Said) -> None:
         self.rospy, self.generate, self.plan = rospy, generate, plan
 
     def play(self) -> None:
@@ -43,12 +45,12 @@ class Node:
             self._publish(topic)
         self.rospy.spin()
 
-    def _bytes(self, one: Mapping[str, Any]) -> Any:
+    def _bytes(self, one: Said) -> Any:
         """A class of messages that nobody reads."""
         names = {"_type": one["type"] or "*", "_md5sum": one["md5sum"] or "*"}
         return type("Bytes", (self.rospy.AnyMsg,), names)
 
-    def _serve(self, service: Mapping[str, Any]) -> None:
+    def _serve(self, service: Said) -> None:
         def refuse(_request: Any) -> None:
             raise self.rospy.ServiceException("a stand-in has no answer: only the graph was recorded")
 
@@ -56,7 +58,7 @@ class Node:
         names = {"_type": kind._type, "_md5sum": kind._md5sum, "_request_class": kind, "_response_class": kind}
         self.rospy.Service(service["name"], type("Calls", (), names), refuse)
 
-    def _publish(self, topic: Mapping[str, Any]) -> None:
+    def _publish(self, topic: Said) -> None:
         kind = self.generate(topic["type"], topic["definition"])[topic["type"]]
         out = self.rospy.Publisher(topic["name"], kind, queue_size=QUEUE, latch=topic["latched"])
 

@@ -222,7 +222,7 @@ class Cluster:
             raise ApiError(f"the Kubernetes API at {self.host} cannot be reached: {what}") from error
 
     def _connection(self) -> _Connection:
-        modules: dict[str, Any] = sys.modules
+        modules: Any = sys.modules
         if modules.get("ssl", self) is None:  # run.py keeps it out until somebody needs it
             del modules["ssl"]
         ssl = importlib.import_module("ssl")

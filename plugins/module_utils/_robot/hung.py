@@ -11,7 +11,7 @@ which for a robot's own master is always so: the keeper itself is on that host.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping
+from typing import Iterable, Mapping
 
 from .._ros.graph import host_of
 from .._step.objects import Object, annotations_of, app_of, has_node, is_ready
@@ -80,5 +80,5 @@ def _is_up(pod: Object) -> bool:
     return is_ready(pod) and app_of(pod) not in ("", MASTER, KEEPER)
 
 
-def _status(pod: Object) -> Mapping[str, Any]:
+def _status(pod: Object) -> Object:
     return pod.get("status") or {}

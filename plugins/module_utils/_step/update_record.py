@@ -76,7 +76,7 @@ def back_in_words(told: Told) -> str:
     return f"the keeper went back from {told['from']} to {told['to']} at {told['at']}: {told['reason']}"
 
 
-def closed(event: Mapping[str, Any], told: Told | None) -> Event:
+def closed(event: Event, told: Told | None) -> Event:
     """What became of a step whose run is gone. `told`: how the keeper took the app back, when nobody else did."""
     # one that was found good has failed in its soak
     good = event.get("outcome") == UPDATED
@@ -101,7 +101,7 @@ def ended(record: Object, deployments: Iterable[Object]) -> Object | None:
     return anew(record, data_of(now))
 
 
-def anew(found: Object, data: Mapping[str, str]) -> dict[str, Any]:
+def anew(found: Object, data: Mapping[str, str]) -> Object:
     """A ConfigMap to apply with other data; it is refused if somebody has written it since."""
     metadata = {key: found["metadata"].get(key) for key in ("name", "namespace", "labels", "resourceVersion")}
     return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": dict(data)}

@@ -253,7 +253,7 @@ class Hold:
         }
 
 
-def from_dict(data: Mapping[str, Any], now: float) -> Hold:
+def from_dict(data: Any, now: float) -> Hold:
     """The reverse of Hold.as_dict(), after a restart: the server is looked for anew, and lists what it has again.
 
     An older version kept moments instead of seconds: its goals go to whatever server is there.

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host
+from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._host.host_tree import tree
 
 CGROUP = "1:name=systemd:/system.slice/k3s.service\n0::/\n"

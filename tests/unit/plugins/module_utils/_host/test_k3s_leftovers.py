@@ -233,7 +233,7 @@ class Running(Remover):
         super().__init__(Commands(), lambda _name: None, dry=False, root=str(host))
         self.time, self.killed, self.asked = 0.0, set[int](), dict[int, float]()
         self.kill = self._kill
-        self.clock = {"now": lambda: self.time, "sleep": self._sleep}
+        self.now, self.sleep = lambda: self.time, self._sleep
 
     def _sleep(self, seconds: float) -> None:
         self.time += seconds

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ansible_collections.rosops.fleet.plugins.module_utils._host import network_facts
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host
+from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._host.host_tree import tree
 
 
