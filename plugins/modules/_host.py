@@ -41,15 +41,14 @@ from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Fa
 from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT, K3sChange
-from ansible_collections.rosops.fleet.plugins.module_utils._host.network_facts import network
 
 Arguments = Mapping[str, Any]  # a job's, from the collection's own action
 
 
 def facts(_module: AnsibleModule, arguments: Arguments) -> Facts:
     """`arguments` are `ports` ({port, protocol} each), `reach` (host:port each), and `timeout` in seconds."""
-    began, host, ports = time.time(), Host(), [(port["protocol"], port["port"]) for port in arguments["ports"]]
-    found = {**collect(host, ports, arguments["reach"], arguments["timeout"]), "network": network(host)}
+    began, ports = time.time(), [(port["protocol"], port["port"]) for port in arguments["ports"]]
+    found = collect(Host(), ports, arguments["reach"], arguments["timeout"])
     # Both readings, for the action: the time in between is the module's own work, no part of the way.
     return {"changed": False, "facts": {**found, "clock": {"began": began, "ended": time.time()}}}
 

@@ -15,7 +15,6 @@ description:
     removes its files.
   - Asks what runs in pods to stop, and gives it 30 seconds before it is killed.
   - Touches nothing that is not k3s's. It refuses to delete a directory in which something is still mounted.
-  - Needs nothing but Python's standard library on the host.
 author:
   - rosops.fleet contributors (@rosops)
 options:

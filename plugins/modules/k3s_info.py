@@ -14,7 +14,6 @@ description:
   - Reads in one call all that decides whether something must be done about k3s on a host, so that a host on which
     nothing is to be done costs one task.
   - Tokens are compared on the host and never returned.
-  - Needs nothing but Python's standard library on the host.
 author:
   - rosops.fleet contributors (@rosops)
 options:

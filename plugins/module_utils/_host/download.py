@@ -1,10 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Have a file of known SHA-256 from the network, put in place whole.
-
-Runs on the host: Python 3.8 and the standard library. Whoever opens the address is handed in.
-"""
+"""Have a file of known SHA-256 from the network, put in place whole. Whoever opens the address is handed in."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What k3s is on this host, what it was started with, and whether it serves.
 
-Runs on the host: Python 3.8 and the standard library. Decisions are functions of text; `K3sHost` is the only I/O.
+Decisions are functions of text; `K3sHost` is the only I/O.
 """
 
 from __future__ import annotations

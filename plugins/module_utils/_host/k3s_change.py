@@ -3,10 +3,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Put a staged k3s (binary, configuration, unit) in place of the one that runs, and keep that one to go back to.
 
-Runs on the host: Python 3.8 and the standard library. What is to come lies beside its place as `<path>.next`, what was
-there stays as `<path>.previous`, and a record says which files there were and whether the change is proven. As long as
-it is not, nothing that is kept is written over: a change that was cut off, or tried again, goes back to what last
-worked. Each file is exchanged at once, so that a cut leaves whole files.
+What is to come lies beside its place as `<path>.next`, what was there stays as `<path>.previous`, and a record says
+which files there were and whether the change is proven. As long as it is not, nothing that is kept is written over: a
+change that was cut off, or tried again, goes back to what last worked. Each file is exchanged at once, so that a cut
+leaves whole files.
 """
 
 from __future__ import annotations

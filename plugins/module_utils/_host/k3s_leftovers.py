@@ -3,8 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a k3s leaves on a host beside its files: processes of pods, mounts, interfaces, firewall chains.
 
-Runs on the host: Python 3.8 and the standard library. The functions decide from text what is k3s's own; nothing else
-may be touched, whatever else runs on the robot.
+The functions decide from text what is k3s's own; nothing else may be touched, whatever else runs on the robot.
 """
 
 from __future__ import annotations

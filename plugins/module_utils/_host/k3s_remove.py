@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Take k3s off a host, in an order that leaves nothing running on what goes next.
 
-Runs on the host: Python 3.8 and the standard library. What belongs to k3s is decided in `k3s_leftovers`.
+What belongs to k3s is decided in `k3s_leftovers`.
 """
 
 from __future__ import annotations
