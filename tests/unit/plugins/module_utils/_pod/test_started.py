@@ -126,19 +126,15 @@ def test_the_commands_word_counts_and_rates_wait_for_it() -> None:
     )
 
 
-def test_it_looks_ten_times_a_second_and_gives_up_after_ten() -> None:
+@pytest.mark.parametrize(("before", "looks"), [("", 101), ("not ready: x", 21)])
+def test_it_looks_ten_times_a_second_or_after_a_call_in_vain_twice_and_gives_up_after_ten(
+    before: str, looks: int
+) -> None:
     world, clock = World(), Clock()
     world.replies(OWN, bus=bus())
-    assert started(world, clock).startswith("not ready: topic /out")
+    assert started(world, clock, before).startswith("not ready: topic /out")
     assert clock.at == pytest.approx(started_command.SECONDS)
-    assert world.asked.count("state") == pytest.approx(101, abs=2)
-
-
-def test_after_a_call_in_vain_it_looks_less_often() -> None:
-    world = World()
-    world.replies(OWN, bus=bus())
-    assert started(world, before="not ready: x").startswith("not ready: topic /out")
-    assert world.asked.count("state") < 25
+    assert world.asked.count("state") == pytest.approx(looks, abs=2)
 
 
 def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,26 +155,6 @@ def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) ->
     world.sums["/out"] = "cc"
     assert started(world).startswith("cannot become ready: topic /out: this version's definition")
     assert "rates" not in world.asked
-
-
-def test_what_is_not_latched_any_more_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = World()
-    topics = contract()["topics"]
-    owe(monkeypatch, topics={"/out": {**topics["/out"], "latched": True}})
-    assert started(world) == (
-        "cannot become ready: topic /out: this version does not latch its messages, the one before did"
-    )
-    world.latching = {"/out"}
-    assert started(world) == ""
-
-
-def test_half_the_recorded_rate_is_not_ready(monkeypatch: pytest.MonkeyPatch) -> None:
-    owe(monkeypatch)
-    world = World()
-    world.hz["/out"] = 50.0
-    assert started(world).startswith("not ready: rate /out: 50.0 Hz")
-    world.hz["/out"] = 91.0
-    assert started(world) == ""
 
 
 def test_a_contract_that_comes_later_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,6 +117,9 @@ def held(node: Node) -> stop_command.Hold:
     return hold
 
 
+END = ["calls", "hand_over", "unregister", "forget", "shutdown"]
+
+
 def test_a_node_without_actions_ends_at_once() -> None:
     node = Node()
     assert stop(node) == []
@@ -156,16 +159,7 @@ def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> 
 def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
     node = Node({"/move": [IDLE]})
     assert stop(node, held(node)) == []
-    assert node.order == [
-        "actions",
-        "hold /move",
-        "isolate /move",
-        "calls",
-        "hand_over",
-        "unregister",
-        "forget",
-        "shutdown",
-    ]
+    assert node.order == ["actions", "hold /move", "isolate /move", *END]
     assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
 
 
@@ -196,7 +190,7 @@ def test_without_a_keeper_it_drains_without_cutting_off(hold: Any, remark: str) 
     node = Node({"/move": [ACTIVE, IDLE]})
     assert stop(node, hold) == [remark]
     assert "isolate /move" not in node.order
-    assert node.order[-5:] == ["calls", "hand_over", "unregister", "forget", "shutdown"]
+    assert node.order[-5:] == END
 
 
 @pytest.mark.parametrize(("total", "share"), [(30.0, 27.0), (3.0, 2.0)])

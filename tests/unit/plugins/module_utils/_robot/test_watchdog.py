@@ -10,18 +10,17 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LIVENESS
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import NAMESPACE, lease
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.test_hung import ADDRESSES, KEEPER, pod
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.test_step_watch import (
     ACTIVE,
-    AWAY,
     SUCCEEDED,
     World,
     busy,
 )
 
 URI = f"http://{ADDRESSES['camera']}:4711/"
+LEFT = f"{NAMESPACE}/camera: node /camera does not answer, and its pod is left as it is: "
 WORDS = "node /camera has not answered for 500 s while its process lives"
 EVICTED = [
     "lease ros-keeper",
@@ -31,11 +30,11 @@ EVICTED = [
 ]
 
 
-def hanging(seconds: float = 500.0, **notes: str) -> World:
+def hanging(seconds: float = 500.0) -> World:
     """A robot at rest, one node of which does not answer."""
     world = World()
     world.leases_now[NAMESPACE] = lease("", 3)
-    world.pods_now = [pod("camera", ADDRESSES["camera"], **notes), KEEPER]
+    world.pods_now = [pod("camera", ADDRESSES["camera"]), KEEPER]
     world.uris["/camera"] = URI
     world.silence = Silence({"/camera": (URI, seconds)})
     return world
@@ -100,9 +99,7 @@ def test_a_lease_that_is_taken_just_then_is_the_other_ones() -> None:
     world.write_lease = taken_first  # type: ignore[method-assign]
     world.run(LOOK)
     assert world.done == []
-    assert world.said == [
-        f"{NAMESPACE}/camera: node /camera does not answer, and its pod is left as it is: somebody else changes it now"
-    ]
+    assert world.said == [LEFT + "somebody else changes it now"]
 
 
 def test_not_during_a_goal() -> None:
@@ -113,9 +110,7 @@ def test_not_during_a_goal() -> None:
     world.goals["/planner"] = busy(ACTIVE)
     world.run(10 * LOOK)
     assert world.done == []
-    assert world.said == [
-        f"{NAMESPACE}/camera: node /camera does not answer, and its pod is left as it is: /plan ACTIVE"
-    ]
+    assert world.said == [LEFT + "/plan ACTIVE"]
     world.goals["/planner"] = busy(SUCCEEDED)
     world.run(LOOK)
     assert world.done[1] == f"evict {NAMESPACE}/camera-x in its own time"  # a goal that begins now may end
@@ -135,9 +130,7 @@ def test_a_goal_that_begins_while_the_lease_is_taken_is_waited_for_too() -> None
     world.write_lease = meanwhile  # type: ignore[method-assign]
     world.run(LOOK)
     assert world.done == ["lease ros-keeper", "lease free"]
-    assert world.said == [
-        f"{NAMESPACE}/camera: node /camera does not answer, and its pod is left as it is: /plan ACTIVE"
-    ]
+    assert world.said == [LEFT + "/plan ACTIVE"]
 
 
 def test_a_node_that_answers_by_then_stays() -> None:
@@ -184,10 +177,7 @@ def test_three_times_an_hour_at_most() -> None:
     for _time in range(6):
         world.run(LOOK)
     assert [done for done in world.done if done.startswith("evict")] == [EVICTED[1]] * 3
-    assert world.said[-1] == (
-        f"{NAMESPACE}/camera: node /camera does not answer, and its pod is left as it is: "
-        "it was begun anew 3 times within 60 min"
-    )
+    assert world.said[-1] == LEFT + "it was begun anew 3 times within 60 min"
     world.at += 3600
     world.run(LOOK)
     assert [done for done in world.done if done.startswith("evict")] == [EVICTED[1]] * 4
@@ -216,19 +206,3 @@ def test_what_the_api_does_not_evict(error: ApiError, words: str) -> None:
     world.run(LOOK)
     assert world.done == ["lease ros-keeper", "lease free"]
     assert world.said == [f"{NAMESPACE}/camera: {words}"]
-
-
-def test_an_api_that_is_away_is_weather() -> None:
-    world = hanging()
-    world.away = True
-    world.run(5 * LOOK)
-    assert (world.done, world.said) == ([], [f"the cluster: {AWAY}"])
-    world.away = False
-    world.run(LOOK)
-    assert world.done == EVICTED
-
-
-def test_off_by_a_word() -> None:
-    world = hanging(**{LIVENESS: "0"})
-    world.run(LOOK)
-    assert world.done == []

@@ -102,6 +102,20 @@ def stage() -> Iterator[Stage]:
     made.end()
 
 
+def hold_one(stage: Stage) -> None:
+    """A goal that came while its server is held."""
+    stage.keeper.hold(ACTION, SERVER, 60.0)
+    stage.client.send("one")
+    until(lambda: stage.held() == ["one"])
+
+
+def handed_over(stage: Stage) -> FakeServer:
+    """The next server, when the hold has ended."""
+    new = stage.replace()
+    until(lambda: not stage.keeper.state()[2])
+    return new
+
+
 def test_a_server_is_replaced_and_no_goal_is_lost(stage: Stage) -> None:
     assert stage.client.send("before") == [SERVER]
     until(lambda: stage.server.got == ["before"])
@@ -124,9 +138,7 @@ def test_a_server_is_replaced_and_no_goal_is_lost(stage: Stage) -> None:
 
 def test_a_server_that_may_go_back_gets_no_goal_and_its_successor_gets_them_all(stage: Stage) -> None:
     """A version that is refused later would take the goals that it got with it."""
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
     stage.unproven = True
     refused = stage.replace()
     until(lambda: stage.keeper.state()[2][ACTION]["server"] == refused.uri)
@@ -142,15 +154,12 @@ def test_a_server_that_may_go_back_gets_no_goal_and_its_successor_gets_them_all(
 
 def test_without_goals_it_never_stands_in_the_graph(stage: Stage) -> None:
     stage.keeper.hold(ACTION, SERVER, 60.0)
-    new = stage.replace()
-    until(lambda: not stage.keeper.state()[2])
+    new = handed_over(stage)
     assert (new.got, KEEPER in stage.master.nodes) == ([], False)
 
 
 def test_a_release_hands_them_to_the_server_that_was_there_all_along(stage: Stage) -> None:
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
     assert stage.server.got == []
     assert stage.keeper.release(ACTION) == [1, "", 1]
     assert stage.server.got == ["one"]
@@ -175,31 +184,18 @@ def test_it_lets_go_when_the_clients_connection_to_the_server_stands_and_no_soon
 
 def test_a_server_that_did_not_hear_of_the_keeper_is_told_again(stage: Stage) -> None:
     """The master tells it once, and rospy tries a connection once: on a robot whose network is away, that is lost."""
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
     stage.master.silent = True
     stage.keeper.release(ACTION)
     until(lambda: stage.server.got == ["one"])
     until(lambda: not stage.keeper.state()[2])
 
 
-def test_a_hold_that_nobody_ends_ends_by_itself(stage: Stage) -> None:
-    """The control node died, and the server was never replaced."""
-    stage.keeper.hold(ACTION, SERVER, 0.3)
-    stage.client.send("one")
-    until(lambda: not stage.keeper.state()[2])
-    assert stage.server.got == ["one"]
-
-
 def test_what_was_cancelled_meanwhile_is_cancelled_at_the_new_server(stage: Stage) -> None:
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
     stage.client.cancel("one")
     until(lambda: any("was cancelled while it is held" in line for line in stage.said))
-    new = stage.replace()
-    until(lambda: not stage.keeper.state()[2])
+    new = handed_over(stage)
     assert new.got == ["-one", "one"]
 
 
@@ -214,9 +210,7 @@ def test_a_keeper_that_is_started_anew_goes_on(stage: Stage) -> None:
     stage.record.append(saved)  # a process that is killed takes nothing back
     stage.keeper = stage.start_keeper()
     assert "goals of /work: 1 goals are still held" in stage.said
-    new = stage.replace()
-    until(lambda: not stage.keeper.state()[2])
-    assert new.got == ["one"]
+    assert handed_over(stage).got == ["one"]
 
 
 def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,9 +228,7 @@ def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: py
     assert stage.keeper.hold(ACTION, SERVER, 60.0) == [1, "", 1]
     stage.client.send("one")
     until(lambda: stage.held() == ["one"])
-    new = stage.replace()
-    until(lambda: not stage.keeper.state()[2])
-    assert new.got == ["one"]
+    assert handed_over(stage).got == ["one"]
     told = [line for line in stage.said if "not on record" in line]
     assert len(told) == 1
     assert "No space left on device" in told[0]
@@ -248,9 +240,7 @@ def test_a_full_disk_ends_no_hold_and_is_made_good(stage: Stage, monkeypatch: py
 
 
 def test_a_look_that_fails_ends_no_hold(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
 
     def broken(_now: float) -> Any:
         raise MemoryError("no more")
@@ -259,18 +249,14 @@ def test_a_look_that_fails_ends_no_hold(stage: Stage, monkeypatch: pytest.Monkey
     with monkeypatch.context() as broken_look:
         broken_look.setattr(one, "sight", broken)
         until(lambda: "goals of /work: error: MemoryError: no more" in stage.said)
-    new = stage.replace()
-    until(lambda: not stage.keeper.state()[2])
-    assert new.got == ["one"]
+    assert handed_over(stage).got == ["one"]
 
 
 @pytest.mark.parametrize("jump", [-86400.0, 86400.0])
 def test_a_wall_clock_that_jumps_neither_ends_a_hold_nor_makes_it_last(
     stage: Stage, monkeypatch: pytest.MonkeyPatch, jump: float
 ) -> None:
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
     wall = time.time
     monkeypatch.setattr(time, "time", lambda: wall() + jump)
     assert 50 < stage.keeper.state()[2][ACTION]["seconds"] <= 60
@@ -289,15 +275,11 @@ def test_the_seconds_to_go_are_on_record_although_nothing_happens(
 
 
 def test_a_master_that_is_away_for_a_moment(stage: Stage) -> None:
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
     stage.master.away = True
     until(lambda: any("the master is away" in line for line in stage.said))
     stage.master.away = False
-    new = stage.replace()
-    until(lambda: not stage.keeper.state()[2])
-    assert new.got == ["one"]
+    assert handed_over(stage).got == ["one"]
 
 
 def test_a_client_that_hangs_is_told_and_holds_up_nobody(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,9 +293,7 @@ def test_a_client_that_hangs_is_told_and_holds_up_nobody(stage: Stage, monkeypat
 
 def test_no_server_comes(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rules, "KEEP", 0.1)
-    stage.keeper.hold(ACTION, SERVER, 60.0)
-    stage.client.send("one")
-    until(lambda: stage.held() == ["one"])
+    hold_one(stage)
     stage.server.end(stage.master)
     assert stage.keeper.release(ACTION) == [1, "", 0]
     assert "goals of /work: gave up one: no server came" in stage.said

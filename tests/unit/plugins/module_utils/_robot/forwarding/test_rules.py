@@ -29,6 +29,12 @@ def kinds(done: list[rules.Do]) -> list[str]:
     return [f"{do.kind} {do.goal.id}" if do.goal else do.kind for do in done]
 
 
+def up(it: Hold, sight: Sight) -> None:
+    """A new server comes at 10 s, and says what it has."""
+    it.step(sight, 10.0)
+    it.status(NEW, [], 10.1)
+
+
 def test_held_goals_are_forwarded_in_their_order_once() -> None:
     it = hold()
     assert it.goal(goal("a", 1.0))
@@ -50,8 +56,7 @@ def test_what_the_old_server_lists_is_its_own() -> None:
     it.goal(goal("a", 1.0))
     assert it.status(OLD, [("a", ACTIVE)], 1.2) == ["a"]
     assert not it.goal(goal("a", 1.3))
-    it.step(UP, 10.0)
-    it.status(NEW, [], 10.1)
+    up(it, UP)
     assert kinds(it.step(UP, 10.2)) == ["open"]
 
 
@@ -70,8 +75,7 @@ def test_nothing_goes_out_before_clients_hear_results() -> None:
 
 def test_a_goal_that_the_new_server_may_have_got_directly() -> None:
     it = hold()
-    it.step(ALL, 10.0)
-    it.status(NEW, [], 10.1)
+    up(it, ALL)
     it.step(ALL, 10.2)
     it.goal(goal("a", 10.3))
     assert it.step(ALL, 10.4) == []  # wait for a status
@@ -87,8 +91,7 @@ def test_a_goal_that_the_new_server_may_have_got_directly() -> None:
 
 def test_a_goal_of_a_client_that_the_server_is_not_connected_to_goes_at_once() -> None:
     it = hold()
-    it.step(UP, 10.0)
-    it.status(NEW, [], 10.1)
+    up(it, UP)
     it.step(UP, 10.2)
     it.goal(goal("a", 10.3, alone=True))
     assert it.step(ALL, 10.3) == []  # connected since: it might have come both ways
@@ -98,8 +101,7 @@ def test_a_goal_of_a_client_that_the_server_is_not_connected_to_goes_at_once() -
 def test_goals_after_all_is_given_back_are_no_reason_to_stay() -> None:
     """A client that sends back to back has a goal that no status lists yet at nearly every moment."""
     it = hold()
-    it.step(ALL, 10.0)
-    it.status(NEW, [], 10.1)
+    up(it, ALL)
     it.step(ALL, 10.2)
     it.goal(goal("a", 11.2))
     assert kinds(it.step(ALL, 11.3)) == ["finish"]
@@ -108,8 +110,7 @@ def test_goals_after_all_is_given_back_are_no_reason_to_stay() -> None:
 def test_the_new_server_dies_before_it_lists_a_forwarded_goal() -> None:
     it = hold()
     it.goal(goal("a", 1.0))
-    it.step(UP, 10.0)
-    it.status(NEW, [], 10.1)
+    up(it, UP)
     assert kinds(it.step(UP, 10.2)) == ["open", "send a"]
     assert it.step(Sight(), 10.3) == []
     assert it.taking
@@ -122,8 +123,7 @@ def test_the_new_server_dies_before_it_lists_a_forwarded_goal() -> None:
 def test_a_forwarded_goal_that_is_not_listed_is_sent_again() -> None:
     it = hold()
     it.goal(goal("a", 1.0))
-    it.step(UP, 10.0)
-    it.status(NEW, [], 10.1)
+    up(it, UP)
     it.step(UP, 10.2)
     assert it.step(UP, 13.0) == []
     assert kinds(it.step(UP, 13.3)) == ["send a"]
@@ -150,8 +150,7 @@ def test_a_cancelled_goal_is_answered_but_not_started() -> None:
     it.goal(goal("a", 1.0))
     it.cancel("a", (0, 0))
     it.status(OLD, [("a", RECALLING)], 1.5)  # the old server got the cancel, never the goal
-    it.step(UP, 10.0)
-    it.status(NEW, [], 10.1)
+    up(it, UP)
     assert kinds(it.step(UP, 10.2)) == ["open", "cancel a"]
     assert it.step(UP, 10.3) == []
     assert it.status(NEW, [("a", RECALLING)], 10.4) == []
