@@ -43,27 +43,22 @@ def sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def download(answer: Any, place: Path, expected: str, mode: int) -> None:
-    """Read the answer into its place. FleetError, and nothing there, where it is not what was expected."""
+def fetch(open_url: Callable[[str], Any], url: str, place: Path, expected: str, mode: int) -> bool:
+    """Whether the file had to be brought. FleetError, and nothing there, where what came is not what was expected."""
+    if sha256(place) == expected:
+        return False
     part = place.with_name(f"{place.name}.part")
-    digest = hashlib.sha256()
     try:
+        answer = open_url(url)
         with part.open("wb") as file:
             for block in iter(lambda: answer.read(BLOCK), b""):
-                digest.update(block)
                 file.write(block)
-        if digest.hexdigest() != expected:
-            raise FleetError(f"it has the SHA-256 {digest.hexdigest()}, expected is {expected}")
+        came = sha256(part)
+        if came != expected:
+            raise FleetError(f"it has the SHA-256 {came}, expected is {expected}")
         part.chmod(mode)
         part.replace(place)
     finally:
         if part.exists():
             part.unlink()
-
-
-def fetch(open_url: Callable[[str], Any], url: str, place: Path, expected: str, mode: int) -> bool:
-    """Whether the file had to be brought."""
-    if sha256(place) == expected:
-        return False
-    download(open_url(url), place, expected, mode)
     return True

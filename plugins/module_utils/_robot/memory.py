@@ -11,7 +11,7 @@ is gone for certain; see `registrations`.
 from __future__ import annotations
 
 import xmlrpc.client
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Iterator, Mapping
 
 from .._ros import registrations
@@ -38,9 +38,7 @@ class Memory:
     asked: dict[str, float] = field(default_factory=dict)  # node -> when it was last asked for what is missing
     suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
     seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
-    silent: dict[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # node -> its first and last look without answer
+    silent: dict[str, tuple[float, float]] = field(default_factory=dict)  # node -> first and last look in vain
 
     # ---- what is there
 
@@ -110,16 +108,19 @@ class Memory:
             answer = answers.get(node)
             if answer is None or answer.verdict == registrations.UNKNOWN or node not in self.nodes:
                 continue
-            known = self.nodes[node]
             if restarted and answer.verdict == registrations.DEAD:
                 self.bury(node, restarted)
                 continue
-            self.nodes[node] = replace(
-                known,
-                publications=_kept(known, entry, registrations.PUBLISHER, node, restored),
-                subscriptions=_kept(known, entry, registrations.SUBSCRIBER, node, restored),
-                services=_kept(known, entry, registrations.SERVICE, node, restored),
+            known = self.nodes[node]
+            kept = (
+                {
+                    name: detail
+                    for name, detail in known.part(kind).items()
+                    if name not in entry.part(kind) or (kind, node, name) in restored
+                }
+                for kind in (registrations.PUBLISHER, registrations.SUBSCRIBER, registrations.SERVICE)
             )
+            self.nodes[node] = Entry(known.uri, known.pid, *kept)
             if self.nodes[node].empty:
                 self.forget(node)
         return plan
@@ -130,7 +131,7 @@ class Memory:
         """Nodes to look at now: registered ones, and removed ones that might come back."""
         for node in [node for node, (_entry, at) in self.removed.items() if now - at > MEMORY]:
             del self.removed[node]
-        everyone = {**{node: entry for node, (entry, _at) in self.removed.items()}}
+        everyone = {node: entry for node, (entry, _at) in self.removed.items()}
         everyone.update({node: self.nodes[node] for node in present if node in self.nodes})
         found = {}
         for node, entry in everyone.items():
@@ -197,15 +198,6 @@ class Memory:
             # without the times: no clock that nobody sets outlives a reboot
             "removed": {node: [entry.as_dict()] for node, (entry, _at) in sorted(self.removed.items())},
         }
-
-
-def _kept(known: Entry, lost: Entry, kind: str, node: str, restored: set[tuple[str, str, str]]) -> dict[str, str]:
-    """A part of a node's registrations without what was lost and could not be brought back."""
-    return {
-        name: detail
-        for name, detail in known.part(kind).items()
-        if name not in lost.part(kind) or (kind, node, name) in restored
-    }
 
 
 def from_dict(data: Any, now: float) -> Memory:

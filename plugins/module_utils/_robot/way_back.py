@@ -29,6 +29,7 @@ from .._step.objects import (
     crashes,
     error_of,
     hash_of,
+    is_in,
     name_of,
     node_of,
     revision_of,
@@ -37,7 +38,6 @@ from .._step.objects import (
     suffix_of,
 )
 from .._step.record import PROVEN, UNPROVEN, Record, answer, mark_of
-from .._step.subset import is_in
 from .._step.update_record import by_run, went_back
 from .._step.words import KEEPER, LEASE_SECONDS, SOAKING, UPDATING, WENT_BACK
 

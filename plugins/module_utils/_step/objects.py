@@ -11,6 +11,7 @@ from .._ros.graph import host_of
 from .words import APP, HANDOFF, HASH, NODE, REVISION
 
 STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
+IDENTITIES = ("name", "mountPath", "containerPort", "key")  # by which the API server knows the entries of a list
 LOST = "Unknown"  # the kubelet's reason for a container that is not there any more: its host was rebooted
 
 Object = Mapping[str, Any]
@@ -135,3 +136,24 @@ def _states(pod: Object) -> Iterator[Object]:
 
 def _containers(pod: Object) -> Sequence[Object]:
     return (pod.get("status") or {}).get("containerStatuses") or ()
+
+
+# ---- whether an object still says what was applied
+
+
+def is_in(wanted: Any, there: Any) -> bool:
+    """Whether all that is wanted is there; what is there besides are defaults, or somebody else's."""
+    if isinstance(wanted, Mapping):
+        found = there if isinstance(there, Mapping) else {}
+        return all(is_in(value, found.get(key)) for key, value in wanted.items())
+    if isinstance(wanted, (list, tuple)):
+        return _are_in(list(wanted), list(there or ()))
+    return bool((there or None) == (wanted or None))  # what is empty is left out by the API server
+
+
+def _are_in(wanted: list[Any], there: list[Any]) -> bool:
+    known = next((key for key in IDENTITIES if all(isinstance(one, Mapping) and key in one for one in wanted)), "")
+    if not (wanted and known):
+        return len(wanted) == len(there) and all(map(is_in, wanted, there))
+    found = {one.get(known): one for one in there}
+    return all(is_in(one, found.get(one[known])) for one in wanted)

@@ -27,7 +27,6 @@ from ..._ros.replies import connections
 from ..._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from ..._ros.streams import TopicStream
 from . import rules
-from .participants import Participants
 from .rules import Goal, Hold, Order, Sight
 
 TICK = 0.05
@@ -43,6 +42,27 @@ CANCEL_HEADER = dict(zip(FIELDS, (CANCEL_TYPE, CANCEL_MD5SUM, CANCEL_DEFINITION)
 
 # what a stream is for
 GOALS, TAKEN, CANCELS, STATUS = "goals", "taken", "cancels", "status"
+
+
+class Participants:
+    """By the master's word: name -> address of clients, who cancels, who publishes a status, and whole servers."""
+
+    def __init__(self, action: str, ros: Registrar, own: str) -> None:
+        state = ros.state()
+        published, subscribed = state.publishers, state.subscribers
+        names = {part: published.get(f"{action}/{part}", ()) for part in ("goal", "cancel", "status")}
+        everyone = sorted({name for found in names.values() for name in found} - {own})
+        uris = ros.addresses(everyone)[0]
+        self.clients, self.cancellers, self.status = (
+            {name: uris[name] for name in names[part] if name in uris} for part in ("goal", "cancel", "status")
+        )
+        whole = set(subscribed.get(f"{action}/goal", ())) & set(subscribed.get(f"{action}/cancel", ()))
+        self.servers = {name: uri for name, uri in self.status.items() if name in whole}
+        self.listed = own in published.get(f"{action}/goal", ())
+        self.hears = {
+            topic: set(subscribed.get(topic, ())) & set(self.clients)
+            for topic in (f"{action}/result", f"{action}/status")
+        }
 
 
 class Owner(Protocol):
