@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import keeper, keeper_memory
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import keeper
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import PERIOD
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrar import Registrar
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
@@ -28,7 +29,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import a
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import ExporterOptions, exporter_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import PROBE, master_objects
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.cluster_around import (
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     environment,
     start_server,
 )
@@ -213,7 +214,7 @@ def measure(scene: ExporterScene, seconds: float) -> dict[str, Any]:
         Row("keeper", kept, *memory_mb(keeping)),
         Row("keeper: its probes", probing(container(objects, names.KEEPER_NAME), keeping, scene.keeper_port)),
         Row("ten apps: their probes", sum(probing(container(objects, app.name), 0, 0) for app in robot.apps)),
-        Row("ten apps: what the keeper asks", one_node * APPS * 1000 / keeper_memory.PERIOD),
+        Row("ten apps: what the keeper asks", one_node * APPS * 1000 / PERIOD),
     ]
     beside = scene.start_code("sidecar").pid
     time.sleep(1)

@@ -32,9 +32,9 @@ sys.path[:0] = [str(CHECKOUT / ".ansible" / "collections")]
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.observer import Observer  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.snapshot import History, next_poll  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.judge import first_questions  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper import PROBE, Keeper  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_memory import PERIOD  # noqa: E402
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import PROBE, Keeper  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import PERIOD  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from  # noqa: E402
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import look  # noqa: E402
@@ -165,7 +165,7 @@ def keeper(uri: str) -> Look:
 
 
 def keepers_nodes(uri: str) -> Look:
-    """What the keeper asks all nodes beside its looks, every keeper_memory.PERIOD seconds."""
+    """What the keeper asks all nodes beside its looks, every memory.PERIOD seconds."""
     ros = Registrar(uri, 5.0, "/ros_keeper")
     entries = ros.snapshot()
     return lambda: ros.ask(entries, PROBE, own_word=False)

@@ -33,24 +33,27 @@ EXAMPLES = r"""
 """
 
 import time
-from typing import Any
+from typing import Any, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host, collect
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import K3sChange
-from ansible_collections.rosops.fleet.plugins.module_utils._host.network_facts import network
+from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Facts, collect
+from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT, K3sChange
+
+Arguments = Mapping[str, Any]  # a job's, from the collection's own action
 
 
-def facts(_module: AnsibleModule, arguments: dict[str, Any]) -> dict[str, Any]:
+def facts(_module: AnsibleModule, arguments: Arguments) -> Facts:
     """`arguments` are `ports` ({port, protocol} each), `reach` (host:port each), and `timeout` in seconds."""
-    began, host = time.time(), Host()
-    found = {**collect(host, arguments["ports"], arguments["reach"], arguments["timeout"]), "network": network(host)}
+    began, ports = time.time(), [(port["protocol"], port["port"]) for port in arguments["ports"]]
+    found = collect(Host(), ports, arguments["reach"], arguments["timeout"])
     # Both readings, for the action: the time in between is the module's own work, no part of the way.
     return {"changed": False, "facts": {**found, "clock": {"began": began, "ended": time.time()}}}
 
 
-def k3s_change(module: AnsibleModule, arguments: dict[str, Any]) -> dict[str, Any]:
+def k3s_change(module: AnsibleModule, arguments: Arguments) -> Facts:
     """`arguments` are the `role` and the `state`.
 
     With the state `staged` nothing is changed. `next` exchanges what is in `write` and `remove`, `previous` takes an
@@ -58,7 +61,7 @@ def k3s_change(module: AnsibleModule, arguments: dict[str, Any]) -> dict[str, An
     """
     change, state = K3sChange(module.run_command, arguments["role"]), arguments["state"]
     record = change.record()
-    changed = state in ("next", "previous") or (state == "proven" and bool(record.get("unproven")))
+    changed = state in ("next", "previous") or (state == "proven" and record.unproven)
     if not module.check_mode:
         if state == "next":
             record = change.switch(arguments["write"], arguments["remove"])
@@ -69,9 +72,9 @@ def k3s_change(module: AnsibleModule, arguments: dict[str, Any]) -> dict[str, An
             record = change.record()
     return {
         "changed": changed,
-        "staged": change.staged_version(),
-        "version": record.get("version", ""),
-        "unproven": bool(record.get("unproven")),
+        "staged": change.version(BINARY + NEXT),
+        "version": record.version,
+        "unproven": record.unproven,
         "start": change.invocation(),
     }
 

@@ -15,7 +15,6 @@ description:
     removes its files.
   - Asks what runs in pods to stop, and gives it 30 seconds before it is killed.
   - Touches nothing that is not k3s's. It refuses to delete a directory in which something is still mounted.
-  - Needs nothing but Python's standard library on the host.
 author:
   - rosops.fleet contributors (@rosops)
 options:
@@ -75,8 +74,6 @@ removed:
       elements: str
 """
 
-from typing import Any
-
 from ansible.module_utils.basic import AnsibleModule
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_remove import Remover
@@ -92,7 +89,7 @@ def main() -> None:
     )
     remover = Remover(module.run_command, module.get_bin_path, dry=module.check_mode)
     try:
-        removed: dict[str, Any] = remover.everything(module.params["volumes"], module.params["identity"])
+        removed = remover.everything(module.params["volumes"], module.params["identity"])
     except (FleetError, OSError) as error:
         module.fail_json(msg=f"k3s is not wholly removed: {error}. Running this again goes on where it ended.")
     module.exit_json(changed=any(removed.values()), removed=removed)

@@ -12,7 +12,6 @@ version_added: 1.0.0
 description:
   - Brings a file of known SHA-256, or of one that a list of sums next to it names, and puts it in place whole.
   - Proxies come as an option, so that a password in one is on no command line, as a task's C(environment) is.
-  - Needs nothing but Python's standard library on the host.
 author:
   - rosops.fleet contributors (@rosops)
 options:

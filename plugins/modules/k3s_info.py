@@ -14,7 +14,6 @@ description:
   - Reads in one call all that decides whether something must be done about k3s on a host, so that a host on which
     nothing is to be done costs one task.
   - Tokens are compared on the host and never returned.
-  - Needs nothing but Python's standard library on the host.
 author:
   - rosops.fleet contributors (@rosops)
 options:
@@ -135,11 +134,11 @@ kubeconfig_sha256:
 """
 
 import os
-from typing import Any
+from typing import Any, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host, cgroup, reach, server_url
+from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Facts, cgroup, reach, server_url
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import (
     BINARY,
     CONFIG_DIR,
@@ -162,7 +161,7 @@ ARGUMENTS = {
 KNOCK = 2.0  # seconds
 
 
-def looked(host: K3sHost, params: dict[str, Any]) -> dict[str, Any]:
+def looked(host: K3sHost, params: Mapping[str, Any]) -> Facts:
     """What the module returns."""
     role, files, servers = params["role"], params["files"], params["servers"]
     service, other = SERVICES[role], SERVICES["agent" if role == "server" else "server"]
@@ -196,9 +195,9 @@ def looked(host: K3sHost, params: dict[str, Any]) -> dict[str, Any]:
             for name, option, file in (("server", "token", "token"), ("agent", "agent_token", "agent-token"))
         },
         "server_url": server_url(host.read(f"{CONFIG_DIR}/config.yaml")),
-        "cgroup_refused": cgroup(Host(str(host.root)))["refused"],
+        "cgroup_refused": cgroup(host)["refused"],
         "answering": [server for server, knock in zip(servers, knocks) if knock["outcome"] == "open"],
-        "change": {"unproven": bool(change.get("unproven")), "version": change.get("version", "")},
+        "change": {"unproven": change.unproven, "version": change.version},
         "kubeconfig_sha256": host.describe(KUBECONFIG)["sha256"],
     }
 

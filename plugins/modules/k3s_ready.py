@@ -14,7 +14,7 @@ description:
   - Waits until the unit is up and, on a server, its API says that it is ready and etcd has given it a vote.
   - Ends at once when waiting cannot help, as with a unit that keeps ending.
   - A failure carries the last observation and the end of the unit's journal, without tokens and passwords.
-  - Needs nothing but Python's standard library on the host. Changes nothing.
+  - Changes nothing.
 author:
   - rosops.fleet contributors (@rosops)
 options:

@@ -12,14 +12,14 @@ import time
 from pathlib import Path
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.open_goals import open_goals
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.way_back import Step
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.open_goals import open_goals
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Step
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.cluster_around import (
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.cluster_around import (
     environment,
     start_server,
 )
-from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._pod.steps_left import (
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import (
     NAMESPACE,
     UPDATING,
     WENT_BACK,

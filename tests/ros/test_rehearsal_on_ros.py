@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import stand_in
+from ansible_collections.rosops.fleet.plugins.module_utils._rehearsal import stand_in
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.watcher import Watcher
 from ansible_collections.rosops.fleet.plugins.modules.ros_graph_info import INFO_ARGS, read

@@ -24,9 +24,11 @@ HOST_ROOMS: dict[str, tuple[str, ...]] = {
     "_common": (),
     "_ros": ("_common",),
     "_step": ("_common", "_ros"),
-    "_pod": ("_common", "_ros", "_step"),
-    "_exporter": ("_common", "_ros", "_step", "_pod"),
-    "_host": ("_common", "_ros", "_step", "_pod"),
+    "_pod": ("_common", "_ros"),
+    "_robot": ("_common", "_ros", "_step"),
+    "_exporter": ("_common", "_ros"),
+    "_host": ("_common", "_ros", "_step"),
+    "_rehearsal": (),
 }
 # These may import every room for hosts, too: what is applied and judged there is written here.
 CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
@@ -47,11 +49,11 @@ CONTROL_ROOMS: dict[str, tuple[str, ...]] = {
     "_rehearsal": (),
     "_report": ("_model", "_kube", "_objects", "_observability", "_update"),
 }
-POD_ROOMS = ("_common", "_ros", "_step", "_pod")  # all that goes into app pods, where nothing of Ansible's is
+POD_ROOMS = ("_common", "_ros", "_step", "_pod", "_robot")  # all that is in `rosops-code`; in a pod is no Ansible
 # What runs on the Python of an image's own ROS has that at hand, too, beside the standard library.
-ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_pod/stand_in": ("rospy", "genpy")}
+ROS_OF_THE_IMAGE = {"_pod/launch": ("rosgraph", "roslaunch", "pipes"), "_rehearsal/stand_in": ("rospy", "genpy")}
 # Part of a room -> the only file of it that the rest of the room may import.
-FENCED = {"_pod/forwarding": "calls"}
+FENCED = {"_robot/forwarding": "calls"}
 
 _FILE = re.compile(r"[a-z][a-z0-9_]*\.py")
 

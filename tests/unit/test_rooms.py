@@ -42,7 +42,7 @@ WRONG = {
     "two that do not know each other": (
         {"module_utils/_host/k3s.py": "from .._exporter.server import serve\n"},
         "plugins/module_utils/_host/k3s.py: imports plugins.module_utils._exporter.server.serve; "
-        "_host stands on _common _ros _step _pod",
+        "_host stands on _common _ros _step",
     ),
     "upward on the control node": (
         {"plugin_utils/_kube/watch.py": f"from {FULL}.plugin_utils._update.plan import Step\n"},
@@ -80,9 +80,9 @@ WRONG = {
         "plugins/module_utils/_host/facts.py: imports yaml; hosts have the standard library alone",
     ),
     "through a fence": (
-        {"module_utils/_pod/keeper.py": "from .forwarding import rules\n"},
-        "plugins/module_utils/_pod/keeper.py: imports plugins.module_utils._pod.forwarding.rules; "
-        "_pod/forwarding is entered by calls alone",
+        {"module_utils/_robot/keeper.py": "from .forwarding import rules\n"},
+        "plugins/module_utils/_robot/keeper.py: imports plugins.module_utils._robot.forwarding.rules; "
+        "_robot/forwarding is entered by calls alone",
     ),
     "a newer language": (
         {"module_utils/_ros/graph.py": "match 1:\n    case _:\n        pass\n"},

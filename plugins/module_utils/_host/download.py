@@ -1,10 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Have a file of known SHA-256 from the network, put in place whole.
-
-Runs on the host: Python 3.8 and the standard library. Whoever opens the address is handed in.
-"""
+"""Have a file of known SHA-256 from the network, put in place whole. Whoever opens the address is handed in."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ PROXY = re.compile(r"(https?|all|no)_proxy", re.IGNORECASE)
 BLOCK = 1 << 20
 
 
-def proxies(environment: Mapping[str, Any]) -> dict[str, str]:
+def proxies(environment: Mapping[str, object]) -> dict[str, str]:
     """What of a unit's environment concerns a download, in both spellings that programs read."""
     found = {str(name): str(value) for name, value in environment.items() if PROXY.fullmatch(str(name))}
     return {spelled: value for name, value in found.items() for spelled in (name.lower(), name.upper())}
@@ -46,27 +43,22 @@ def sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def download(answer: Any, place: Path, expected: str, mode: int) -> None:
-    """Read the answer into its place. FleetError, and nothing there, where it is not what was expected."""
+def fetch(open_url: Callable[[str], Any], url: str, place: Path, expected: str, mode: int) -> bool:
+    """Whether the file had to be brought. FleetError, and nothing there, where what came is not what was expected."""
+    if sha256(place) == expected:
+        return False
     part = place.with_name(f"{place.name}.part")
-    digest = hashlib.sha256()
     try:
+        answer = open_url(url)
         with part.open("wb") as file:
             for block in iter(lambda: answer.read(BLOCK), b""):
-                digest.update(block)
                 file.write(block)
-        if digest.hexdigest() != expected:
-            raise FleetError(f"it has the SHA-256 {digest.hexdigest()}, expected is {expected}")
+        came = sha256(part)
+        if came != expected:
+            raise FleetError(f"it has the SHA-256 {came}, expected is {expected}")
         part.chmod(mode)
         part.replace(place)
     finally:
         if part.exists():
             part.unlink()
-
-
-def fetch(open_url: Callable[[str], Any], url: str, place: Path, expected: str, mode: int) -> bool:
-    """Whether the file had to be brought."""
-    if sha256(place) == expected:
-        return False
-    download(open_url(url), place, expected, mode)
     return True

@@ -1,11 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a host is, read from /proc, /sys, /etc and its sockets. Reads only; judges nothing.
-
-Runs on the host: Python 3.8 and the standard library. Every file is read below `root`, so that tests can hand in a
-recorded tree of another machine.
-"""
+"""What a host is, read from /proc, /sys, /etc and its sockets. Reads only; judges nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +11,12 @@ import socket
 import struct
 import threading
 from pathlib import Path
-from typing import Any, Iterable
+from typing import Dict, Iterable
+
+from .files import UNIT_CGROUP, UNIT_DIRECTORY, Host
+from .k3s import CONFIG_DIR, DATA_DIR, SERVICES
+
+Facts = Dict[str, object]  # as they are written as JSON
 
 V2_CONTROLLERS = "/sys/fs/cgroup/cgroup.controllers"
 # where k3s's kubelet reads files of the operator's own
@@ -24,54 +25,22 @@ CGROUP_V1_ALLOWED = re.compile(r"^failCgroupV1:\s*false\b", re.MULTILINE)
 CMDLINE_FILES = ("/boot/firmware/cmdline.txt", "/boot/cmdline.txt")
 TCP_LISTEN = "0A"
 UDP_UNCONNECTED = "07"
-UNIT_CGROUP = re.compile(r"/k3s(-agent)?\.service(/|$)", re.MULTILINE)
-UNITS = ("k3s.service", "k3s-agent.service")
-UNIT_DIRECTORY = "/etc/systemd/system"
 PARENT = "/var/lib/rancher"  # on the file system that holds what k3s has
-DATA = f"{PARENT}/k3s"
+# flannel's overlay, and the sets of k3s's network policies
+MODULES = ("vxlan", "ip_set")
+POLICIES = ("/usr/share/selinux/packages/k3s.pp", "/etc/selinux/targeted/active/modules/200/k3s")
+UFW_ON = re.compile(r"^ENABLED=yes\b", re.MULTILINE)
 SERVER_URL = re.compile(r"^\s*[\"']?server[\"']?\s*:\s*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
 
-class Host:
-    """Reads of one machine's files; a file that is missing or unreadable reads as empty."""
-
-    def __init__(self, root: str = "/") -> None:
-        self.root = Path(root)
-
-    def path(self, name: str) -> Path:
-        return self.root / name.lstrip("/")
-
-    def read(self, name: str) -> str:
-        try:
-            return self.path(name).read_bytes().decode("utf-8", "replace").replace("\0", "")
-        except OSError:
-            return ""
-
-    def exists(self, name: str) -> bool:
-        try:
-            return os.path.lexists(str(self.path(name)))
-        except OSError:
-            return False
-
-    def names(self, name: str) -> list[str]:
-        try:
-            return sorted(entry.name for entry in self.path(name).iterdir())
-        except OSError:
-            return []
-
-
-def system(host: Host) -> dict[str, Any]:
+def system(host: Host) -> Facts:
     release = {}
     for line in host.read("/etc/os-release").splitlines():
         key, _sign, value = line.partition("=")
         release[key] = value.strip().strip("\"'")
-    name = os.uname()
+    name, keys = os.uname(), {"id": "ID", "version": "VERSION_ID", "name": "PRETTY_NAME"}
     return {
-        "os": {
-            "id": release.get("ID", ""),
-            "version": release.get("VERSION_ID", ""),
-            "name": release.get("PRETTY_NAME", ""),
-        },
+        "os": {ours: release.get(theirs, "") for ours, theirs in keys.items()},
         "kernel": name.release,
         "machine": name.machine,
         "hostname": name.nodename,
@@ -83,7 +52,7 @@ def system(host: Host) -> dict[str, Any]:
     }
 
 
-def cgroup(host: Host) -> dict[str, Any]:
+def cgroup(host: Host) -> Facts:
     """The controllers that are switched on, and the boot command line that could switch on more.
 
     `refused`: the kubelet of Kubernetes 1.35 and newer does not start with this version.
@@ -111,7 +80,7 @@ def memory_mb(host: Host) -> int:
     return int(found.group(1)) // 1024 if found else 0
 
 
-def disk(host: Host, directory: str) -> dict[str, Any]:
+def disk(host: Host, directory: str) -> Facts:
     """The file system that holds `directory`, or will hold it once it is made."""
     place = Path(directory)
     while not host.exists(str(place)) and place != place.parent:
@@ -143,7 +112,7 @@ def filesystem_type(mounts: str, directory: str) -> str:
     return kind
 
 
-def routes(host: Host) -> list[dict[str, Any]]:
+def routes(host: Host) -> list[Facts]:
     """The default routes, IPv4 before IPv6, best metric first."""
     found: list[tuple[int, int, str, str]] = []
     for row in (line.split() for line in host.read("/proc/net/route").splitlines()[1:]):
@@ -163,7 +132,7 @@ def mtu(host: Host, interface: str) -> int:
     return int(host.read(f"/sys/class/net/{interface}/mtu").strip() or 0)
 
 
-def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[dict[str, Any]]:
+def listening(host: Host, ports: Iterable[tuple[str, int]]) -> list[Facts]:
     """Who listens on the named (protocol, port) pairs."""
     wanted = set(ports)
     sockets: dict[str, tuple[str, int]] = {}
@@ -210,20 +179,18 @@ def server_url(config: str) -> str:
     return found.group(1) if found else ""
 
 
-def k3s_leftovers(host: Host) -> dict[str, Any]:
-    config = host.read("/etc/rancher/k3s/config.yaml")
+def k3s_leftovers(host: Host) -> Facts:
+    config = host.read(f"{CONFIG_DIR}/config.yaml")
+    there = {f"{unit}.service": f"{UNIT_DIRECTORY}/{unit}.service" for unit in SERVICES.values()}
+    units = {unit: host.read(path) for unit, path in there.items() if host.exists(path)}
     return {
         "config": bool(config),
         "server_url": server_url(config),
         "node_password": host.exists("/etc/rancher/node/password"),
-        "server_data": bool(host.names(f"{DATA}/server/db")),
-        "agent_data": host.exists(f"{DATA}/agent/client-kubelet.crt"),
-        "units": [unit for unit in UNITS if host.exists(f"{UNIT_DIRECTORY}/{unit}")],
-        "foreign_units": [
-            unit
-            for unit in UNITS
-            if host.exists(f"{UNIT_DIRECTORY}/{unit}") and "rosops.fleet" not in host.read(f"{UNIT_DIRECTORY}/{unit}")
-        ],
+        "server_data": bool(host.names(f"{DATA_DIR}/server/db")),
+        "agent_data": host.exists(f"{DATA_DIR}/agent/client-kubelet.crt"),
+        "units": list(units),
+        "foreign_units": [unit for unit, text in units.items() if "rosops.fleet" not in text],
     }
 
 
@@ -242,25 +209,63 @@ def knock(address: str, port: int, timeout: float) -> str:
     return "open"
 
 
-def reach(targets: list[str], timeout: float) -> list[dict[str, Any]]:
+def reach(targets: list[str], timeout: float) -> list[Facts]:
     """All knocks at once: three silent servers cost one time-out, not three."""
-    found = [
-        {"host": host.strip("[]"), "port": int(port)} for host, _colon, port in (t.rpartition(":") for t in targets)
-    ]
+    outcomes = ["timeout"] * len(targets)
+    places = [(host.strip("[]"), int(port)) for host, _colon, port in (target.rpartition(":") for target in targets)]
 
-    def one(target: dict[str, Any]) -> None:
-        target["outcome"] = knock(target["host"], target["port"], timeout)
+    def one(number: int) -> None:
+        outcomes[number] = knock(*places[number], timeout)
 
-    threads = [threading.Thread(target=one, args=(target,), daemon=True) for target in found]
+    threads = [threading.Thread(target=one, args=(number,), daemon=True) for number in range(len(targets))]
     for thread in threads:
         thread.start()
     for thread in threads:
         # a resolver that hangs has no time-out of its own
         thread.join(2 * timeout)
-    return [{"outcome": "timeout", **target} for target in found]
+    return [{"host": host, "port": port, "outcome": said} for (host, port), said in zip(places, outcomes)]
 
 
-def collect(host: Host, ports: list[dict[str, Any]], targets: list[str], timeout: float) -> dict[str, Any]:
+def network(host: Host) -> Facts:
+    """What stands between pods and their network: `firewalls` that are on, `selinux`, `lacking` kernel modules."""
+    return {"firewalls": firewalls(host), "selinux": selinux(host), "lacking": lacking(host, os.uname().release)}
+
+
+def firewalls(host: Host) -> list[str]:
+    """Those that drop what nobody allowed."""
+    found = ["ufw"] if UFW_ON.search(host.read("/etc/ufw/ufw.conf")) else []
+    for pid in (name for name in host.names("/proc") if name.isdigit()):
+        # a Python program: its name alone says python3
+        if "firewalld" in (host.read(f"/proc/{pid}/comm").strip(), *_words(host, pid)):
+            return [*found, "firewalld"]
+    return found
+
+
+def _words(host: Host, pid: str) -> list[str]:
+    try:
+        text = host.path(f"/proc/{pid}/cmdline").read_bytes().decode("utf-8", "replace")
+    except OSError:
+        return []
+    return [word.rpartition("/")[2] for word in text.split("\0")[:3]]
+
+
+def selinux(host: Host) -> Facts:
+    mode = {"1": "enforcing", "0": "permissive"}.get(host.read("/sys/fs/selinux/enforce").strip(), "")
+    return {"mode": mode, "policy": any(host.exists(name) for name in POLICIES)}
+
+
+def lacking(host: Host, release: str) -> list[str]:
+    """Modules that the kernel neither has nor could load. Without a list of what it has nothing is known to lack."""
+    lists = [host.read(f"/lib/modules/{release}/{name}") for name in ("modules.dep", "modules.builtin")]
+    if not any(lists):
+        return []
+    known = "\n".join(lists)
+    return [
+        name for name in MODULES if not host.exists(f"/sys/module/{name}") and not re.search(rf"/{name}\.ko\b", known)
+    ]
+
+
+def collect(host: Host, ports: Iterable[tuple[str, int]], targets: list[str], timeout: float) -> Facts:
     """Everything the verdicts of `_preflight` need, in one go."""
     return {
         **system(host),
@@ -268,7 +273,8 @@ def collect(host: Host, ports: list[dict[str, Any]], targets: list[str], timeout
         "memory_mb": memory_mb(host),
         "disk": disk(host, PARENT),
         "routes": routes(host),
-        "listening": listening(host, [(port["protocol"], port["port"]) for port in ports]),
+        "listening": listening(host, ports),
         "reach": reach(targets, timeout),
         "k3s": k3s_leftovers(host),
+        "network": network(host),
     }

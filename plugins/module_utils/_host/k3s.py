@@ -3,18 +3,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What k3s is on this host, what it was started with, and whether it serves.
 
-Runs on the host: Python 3.8 and the standard library. Decisions are functions of text; `K3sHost` is the only I/O.
+Decisions are functions of text; `K3sHost` is the only I/O.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
-from pathlib import Path
 from typing import Any, Callable, Iterable
 
 from .._common.poll import FAIL, PASS, WAIT, Seen
+from .._step.objects import Object
+from .download import sha256
+from .files import Host
 
 BINARY = "/usr/local/bin/k3s"
 CONFIG_DIR = "/etc/rancher/k3s"
@@ -68,9 +69,8 @@ def token_verdict(given: str, kept: str, cluster: str) -> str:
 
 def without_secrets(text: str, secrets: Iterable[str] = ()) -> str:
     """The text without tokens and passwords: it goes into an error message."""
-    for secret in sorted(
-        {token_password(secret) for secret in secrets if len(secret.strip()) > 3}, key=len, reverse=True
-    ):
+    known = {token_password(secret) for secret in secrets if len(secret.strip()) > 3}
+    for secret in sorted(known, key=len, reverse=True):
         text = text.replace(secret, "********")
     for form in SECRETS:
         text = form.sub(r"\g<before>********", text)
@@ -107,7 +107,7 @@ def service_verdict(shown: dict[str, str], restarts_before: int) -> Seen:
     return Seen(PASS if shown.get("ActiveState") == "active" else WAIT, f"the unit is {state}")
 
 
-def member_verdict(node: dict[str, Any]) -> Seen:
+def member_verdict(node: Object) -> Seen:
     """Whether this server has a vote in etcd. A learner has none yet: the next server must not be touched before.
 
     k3s puts the condition EtcdIsVoter on its own Node; a datastore of another kind has no such condition.
@@ -118,39 +118,21 @@ def member_verdict(node: dict[str, Any]) -> Seen:
     return Seen(PASS, "etcd member has a vote")
 
 
-class K3sHost:
-    """Reads of one host's k3s. Files are read below `root`, so tests can hand in a tree."""
+class K3sHost(Host):
+    """Reads of one host's k3s."""
 
     def __init__(self, run: Run, root: str = "/") -> None:
+        super().__init__(root)
         self.run = run
-        self.root = Path(root)
 
-    def path(self, name: str) -> Path:
-        return self.root / name.lstrip("/")
-
-    def read(self, name: str) -> str:
-        try:
-            return self.path(name).read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return ""
-
-    def describe(self, name: str) -> dict[str, Any]:
+    def describe(self, name: str) -> dict[str, object]:
         """Digest, size and mode of a file; `exists: false` and empty values for one that is not there."""
         path = self.path(name)
         try:
-            stat = path.stat()
-            digest = hashlib.sha256()
-            with path.open("rb") as file:
-                for block in iter(lambda: file.read(1 << 20), b""):
-                    digest.update(block)
+            stat, digest = path.stat(), sha256(path)
         except OSError:
             return {"exists": False, "sha256": "", "size": 0, "mode": ""}
-        return {
-            "exists": True,
-            "sha256": digest.hexdigest(),
-            "size": stat.st_size,
-            "mode": f"{stat.st_mode & 0o7777:04o}",
-        }
+        return {"exists": True, "sha256": digest, "size": stat.st_size, "mode": f"{stat.st_mode & 0o7777:04o}"}
 
     def sizes(self, directory: str) -> dict[str, int]:
         try:
@@ -158,10 +140,10 @@ class K3sHost:
         except OSError:
             return {}
 
-    def version(self) -> str:
-        if not self.path(BINARY).exists():
-            return ""
-        return version_of(self.run([str(self.path(BINARY)), "--version"])[1])
+    def version(self, binary: str = BINARY) -> str:
+        """Empty where there is none."""
+        path = self.path(binary)
+        return version_of(self.run([str(path), "--version"])[1]) if path.exists() else ""
 
     def show(self, service: str) -> dict[str, str]:
         arguments = [argument for name in SHOWN for argument in ("-p", name)]

@@ -3,10 +3,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Put a staged k3s (binary, configuration, unit) in place of the one that runs, and keep that one to go back to.
 
-Runs on the host: Python 3.8 and the standard library. What is to come lies beside its place as `<path>.next`, what was
-there stays as `<path>.previous`, and a record says which files there were and whether the change is proven. As long as
-it is not, nothing that is kept is written over: a change that was cut off, or tried again, goes back to what last
-worked. Each file is exchanged at once, so that a cut leaves whole files.
+What is to come lies beside its place as `<path>.next`, what was there stays as `<path>.previous`, and a record says
+which files there were and whether the change is proven. As long as it is not, nothing that is kept is written over: a
+change that was cut off, or tried again, goes back to what last worked. Each file is exchanged at once, so that a cut
+leaves whole files.
 """
 
 from __future__ import annotations
@@ -14,57 +14,51 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from pathlib import Path
-from typing import Any, Callable, Iterable, Mapping
+import time
+from typing import Iterable, Mapping, NamedTuple
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
-from .k3s import BINARY, DATA_DIR, ETCD, SERVICES, version_of, without_secrets
+from .k3s import BINARY, DATA_DIR, ETCD, SERVICES, K3sHost, Run, without_secrets
 
 RECORD = "/var/lib/rosops-fleet/k3s-change.json"
 NEXT, PREVIOUS = ".next", ".previous"
 SNAPSHOT = "rosops-before"
 SNAPSHOTS_KEPT = 3
 STOP_TIMEOUT = 120.0  # systemd kills after 90 s
-SQLITE = f"{DATA_DIR}/server/db/state.db"
 DATABASE = f"{DATA_DIR}/server/db"
+SQLITE = f"{DATABASE}/state.db"
 SNAPSHOTS = f"{DATABASE}/snapshots"
-DATABASE_COPY = f"{DATA_DIR}/server/db.previous"
-DATABASE_LEFT = f"{DATA_DIR}/server/db.left"  # that of a version which was taken back
-
-Run = Callable[..., Any]  # as AnsibleModule.run_command: (return code, standard output, standard error)
+DATABASE_COPY = f"{DATABASE}.previous"
+DATABASE_LEFT = f"{DATABASE}.left"  # that of a version which was taken back
 
 
-class K3sChange:
-    """Files are read and written below `root`, so tests can hand in a tree."""
+class Change(NamedTuple):
+    """The last one: `version` and `files` (path -> whether it was there) before it, and where its datastore is kept."""
+
+    version: str = ""
+    files: Mapping[str, bool] = {}
+    unproven: bool = False
+    snapshot: str = ""
+
+
+class K3sChange(K3sHost):
+    """Exchanges a host's k3s."""
 
     def __init__(self, run: Run, role: str, root: str = "/") -> None:
-        self.run = run
-        self.service = SERVICES[role]
-        self.server = role == "server"
-        self.root = Path(root)
-        self.clock: dict[str, Any] = {}  # a test's own `now` and `sleep`
+        super().__init__(run, root)
+        self.service, self.server = SERVICES[role], role == "server"
+        self.now, self.sleep = time.monotonic, time.sleep
 
-    def path(self, name: str) -> Path:
-        return self.root / name.lstrip("/")
-
-    def record(self) -> dict[str, Any]:
-        """Of the last change: `version` and `files` (path -> whether it was there) before it, `snapshot`, `unproven`.
-
-        Empty where there was none.
-        """
+    def record(self) -> Change:
+        """Empty where there was none."""
         try:
-            found: dict[str, Any] = json.loads(self.path(RECORD).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
-        return found
+            found = json.loads(self.read(RECORD))
+            return Change(**{key: found[key] for key in Change._fields if key in found})
+        except (ValueError, TypeError):
+            return Change()
 
-    def staged_version(self) -> str:
-        """The version of the staged binary; empty where none is staged."""
-        staged = self.path(BINARY + NEXT)
-        return version_of(self.run([str(staged), "--version"])[1]) if staged.exists() else ""
-
-    def switch(self, write: Iterable[str], remove: Iterable[str]) -> dict[str, Any]:
+    def switch(self, write: Iterable[str], remove: Iterable[str]) -> Change:
         """Keep what is there, exchange it, and start k3s again. FleetError before anything was exchanged."""
         coming, going = list(write), [name for name in remove if self.path(name).exists()]
         missing = [name for name in coming if not self.path(name + NEXT).exists()]
@@ -82,7 +76,7 @@ class K3sChange:
         self._start()
         return record
 
-    def back(self, datastore: bool = False) -> dict[str, Any]:
+    def back(self, datastore: bool = False) -> Change:
         """What was there before the change that is not proven, and start k3s again.
 
         With `datastore` that, too, where the change was to another minor version, or from SQLite to etcd: a k3s does
@@ -90,15 +84,15 @@ class K3sChange:
         just now, on a server that shares its datastore with no other.
         """
         record = self.record()
-        if not record.get("unproven"):
+        if not record.unproven:
             raise FleetError("there is no unproven change of k3s to go back from")
         kept = ""
-        became_etcd = record["snapshot"] == DATABASE_COPY and self.path(ETCD).exists()
-        if datastore and (became_etcd or _minor(record["version"]) != _minor(self._version())):
-            kept = record["snapshot"] if self.path(record["snapshot"]).exists() else ""
+        became_etcd = record.snapshot == DATABASE_COPY and self.path(ETCD).exists()
+        if datastore and (became_etcd or _minor(record.version) != _minor(self.version())):
+            kept = record.snapshot if self.path(record.snapshot).exists() else ""
         if kept:
             self._systemctl("stop", self.service)
-        for name, existed in record["files"].items():
+        for name, existed in record.files.items():
             if existed:
                 self._link(name + PREVIOUS, name + NEXT)
                 self.path(name + NEXT).replace(self.path(name))
@@ -117,27 +111,25 @@ class K3sChange:
         `start` names the start of the unit that was proven; FleetError if there was another one since.
         """
         record = self.record()
-        if not record.get("unproven"):
+        if not record.unproven:
             return False
         if start and self.invocation() != start:
             raise FleetError(f"{self.service} served, and has ended and started again since")
-        self._write({**record, "unproven": False})
+        self._write(record._replace(unproven=False))
         return True
 
     # --- keeping ----------------------------------------------------------------------------------------------------
 
-    def _keep(self, names: Iterable[str]) -> dict[str, Any]:
+    def _keep(self, names: Iterable[str]) -> Change:
         before = self.record()
-        open_ = bool(before.get("unproven"))
-        files: dict[str, bool] = dict(before["files"]) if open_ else {}
+        files = dict(before.files) if before.unproven else {}
         for name in (name for name in names if name not in files):
             files[name] = self.path(name).exists()
             if files[name]:
                 self._link(name, name + PREVIOUS)
-        version = before["version"] if open_ else self._version()
-        record = {"version": version, "files": files, "unproven": True, "snapshot": before.get("snapshot", "")}
-        if not open_:
-            record["snapshot"] = self._snapshot(version)
+        version = before.version if before.unproven else self.version()
+        snapshot = before.snapshot if before.unproven else self._snapshot(version)
+        record = Change(version, files, True, snapshot)
         self._write(record)
         return record
 
@@ -189,11 +181,11 @@ class K3sChange:
         if new.exists():  # rename does nothing where both names are of one file
             new.unlink()
 
-    def _write(self, record: Mapping[str, Any]) -> None:
+    def _write(self, record: Change) -> None:
         place, new = self.path(RECORD), self.path(f"{RECORD}.new")
         place.parent.mkdir(parents=True, exist_ok=True)
         with new.open("w", encoding="utf-8") as file:
-            file.write(json.dumps(record, sort_keys=True))
+            file.write(json.dumps(record._asdict(), sort_keys=True))
             file.flush()
             os.fsync(file.fileno())
         new.replace(place)
@@ -205,12 +197,15 @@ class K3sChange:
         self._systemctl("daemon-reload")
         before = self.invocation()
         self._systemctl("restart", "--no-block", self.service)
-        ended = poll(lambda: Seen(WAIT if self.invocation() == before else PASS), STOP_TIMEOUT, 0.2, **self.clock)
+        ended = poll(
+            lambda: Seen(WAIT if self.invocation() == before else PASS),
+            STOP_TIMEOUT,
+            0.2,
+            now=self.now,
+            sleep=self.sleep,
+        )
         if ended.verdict != PASS:
             raise FleetError(f"{self.service} did not stop within {STOP_TIMEOUT:g} s")
-
-    def _version(self) -> str:
-        return version_of(self.run([str(self.path(BINARY)), "--version"])[1])
 
     def invocation(self) -> str:
         """systemd's name for this one start of the unit."""

@@ -3,8 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a k3s leaves on a host beside its files: processes of pods, mounts, interfaces, firewall chains.
 
-Runs on the host: Python 3.8 and the standard library. The functions decide from text what is k3s's own; nothing else
-may be touched, whatever else runs on the robot.
+The functions decide from text what is k3s's own; nothing else may be touched, whatever else runs on the robot.
 """
 
 from __future__ import annotations
@@ -13,9 +12,10 @@ import re
 from dataclasses import dataclass
 from typing import Iterable
 
+from .files import UNIT_CGROUP
+
 # A pod's processes are children of a shim that serves k3s's own containerd; one of Docker has another socket.
 SHIM = re.compile(r"containerd-shim\S*\s.*-address\s+/run/k3s/containerd/")
-UNIT_CGROUP = re.compile(r"/k3s(-agent)?\.service(/|$)", re.MULTILINE)
 MOUNTS = re.compile(r"^(/run/k3s|/var/lib/rancher/k3s|/var/lib/kubelet|/run/netns/cni-)")
 OPERATORS_MOUNTS = ("/var/lib/rancher/k3s", "/var/lib/rancher/k3s/storage", "/var/lib/kubelet", "/run/k3s")
 INTERFACES = ("cni0", "flannel.1", "flannel-wg", "flannel-wg-v6", "flannel-v6.1", "kube-ipvs0", "kube-bridge")
@@ -62,18 +62,14 @@ def _is_k3s(process: Process) -> bool:
 
 def own_mounts(mounts: str) -> list[str]:
     """Mount points of k3s and its pods out of /proc/self/mounts, the innermost first."""
-    points = [line.split()[1].replace("\\040", " ") for line in mounts.splitlines() if len(line.split()) > 1]
     # what may have been mounted for k3s before it came stays: that is the operator's
-    found = [point for point in points if MOUNTS.match(point) and point not in OPERATORS_MOUNTS]
+    found = [point for point in _points(mounts) if MOUNTS.match(point) and point not in OPERATORS_MOUNTS]
     return sorted(found, key=lambda point: (point.count("/"), point), reverse=True)
 
 
 def own_interfaces(links: Iterable[tuple[str, str]]) -> list[str]:
     """Interfaces to delete. `links`: (name, name of its bridge). A pod's end of a pair goes with its bridge cni0."""
-    names = []
-    for name, bridge in links:
-        if name in INTERFACES or (name.startswith("veth") and bridge == "cni0"):
-            names.append(name)
+    names = [name for name, bridge in links if name in INTERFACES or (name.startswith("veth") and bridge == "cni0")]
     return sorted(names, key=lambda name: (not name.startswith("veth"), name))
 
 
@@ -84,8 +80,11 @@ def without_own_rules(saved: str) -> str:
 
 def mounts_below(mounts: str, directory: str) -> list[str]:
     """What is still mounted below a directory. Deleting would reach through it, into data that is elsewhere."""
-    points = [line.split()[1].replace("\\040", " ") for line in mounts.splitlines() if len(line.split()) > 1]
-    return [point for point in points if point.startswith(directory.rstrip("/") + "/")]
+    return [point for point in _points(mounts) if point.startswith(directory.rstrip("/") + "/")]
+
+
+def _points(mounts: str) -> list[str]:
+    return [line.split()[1].replace("\\040", " ") for line in mounts.splitlines() if len(line.split()) > 1]
 
 
 def has_own_rules(saved: str) -> bool:

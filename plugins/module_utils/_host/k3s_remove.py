@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Take k3s off a host, in an order that leaves nothing running on what goes next.
 
-Runs on the host: Python 3.8 and the standard library. What belongs to k3s is decided in `k3s_leftovers`.
+What belongs to k3s is decided in `k3s_leftovers`.
 """
 
 from __future__ import annotations
@@ -11,11 +11,14 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import time
 from pathlib import Path
 from typing import Any, Callable, Iterable
 
 from .._common.errors import FleetError
 from .._common.poll import PASS, WAIT, Seen, poll
+from .files import UNIT_DIRECTORY, Host
+from .k3s import BINARY, CONFIG_DIR, DATA_DIR, SERVICES, Run
 from .k3s_leftovers import (
     OPERATORS_MOUNTS,
     Process,
@@ -28,19 +31,17 @@ from .k3s_leftovers import (
     without_own_rules,
 )
 
-UNITS = ("k3s", "k3s-agent")
-UNIT_DIR = "/etc/systemd/system"
-BINARY = "/usr/local/bin/k3s"
+UNITS = tuple(SERVICES.values())
+# the binary, the one before it, one that was to come
+BINARIES = (f"{BINARY}.next", f"{BINARY}.previous", BINARY)
 LINKS = ("/usr/local/bin/kubectl", "/usr/local/bin/crictl", "/usr/local/bin/ctr")
-DATA = "/var/lib/rancher/k3s"
 STORAGE = "storage"
-CONFIG = "/etc/rancher/k3s"
 OURS = (
     "/run/rosops-fleet-k3s.started",
     "/run/rosops-fleet-k3s-agent.started",
     "/var/lib/rosops-fleet/log-shipper",
     "/var/lib/rosops-fleet/k3s-change.json",
-    *(f"{UNIT_DIR}/{unit}.service{kept}" for unit in UNITS for kept in (".next", ".previous")),
+    *(f"{UNIT_DIRECTORY}/{unit}.service{kept}" for unit in UNITS for kept in (".next", ".previous")),
 )
 # Other Kubernetes have these places, too, and other container engines the directories around them. So they go only from
 # a host on which k3s is, and before what shows that it is: a removal that was cut off is gone on with.
@@ -59,34 +60,28 @@ STOP_TIMEOUT = 30.0  # what a pod has to stop by itself if it says nothing
 END_TIMEOUT = 10.0
 
 
-class Remover:
+class Remover(Host):
     """Every step returns what it found; with `dry` that is all it does."""
 
-    def __init__(self, run: Callable[..., Any], find: Callable[[str], str | None], dry: bool, root: str = "/") -> None:
-        self.run = run
-        self.find = find
-        self.dry = dry
-        self.root = Path(root)
+    def __init__(self, run: Run, find: Callable[[str], str | None], dry: bool, root: str = "/") -> None:
+        super().__init__(root)
+        self.run, self.find, self.dry = run, find, dry
         self.kill: Callable[[int, int], None] = os.kill
-        self.clock: dict[str, Any] = {}  # a test's own `now` and `sleep`
+        self.now, self.sleep = time.monotonic, time.sleep
 
     def everything(self, volumes: bool, identity: bool) -> dict[str, list[Any]]:
         installed = self.installed()
-        units = self.units()
         removed: dict[str, list[Any]] = {
-            "units": units,
+            "units": self.units(),
             "processes": self.processes(),
             "mounts": self.mounts(),
             "interfaces": self.interfaces(),
             "firewalls": self.firewalls(),
             "paths": self.paths(volumes, identity, installed),
         }
-        if units and not self.dry:
+        if removed["units"] and not self.dry:
             self.must("systemctl", "daemon-reload")
         return removed
-
-    def path(self, name: str) -> Path:
-        return self.root / name.lstrip("/")
 
     def must(self, *command: str, data: str | None = None) -> str:
         code, out, err = self.run(list(command), data=data)
@@ -96,29 +91,27 @@ class Remover:
 
     def units(self) -> list[str]:
         """Stop and delete the units: nothing may start a pod again."""
-        found = [unit for unit in UNITS if self.path(f"{UNIT_DIR}/{unit}.service").exists()]
+        found = [unit for unit in UNITS if self.path(f"{UNIT_DIRECTORY}/{unit}.service").exists()]
         for unit in found if not self.dry else []:
             self.must("systemctl", "disable", "--now", f"{unit}.service")
-            self.path(f"{UNIT_DIR}/{unit}.service").unlink()
+            self.path(f"{UNIT_DIRECTORY}/{unit}.service").unlink()
         return found
 
     def installed(self) -> bool:
         """Whether k3s is on this host, or what a removal that was cut off has left of it."""
-        signs = [*(f"{UNIT_DIR}/{unit}.service" for unit in UNITS), CONFIG, BINARY]
+        signs = [*(f"{UNIT_DIRECTORY}/{unit}.service" for unit in UNITS), CONFIG_DIR, BINARY]
         return any(self.path(name).exists() for name in signs) or bool(self.data_paths(volumes=False))
 
     def running(self) -> list[Process]:
         listed = []
         for entry in (entry for entry in self.path("/proc").iterdir() if entry.name.isdigit()):
             try:
-                parent = int(
-                    (entry / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[1]
-                )
-                command = (entry / "cmdline").read_text(encoding="utf-8", errors="replace").replace("\0", " ")
-                cgroup = (entry / "cgroup").read_text(encoding="utf-8", errors="replace")
+                texts = [(entry / name).read_bytes() for name in ("stat", "cmdline", "cgroup")]
             except OSError:
                 continue  # ended while we looked
-            listed.append(Process(int(entry.name), parent, command, cgroup))
+            stat, command, cgroup = (text.decode("utf-8", "replace") for text in texts)
+            parent = int(stat.rpartition(")")[2].split()[1])
+            listed.append(Process(int(entry.name), parent, command.replace("\0", " "), cgroup))
         return listed
 
     def processes(self) -> list[int]:
@@ -130,14 +123,14 @@ class Remover:
         if not found or self.dry:
             return found
         self.send(in_pods(self.running()), signal.SIGTERM)
-        poll(lambda: Seen(WAIT if in_pods(self.running()) else PASS), STOP_TIMEOUT, 0.1, **self.clock)
+        poll(lambda: Seen(WAIT if in_pods(self.running()) else PASS), STOP_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
 
         def end() -> Seen:
             left = own_processes(self.running())
             self.send(left, signal.SIGKILL)
             return Seen(WAIT if left else PASS, left)
 
-        polled = poll(end, END_TIMEOUT, 0.1, **self.clock)
+        polled = poll(end, END_TIMEOUT, 0.1, now=self.now, sleep=self.sleep)
         if polled.verdict != PASS:
             raise FleetError(f"processes {polled.last} do not end")
         return found
@@ -190,7 +183,7 @@ class Remover:
         found = [name for name in [*OURS, *places] if self.removable(name)]
         found += [name for name in LINKS if self.links_to_k3s(name)]
         found += self.data_paths(volumes)
-        found += [name for name in (CONFIG, *self.binaries()) if self.removable(name)]
+        found += [name for name in (CONFIG_DIR, *BINARIES) if self.removable(name)]
         if identity and self.path(IDENTITY).exists():
             found.append(IDENTITY)
         for name in found if not self.dry else []:
@@ -200,10 +193,6 @@ class Remover:
     def cni_results(self) -> list[str]:
         """What the CNI plugins remember of k3s's network; that of other engines is beside it."""
         return sorted(f"{CNI_RESULTS}/{path.name}" for path in self.path(CNI_RESULTS).glob("cbr0-*"))
-
-    def binaries(self) -> list[str]:
-        """The binary, the one before it, one that was to come."""
-        return [f"{BINARY}.next", f"{BINARY}.previous", BINARY]
 
     def removable(self, name: str) -> bool:
         """Whether it is there; a mount point of the operator's counts only with something in it."""
@@ -216,13 +205,13 @@ class Remover:
 
     def data_paths(self, volumes: bool) -> list[str]:
         """The data directory piece by piece if the volumes stay, so that theirs is never touched."""
-        data = self.path(DATA)
+        data = self.path(DATA_DIR)
         if not data.exists():
             return []
         names = sorted(entry.name for entry in data.iterdir())
         if not volumes and STORAGE in names:
-            return [f"{DATA}/{name}" for name in names if name != STORAGE]
-        return [DATA] if self.removable(DATA) else []
+            return [f"{DATA_DIR}/{name}" for name in names if name != STORAGE]
+        return [DATA_DIR] if self.removable(DATA_DIR) else []
 
     def kept_by_operator(self, name: str) -> bool:
         """Whether it is a mount point of the operator's: emptied, not deleted."""
@@ -233,11 +222,8 @@ class Remover:
         if path.is_symlink() or not path.is_dir():
             path.unlink()
             return
-        below = [
-            point
-            for point in mounts_below(self.path("/proc/self/mounts").read_text(encoding="utf-8"), name)
-            if point not in OPERATORS_MOUNTS
-        ]
+        mounted = mounts_below(self.path("/proc/self/mounts").read_text(encoding="utf-8"), name)
+        below = [point for point in mounted if point not in OPERATORS_MOUNTS]
         if below:
             raise FleetError(f"{', '.join(below)} is still mounted below {name}")
         if self.kept_by_operator(name):

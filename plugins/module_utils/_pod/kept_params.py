@@ -14,7 +14,9 @@ from __future__ import annotations
 import copy
 import re
 from dataclasses import dataclass, field
-from typing import Any, Collection, Iterable, Iterator, Mapping
+from typing import Any, Collection, Dict, Iterable, Iterator
+
+Values = Dict[str, Any]  # of parameters, by name; a mapping is a namespace
 
 PRIVATE = "~"
 _REVISION = re.compile(r"_[0-9a-f]{8}")
@@ -49,7 +51,7 @@ class Space:
 
     own: str
     revision: str
-    tree: Mapping[str, Any]  # its parameters
+    tree: Values  # its parameters
     registered: Collection[str]  # its nodes
 
     @property
@@ -92,7 +94,7 @@ class Space:
         why = f"none is kept of {', '.join(left)}, as each may be the version before"
         return Source(doubt=why if left else "")
 
-    def found(self, keep: Iterable[str], source: Source) -> dict[str, Any]:
+    def found(self, keep: Iterable[str], source: Source) -> Values:
         """Whole name, but for the namespace, -> value of the private ones: as this version left them, or the source."""
         found = {}
         for name in _private(keep):
@@ -116,11 +118,11 @@ class Space:
         whole = all(any(_below(leaf, name) for name in taken) for leaf in leaves)
         return [*spent, *([f"{node}{_PLACE}"] if whole else taken)]
 
-    def claim(self, keep: Iterable[str]) -> dict[str, Any]:
+    def claim(self, keep: Iterable[str]) -> Values:
         """What tells the versions beside it that it has taken theirs over."""
         return {f"{self.place}/{_NAMES}": _private(keep)} if self.own != self.base else {}
 
-    def left(self, keep: Iterable[str]) -> dict[str, Any]:
+    def left(self, keep: Iterable[str]) -> Values:
         """Name -> value of what stays when this version ends: what none has taken over that is at work."""
         claims = [value_at(self.tree, f"{name}{_PLACE}/{_NAMES}") for name in self.at_work]
         taken = [full(name, "") for claim in claims if isinstance(claim, list) for name in claim]
@@ -136,7 +138,7 @@ class Space:
 class Merged:
     """What is set, whole name -> value; names where that is not what the inventory says; why others are not kept."""
 
-    values: dict[str, Any]
+    values: Values
     kept: list[str] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
 
@@ -145,7 +147,7 @@ class Merged:
         return not any(_below(name, one) or _below(one, name) for one in self.refused)
 
 
-def merge(given: Mapping[str, Any], found: Mapping[str, Any], own: str) -> Merged:
+def merge(given: Values, found: Values, own: str) -> Merged:
     """The inventory's parameters, and over them those that were found; both whole name -> value.
 
     What the inventory does not name is set besides where it is private to the node. What is everybody's is there.
@@ -172,9 +174,9 @@ def _below(name: str, other: str) -> bool:
     return f"{name}/".startswith(f"{other}/")
 
 
-def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
+def tree_of(values: Values) -> Values:
     """As the server makes it of them, one set after the other."""
-    root: dict[str, Any] = {}
+    root: Values = {}
     for name, value in values.items():
         *spaces, last = _words(name)
         space = root

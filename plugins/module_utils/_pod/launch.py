@@ -156,7 +156,7 @@ def arguments_of(node, full, names, resolve):
 
 
 def conflicts(wanted, there, names):
-    # type: (Mapping[str, Any], Any, Names) -> List[str]
+    # type: (Mapping[str, object], Any, Names) -> List[str]
     """Parameters that the version before reads, too, and that this launch file would change under it."""
     found = []
     for name in sorted(wanted):

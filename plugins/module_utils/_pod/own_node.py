@@ -15,25 +15,21 @@ import socket
 import xmlrpc.client
 from functools import partial
 from pathlib import Path
-from typing import Any, Iterable, Iterator, Mapping
+from typing import Iterable, Iterator, Mapping, Sequence
 from urllib.parse import urlsplit
 
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
 from .._ros.graph import MasterState, Node, Questions, Service, StatusReading, host_of
+from .._ros.keeper_client import KeeperCalls
 from .._ros.replies import connections
 from .._ros.rpc import Api, Deadline, in_parallel, reason, tell_publishers
 from .calls import calls_under_way
-from .state import load_state, save_state
+from .params import forget
+from .state import CALLER, TIMEOUT, Settings, State, load_state, ros_of, save_state
 
-TIMEOUT = 2.0
-CALLER = "/rosops_fleet_pod"
 ESTABLISHED, LISTEN = "01", "0A"  # Linux, include/net/tcp_states.h
 REPLY = 0.02  # s for an answer to a shutdown; what is sent by then is read, whatever becomes of us
-
-
-def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> Ros1Client:
-    return Ros1Client(environ.get("ROS_MASTER_URI", "http://localhost:11311"), timeout, CALLER)
 
 
 def is_here(uri: str) -> bool:
@@ -47,22 +43,21 @@ def is_here(uri: str) -> bool:
     return True
 
 
-def state_of(node: Node, services: Mapping[str, str]) -> dict[str, Any]:
+def state_of(node: Node, services: Mapping[str, str]) -> State:
     """What later calls need to know without a master."""
-    return {"node": node.name, "uri": node.uri, "pid": node.pid, "services": dict(services)}
+    return State(node.uri, node.pid, services)
 
 
-def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
+def find_node(settings: Settings, seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
     """The own node where an earlier call found it, else where the master says; or why there is none.
 
     `seconds` is for each that is asked. A node that does not answer in them may be at work: only one whose port is
     closed is down.
     """
-    name = settings["node"]
-    known = load_state(name)
-    if known.get("uri"):
-        node = OwnNode(name, known["uri"], known.get("services") or {})
-        if node.process(seconds) == known.get("pid"):
+    name, known = settings.node, load_state(settings.node)
+    if known.uri:
+        node = OwnNode(name, known.uri, known.services, settings)
+        if node.process(seconds) == known.pid:
             return node, ""
     ros = ros_of(os.environ, seconds)
     try:
@@ -81,23 +76,23 @@ def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[Ow
     uris = service_uris(graph.services, services)
     if found.reachable:
         save_state(name, state_of(found, uris))
-    return OwnNode(name, found.uri, uris), ""
+    return OwnNode(name, found.uri, uris, settings), ""
 
 
-def names_here(ros: Ros1Client, settings: Mapping[str, Any], state: MasterState) -> dict[str, str]:
+def names_here(ros: Ros1Client, settings: Settings, state: MasterState) -> dict[str, str]:
     """Name -> address of all nodes that are registered from this pod. None of them is asked."""
-    space = settings.get("space", "").rstrip("/")
-    known = ros.addresses([name for name in state.nodes() if name.startswith(f"{space}/")])[0]
+    space = f"{settings.space.rstrip('/')}/"
+    known = ros.addresses([name for name in state.nodes() if name.startswith(space)])[0]
     places = {host_of(uri): uri for uri in known.values()}
     # all at once, and not for ever: a robot that is away from its resolver looks laptops' names up in vain
     here = in_parallel({host: partial(is_here, uri) for host, uri in places.items()}, ros.timeout, lambda *_: False)
     found = {name: uri for name, uri in known.items() if here[host_of(uri)]}
-    if settings.get("host_network"):  # then the address is that of others, too
+    if settings.host_network:  # then the address is that of others, too
         return {name: uri for name, uri in found.items() if listens_here(urlsplit(uri).port or 0)}
     return found
 
 
-def nodes_here(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
+def nodes_here(settings: Settings, seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
     """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
     ros = ros_of(os.environ, seconds)
     try:
@@ -109,7 +104,7 @@ def nodes_here(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[l
         asked = ros.ask(state, Questions({}, tuple(name for names in services.values() for name in names))).services
     except RosError as error:
         return [], str(error)
-    nodes = [OwnNode(name, found.node(name).uri, service_uris(asked, services[name])) for name in here]
+    nodes = [OwnNode(name, found.node(name).uri, service_uris(asked, services[name]), settings) for name in here]
     return nodes, "" if nodes else "no node is registered from this pod's address"
 
 
@@ -127,17 +122,15 @@ def listens_here(port: int, proc: Path = Path("/proc")) -> bool:
     return False
 
 
-def service_uris(found: Mapping[str, Service], names: tuple[str, ...]) -> dict[str, str]:
+def service_uris(found: Mapping[str, Service], names: Iterable[str]) -> dict[str, str]:
     return {name: found[name].said.uri for name in names if found[name].said.uri}
 
 
 class OwnNode:
-    """A living node of this pod."""
+    """A living node of this pod, and what is done to it, each within so many seconds."""
 
-    def __init__(self, name: str, uri: str, services: Mapping[str, str]) -> None:
-        self.name = name
-        self.uri = uri
-        self.services = services
+    def __init__(self, name: str, uri: str, services: Mapping[str, str], settings: Settings) -> None:
+        self.name, self.uri, self.services, self.settings = name, uri, services, settings
 
     def _api(self, seconds: float) -> Api:
         return Api(self.uri, CALLER, Deadline(seconds))
@@ -150,8 +143,9 @@ class OwnNode:
         except Exception:  # whatever answers there is not our node
             return None
 
-    def unregister(self, ros: Ros1Client) -> None:
+    def unregister(self, seconds: float = TIMEOUT) -> None:
         """Take everything of it out of the master. That compares addresses, so nobody else's registration is meant."""
+        ros = ros_of(os.environ, seconds / 2)  # a question, and what follows from it
         state = ros.state()
         name, uri = self.name, self.uri
         calls = [("unregisterService", name, *one) for one in self.services.items() if one[0] in state.services]
@@ -159,22 +153,31 @@ class OwnNode:
         calls += [("unregisterSubscriber", name, topic, uri) for topic in state.of(name, state.subscribers)]
         ros.calls(calls)
 
-    def actions(self, ros: Ros1Client, expected: list[str]) -> list[str]:
+    def forget(self, seconds: float = TIMEOUT) -> None:
+        """Take its parameters off the server."""
+        forget(self.settings, seconds)
+
+    def hand_over(self, seconds: float = TIMEOUT) -> str:
+        """Have the keeper take what it has latched; why not all of it."""
+        keeper = self.settings.keeper
+        return KeeperCalls(keeper, CALLER).keep_latched(self.name, self.uri, seconds) if keeper else ""
+
+    def actions(self, seconds: float = TIMEOUT) -> Sequence[str]:
         """The actions that it serves: as the graph shows it, or as expected where there is no master to ask."""
         try:
-            state = ros.state()
+            state = ros_of(os.environ, seconds).state()
         except RosError:
-            return expected
+            return self.settings.actions
         published = state.of(self.name, state.publishers)
         names = [topic[: -len("/status")] for topic in published if topic.endswith("/status")]
         return [name for name in names if self.name in state.subscribers.get(f"{name}/goal", ())]
 
-    def status(self, ros: Ros1Client, action: str) -> StatusReading:
+    def status(self, action: str, seconds: float = TIMEOUT) -> StatusReading:
         """Two statuses of an action that it serves, read from itself."""
         try:
-            return ros.status(action, self.uri)
+            return ros_of(os.environ, seconds).status(action, self.uri)
         except Exception as error:
-            return StatusReading(error=reason(error, self.uri, ros.timeout))
+            return StatusReading(error=reason(error, self.uri, seconds))
 
     def isolate(self, action: str, seconds: float = TIMEOUT) -> None:
         """Cut it off from everybody who sends it goals: as if the master had said that nobody does."""

@@ -13,32 +13,26 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Iterable, Mapping, Sequence
 
 from .._common.errors import RefusalError, RosError
-from .kept_params import PRIVATE, Space, full, merge
-from .own_node import CALLER, ros_of
-from .state import load_settings
-
-TYPE_CHECKING = False  # typing's own costs its import
-if TYPE_CHECKING:
-    from typing import Any, Iterable, Mapping, Sequence
-
-    from .._ros.client import Ros1Client
+from .._ros.client import Ros1Client
+from .kept_params import PRIVATE, Space, Values, full, merge
+from .state import CALLER, Settings, load_settings, ros_of
 
 SECONDS = 5.0  # for the master
 
 
-def assignments(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Whole name -> value."""
-    return {full(name, settings["node"]): value for name, value in settings.get("params", {}).items()}
+def assignments(settings: Settings) -> Values:
+    return {full(name, settings.node): value for name, value in settings.params.items()}
 
 
-def leavings(settings: Mapping[str, Any], revision: str) -> list[str]:
+def leavings(settings: Settings, revision: str) -> list[str]:
     """What has to go with the node: names of parameters, or of a namespace of them."""
-    node = settings["node"]
+    node = settings.node
     if revision and node.endswith(f"_{revision}"):
         return [node]
-    return [full(name, node) for name in settings.get("params", {}) if name.startswith(PRIVATE)]
+    return [full(name, node) for name in settings.params if name.startswith(PRIVATE)]
 
 
 def set_all(environ: Mapping[str, str]) -> str:
@@ -48,7 +42,7 @@ def set_all(environ: Mapping[str, str]) -> str:
     spent: list[str] = []
     try:
         ros = ros_of(environ, SECONDS)
-        if settings.get("keep_params"):
+        if settings.keep_params:
             wanted, spent = _with_kept(wanted, settings, environ.get("ROSOPS_REVISION", ""), ros)
         results = ros.calls([*_deletions(spent), *(("setParam", CALLER, *one) for one in wanted.items())])
     except RosError as error:
@@ -57,16 +51,16 @@ def set_all(environ: Mapping[str, str]) -> str:
     return "; ".join(f"{name}: {result}" for name, result in set_ones if isinstance(result, RosError))
 
 
-def forget(settings: Mapping[str, Any], seconds: float) -> None:
+def forget(settings: Settings, seconds: float) -> None:
     """Take them off the server. What is not there is no error: most nodes have none."""
-    revision, keep = os.environ.get("ROSOPS_REVISION", ""), settings.get("keep_params", [])
+    revision, keep = os.environ.get("ROSOPS_REVISION", ""), settings.keep_params
     names = leavings(settings, revision)
-    left: dict[str, Any] = {}
+    left: Values = {}
     if any(name.startswith(PRIVATE) for name in keep):
         seconds /= 2  # a question, and what follows from it
-        space, _public = _look(ros_of(os.environ, seconds), settings["node"], revision, [])
-        names.append(_whole(space.place, settings["node"]))
-        left = {_whole(name, settings["node"]): value for name, value in space.left(keep).items()}
+        space, _public = _look(ros_of(os.environ, seconds), settings.node, revision, [])
+        names.append(_whole(space.place, settings.node))
+        left = {_whole(name, settings.node): value for name, value in space.left(keep).items()}
     if names:
         ros_of(os.environ, seconds).calls([*_deletions(names), *(("setParam", CALLER, *one) for one in left.items())])
 
@@ -80,11 +74,9 @@ def _whole(name: str, node: str) -> str:
     return f"{node.rpartition('/')[0]}/{name}"
 
 
-def _with_kept(
-    given: Mapping[str, Any], settings: Mapping[str, Any], revision: str, ros: Ros1Client
-) -> tuple[dict[str, Any], list[str]]:
+def _with_kept(given: Values, settings: Settings, revision: str, ros: Ros1Client) -> tuple[Values, list[str]]:
     """What is to be set, and what is to be taken away before; the log is told where the inventory does not decide."""
-    node, keep = settings["node"], settings["keep_params"]
+    node, keep = settings.node, settings.keep_params
     space, public = _look(ros, node, revision, [name for name in keep if not name.startswith(PRIVATE)])
     source = space.source()
     found = {_whole(name, node): value for name, value in space.found(keep, source).items()}
@@ -101,7 +93,7 @@ def _with_kept(
     return {**merged.values, **claim}, [_whole(name, node) for name in space.spent(taken, source)]
 
 
-def _look(ros: Ros1Client, node: str, revision: str, public: Sequence[str]) -> tuple[Space, dict[str, Any]]:
+def _look(ros: Ros1Client, node: str, revision: str, public: Sequence[str]) -> tuple[Space, Values]:
     """The node's namespace as the server has it, and those of these parameters that are there."""
     parent, _slash, own = node.rpartition("/")
     names = [parent or "/", *public]

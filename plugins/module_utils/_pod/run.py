@@ -21,7 +21,7 @@ COMMANDS = {
     "started": "_pod.started",
     "stop": "_pod.stop",
     "sidecar": "_pod.sidecar",
-    "keeper": "_pod.keeper_main",
+    "keeper": "_robot.main",
     "exporter": "_exporter.main",
 }
 LONG_LIVED = ("keeper", "exporter")

@@ -30,8 +30,8 @@ from .._step.words import CONTRACT
 from .command import run_command
 from .judge import Gap, Wanted, check_rates, check_sums, first_questions, forgiven, gaps, judge, least_rates
 from .launch import MANAGER
-from .own_node import is_here, names_here, ros_of, service_uris, state_of
-from .state import load_settings, load_state, save_state
+from .own_node import is_here, names_here, service_uris, state_of
+from .state import Settings, State, load_settings, load_state, ros_of, save_state
 
 HERE = Path(__file__).parent
 SECONDS = 10.0  # of looking in one call, before a reason is given
@@ -44,12 +44,12 @@ COMMAND_TIMEOUT = 5.0
 
 def main(_words: list[str]) -> int:
     settings = load_settings(os.environ)
-    before = load_state(settings["node"])
+    before = load_state(settings.node)
     ros = ros_of(os.environ)
     outside = Outside(run_command, partial(names_here, ros, settings), partial(children, ros))
     reason = started(settings, before, ros, outside)
     if reason:
-        save_state(settings["node"], {"failed": reason})
+        save_state(settings.node, State(failed=reason))
         sys.stdout.write(f"{reason}\n")
     return 1 if reason else 0
 
@@ -65,10 +65,10 @@ class Outside:
     sleep: Callable[[float], None] = time.sleep
 
 
-def started(settings: Mapping[str, Any], before: Mapping[str, Any], ros: Backend, outside: Outside) -> str:
+def started(settings: Settings, before: State, ros: Backend, outside: Outside) -> str:
     """Why the app is not ready, beginning with how bad that is; or nothing. `before`: what the last call left."""
     look = Starting(settings, ros, outside)
-    patient = bool(before.get("failed"))
+    patient = bool(before.failed)
 
     def probe() -> Seen:
         checks = look()
@@ -112,7 +112,7 @@ def _fallen(child: Child, said: str) -> Check:
 class Starting:
     """One look after the other, and what has to be remembered between them."""
 
-    def __init__(self, settings: Mapping[str, Any], ros: Backend, outside: Outside) -> None:
+    def __init__(self, settings: Settings, ros: Backend, outside: Outside) -> None:
         self.settings, self.ros, self.outside, self.now = settings, ros, outside, outside.now
         self.registered: Any = None
         self.since = 0.0
@@ -123,12 +123,12 @@ class Starting:
 
     def __call__(self) -> list[Check]:
         # first the command: what the app registered before it agreed is in the graph that is looked at then
-        command = self.settings["command"]
+        command = self.settings.command
         reason = self.outside.run(command, COMMAND_TIMEOUT) if command else ""
         checks = [Check("command", "readiness", WAIT, reason)] if reason else []
         # read at every look: an update's contract may come to the pod after it has started
         contract = load_contract(os.environ)
-        if not (self.settings["expect_node"] or self.settings.get("launch") or contract):
+        if not (self.settings.expect_node or self.settings.launch or contract):
             return checks
         try:
             return [*self._graph(contract, not checks), *checks]
@@ -143,7 +143,7 @@ class Starting:
         found, lacking = self._own(state)
         if lacking:
             return lacking
-        wanted = Wanted(found, contract, self.settings["min_rates"])
+        wanted = Wanted(found, contract, self.settings.min_rates)
         began = self.now()
         graph = self.ros.ask(state, first_questions(state, found))
         own = [graph.node(name) for name in found]
@@ -153,28 +153,28 @@ class Starting:
             return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
         graph = self.silence.noted(self._peers(state, graph, found), began)
         checks = judge(graph, wanted, self._forgiving(graph, wanted))
-        checks += self._settled(own) if not (wanted.contract or self.settings["command"]) else []
+        checks += self._settled(own) if not (wanted.contract or self.settings.command) else []
         if whole and all(check.verdict == PASS for check in checks):
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
-            if self.settings["expect_node"] and all(check.verdict == PASS for check in checks):
+            if self.settings.expect_node and all(check.verdict == PASS for check in checks):
                 save_state(own[0].name, state_of(own[0], service_uris(graph.services, own[0].services)))
         return checks
 
     def _own(self, state: MasterState) -> tuple[tuple[str, ...], list[Check]]:
         """The own nodes, or what is waited for: the one of the app's name, or all that its launch file started."""
-        if self.settings["expect_node"]:
-            node = self.settings["node"]
+        if self.settings.expect_node:
+            node = self.settings.node
             there = node in state.nodes()
             return (node,), [] if there else [Check("node", node, WAIT, "not registered with the master")]
         found = tuple(name for name in sorted(self.outside.here(state)) if not is_tool(name))
         if not found:
-            return (), [Check("node", self.settings["app"], WAIT, "none is registered from this pod's address")]
+            return (), [Check("node", self.settings.app, WAIT, "none is registered from this pod's address")]
         return found, self._misplaced(state, found)
 
     def _misplaced(self, state: MasterState, own: Iterable[str]) -> list[Check]:
         """Private names of this version alone: the launcher is about to give them the place that others know."""
         suffix = f"_{os.environ.get('ROSOPS_REVISION', '')}"
-        renamed = [node for node in own if node.endswith(suffix) and self.settings.get("launch") == "overlap"]
+        renamed = [node for node in own if node.endswith(suffix) and self.settings.launch == "overlap"]
         named = (name for part in (state.publishers, state.subscribers, state.services) for name in part)
         kept = {f"{node}/{word}" for node in renamed for word in MANAGER}
         loose = [name for name in sorted({*named} - kept) if any(name.startswith(f"{node}/") for node in renamed)]
@@ -187,7 +187,7 @@ class Starting:
         One that it does not start again is the end of this version. They are asked for `now`, or once a second.
         """
         # with the host's network the address is others', too
-        alone = self.settings.get("launch") and not self.settings.get("host_network")
+        alone = self.settings.launch and not self.settings.host_network
         due = now or self.fallen_at is None or self.now() - self.fallen_at >= CHILDREN_INTERVAL
         if alone and due:
             hosts = {host_of(uri) for uri in self.outside.here(state).values()}
@@ -213,12 +213,9 @@ class Starting:
         registered = [(node.name, node.publications, node.subscriptions, node.services) for node in own]
         if registered != self.registered:
             self.registered, self.since = registered, self.now()
-        if self.now() - self.since < self._settling():
+        if self.now() - self.since < (SETTLE_LAUNCH if self.settings.launch else SETTLE):
             return [Check("node", registered[0][0], WAIT, "it has only just registered what it has")]
         return []
-
-    def _settling(self) -> float:
-        return SETTLE_LAUNCH if self.settings.get("launch") else SETTLE
 
     def _streams(self, graph: Graph, own: Sequence[Node], wanted: Wanted) -> list[Check]:
         """What the nodes say of their topics, and their rates, as these nodes alone publish them."""

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the code in a pod knows: the app's settings, as they come with its revision, and what an earlier call left."""
+"""What the code in a pod knows: the app's settings, what an earlier call left, and where its master is."""
 
 # importing pathlib would cost as much as all the rest of a call:
 # ruff: noqa: PTH103, PTH105, PTH123
@@ -9,33 +9,59 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, Dict, Mapping, Sequence, TypeVar
 
+from .._ros.client import Ros1Client
 from .._ros.names import resolve
 
-TYPE_CHECKING = False  # typing's own costs its import
-if TYPE_CHECKING:
-    from typing import Any, Mapping
-
 SCRATCH = f"/tmp/rosops-fleet-{os.getuid()}"  # noqa: S108
-DEFAULTS = {"actions": [], "stop_deadline": 20, "command": None, "min_rates": {}, "keeper": None}
+CALLER = "/rosops_fleet_pod"
+TIMEOUT = 2.0
+Document = Dict[str, Any]  # what a file, or a variable of the environment, says as JSON
+Said = TypeVar("Said")
 
 
-def load_settings(environ: Mapping[str, str]) -> dict[str, Any]:
-    """The app's settings, with its node's full name as `node`.
+@dataclass(frozen=True)
+class Settings:
+    """Of the app, as `pod_settings.py` of the control node writes them; names are whole ones of this revision."""
 
-    Without any, the node is looked for where the environment says, and nothing more.
-    """
+    node: str
+    expect_node: bool = False  # the app's node has that name; others are found by the pod's address
+    app: str = ""
+    actions: Sequence[str] = ()
+    stop_deadline: float = 20
+    command: list[str] | None = None
+    min_rates: Mapping[str, float] = field(default_factory=dict)
+    keeper: str | None = None
+    host_network: bool = False
+    space: str = ""  # the robot's namespace on a master that robots share
+    launch: str = ""  # the handoff of an app that is a launch file
+    params: Mapping[str, Any] = field(default_factory=dict)
+    keep_params: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class State:
+    """What an earlier call found out: where the app's node is, for calls without a master, or why it was not ready."""
+
+    uri: str = ""
+    pid: int | None = None
+    services: Mapping[str, str] = field(default_factory=dict)
+    failed: str = ""
+
+
+def load_settings(environ: Mapping[str, str]) -> Settings:
+    """Without any, the node is looked for where the environment says, and nothing more."""
     name = environ.get("ROSOPS_NODE_NAME", "")
-    found = _mapping(environ.get("ROSOPS_SETTINGS", ""))
-    if not found:
+    found = _as(Settings, {"node": "", **_mapping(environ.get("ROSOPS_SETTINGS", ""))})
+    if not found.node:
         node = f"{environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
-        found = {"node": node, "expect_node": bool(load_state(node))}
-    settings = {**DEFAULTS, **found}
-    if name:
-        settings["node"] = f"{settings['node'].rpartition('/')[0]}/{name}"
-    settings["actions"] = [resolve(action, node=settings["node"]) for action in settings["actions"]]
-    settings["min_rates"] = {resolve(topic, node=settings["node"]): hz for topic, hz in settings["min_rates"].items()}
-    return settings
+        found = Settings(node, expect_node=load_state(node) != State())
+    node = f"{found.node.rpartition('/')[0]}/{name}" if name else found.node
+    actions = [resolve(action, node=node) for action in found.actions]
+    rates = {resolve(topic, node=node): hz for topic, hz in found.min_rates.items()}
+    return replace(found, node=node, actions=actions, min_rates=rates)
 
 
 def state_file(node: str) -> str:
@@ -43,28 +69,42 @@ def state_file(node: str) -> str:
     return f"{SCRATCH}/{node.strip('/').replace('/', '.')}.json"
 
 
-def load_state(node: str) -> dict[str, Any]:
-    """What an earlier call found out; empty if there was none, or nothing can be kept here."""
-    try:
-        with open(state_file(node), encoding="utf-8") as file:
-            return _mapping(file.read())
-    except (OSError, ValueError):
-        return {}
+def load_state(node: str) -> State:
+    """Empty if there was no earlier call, or nothing can be kept here."""
+    return _as(State, _load(state_file(node)))
 
 
-def save_state(node: str, state: Mapping[str, Any]) -> None:
+def save_state(node: str, state: State) -> None:
     """Keep it for later calls. Where nothing can be written they look it up anew, which only takes longer."""
     path = state_file(node)
     try:
         os.makedirs(SCRATCH, 0o700, exist_ok=True)
         with open(f"{path}.new", "w", encoding="utf-8") as file:
-            json.dump(state, file)
+            json.dump(asdict(state), file)
         os.replace(f"{path}.new", path)
     except OSError:
         pass
 
 
-def _mapping(text: str) -> dict[str, Any]:
+def ros_of(environ: Mapping[str, str], timeout: float = TIMEOUT) -> Ros1Client:
+    return Ros1Client(environ.get("ROS_MASTER_URI", "http://localhost:11311"), timeout, CALLER)
+
+
+def _as(kind: type[Said], found: Document) -> Said:
+    """What it knows of it: the other side may be of a newer collection, or of an older one."""
+    known = {one.name for one in fields(kind)}  # type: ignore[arg-type] # typeshed knows no protocol of dataclasses here
+    return kind(**{key: value for key, value in found.items() if key in known})
+
+
+def _load(path: str) -> Document:
+    try:
+        with open(path, encoding="utf-8") as file:
+            return _mapping(file.read())
+    except (OSError, ValueError):
+        return {}
+
+
+def _mapping(text: str) -> Document:
     try:
         content = json.loads(text)
     except ValueError:

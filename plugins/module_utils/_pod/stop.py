@@ -15,15 +15,14 @@ import sys
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Mapping, Protocol, Sequence
+from typing import Any, Callable, Sequence
 
 from .._common.poll import PASS, WAIT, Seen, poll
 from .._ros import keeper_client
 from .._ros.graph import BUSY_STATES, GOAL_STATES, StatusReading
 from .._ros.rpc import in_parallel
-from .own_node import CALLER, TIMEOUT, OwnNode, find_node, nodes_here, ros_of
-from .params import forget
-from .state import load_settings
+from .own_node import OwnNode, find_node, nodes_here
+from .state import CALLER, TIMEOUT, load_settings
 
 LEAVING = 3.0  # of the stop's time for the node to end by itself, or a third of it where there is less
 FINDING = 8  # calls of whoever hangs that fit into the stop's time while the node is looked for
@@ -33,28 +32,6 @@ CALL_TICK = 0.05
 LOG = "/proc/1/fd/1"  # of the container
 
 Hold = Callable[[str, str, float, float], str]  # action, server, seconds to hold, seconds to answer -> why not
-
-
-class Stopped(Protocol):
-    """What is done to the own node, each within so many seconds; OwnNode with a ROS backend does it."""
-
-    name: str
-
-    def actions(self, seconds: float) -> list[str]: ...
-
-    def status(self, action: str, seconds: float) -> StatusReading: ...
-
-    def isolate(self, action: str, seconds: float) -> None: ...
-
-    def calls(self, seconds: float) -> int: ...
-
-    def hand_over(self, seconds: float) -> str: ...
-
-    def unregister(self, seconds: float) -> None: ...
-
-    def forget(self, seconds: float) -> None: ...
-
-    def shut_down(self, seconds: float) -> None: ...
 
 
 def together(tasks: Sequence[Callable[[], Any]], seconds: float) -> list[Any]:
@@ -106,22 +83,21 @@ def main(_words: list[str]) -> int:
 def _main() -> list[str]:
     began = time.monotonic()
     settings = load_settings(os.environ)
-    total = float(settings["stop_deadline"])
+    total = float(settings.stop_deadline)
     seconds = min(TIMEOUT, total / FINDING)
-    if settings["expect_node"]:
+    if settings.expect_node:
         node, reason = find_node(settings, seconds)
         nodes = [node] if node else []
     else:
         nodes, reason = nodes_here(settings, seconds)
     if not nodes:
         return [f"left to SIGTERM: {reason}"]
-    keeper = keeper_client.KeeperCalls(settings["keeper"], CALLER) if settings["keeper"] else None
-    found = [_Stopped(node, settings, keeper) for node in nodes]
-    return stop(found, settings["expect_node"], keeper.hold if keeper else None, ends_of(began, total))
+    hold = keeper_client.KeeperCalls(settings.keeper, CALLER).hold if settings.keeper else None
+    return stop(nodes, settings.expect_node, hold, ends_of(began, total))
 
 
 def stop(
-    nodes: Sequence[Stopped],
+    nodes: Sequence[OwnNode],
     expect_node: bool,
     hold: Hold | None,
     ends: Ends,
@@ -158,7 +134,7 @@ def stop(
     return list(dict.fromkeys(remarks))
 
 
-def let_calls_end(nodes: Sequence[Stopped], ends: Ends, clock: Time) -> list[str]:
+def let_calls_end(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str]:
     """Wait until no service call is under way; a client that only stays connected is not waited for."""
 
     def probe() -> Seen:
@@ -172,7 +148,7 @@ def let_calls_end(nodes: Sequence[Stopped], ends: Ends, clock: Time) -> list[str
     return [] if ended.verdict == PASS else [f"stopped with {ended.last} service calls under way"]
 
 
-def hand_over(nodes: Sequence[Stopped], ends: Ends, clock: Time) -> list[str]:
+def hand_over(nodes: Sequence[OwnNode], ends: Ends, clock: Time) -> list[str]:
     """Have the keeper take what they have latched, all at once; why not, of those of which it does not."""
     seconds = clock.left(ends.late)
     found = clock.together([partial(node.hand_over, seconds) for node in nodes], seconds)
@@ -180,7 +156,7 @@ def hand_over(nodes: Sequence[Stopped], ends: Ends, clock: Time) -> list[str]:
     return [f"what {node.name} has latched goes with it: {why}" for node, why in zip(nodes, words) if why]
 
 
-def drain(nodes: Sequence[Stopped], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
+def drain(nodes: Sequence[OwnNode], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
     """Wait until no goal is open. New ones are held back where a keeper does that, so that this has an end."""
     seconds = clock.left(ends.quiet)
     served = clock.together([partial(node.actions, seconds) for node in nodes], seconds)
@@ -218,7 +194,7 @@ def drain(nodes: Sequence[Stopped], hold: Hold | None, ends: Ends, clock: Time) 
     return remarks
 
 
-def _hold(actions: Sequence[tuple[Stopped, str]], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
+def _hold(actions: Sequence[tuple[OwnNode, str]], hold: Hold | None, ends: Ends, clock: Time) -> list[str]:
     """Why the goals of each are not held. All are asked for at once: a keeper that hangs takes its time only once."""
     if hold is None:
         return ["there is no keeper"] * len(actions)
@@ -256,27 +232,3 @@ def tell(line: str) -> None:
             log.write(f"{line}\n")
     except OSError:
         pass
-
-
-class _Stopped:
-    """The own node, read and told through a ROS backend."""
-
-    def __init__(self, node: OwnNode, settings: Mapping[str, Any], keeper: keeper_client.KeeperCalls | None) -> None:
-        self.node, self.expected, self.keeper = node, settings["actions"], keeper
-        self.forget = partial(forget, settings)
-        self.name = node.name
-        self.isolate = node.isolate
-        self.calls = node.calls
-        self.shut_down = node.shut_down
-
-    def actions(self, seconds: float) -> list[str]:
-        return self.node.actions(ros_of(os.environ, seconds), self.expected)
-
-    def status(self, action: str, seconds: float) -> StatusReading:
-        return self.node.status(ros_of(os.environ, seconds), action)
-
-    def hand_over(self, seconds: float) -> str:
-        return self.keeper.keep_latched(self.name, self.node.uri, seconds) if self.keeper else ""
-
-    def unregister(self, seconds: float) -> None:
-        self.node.unregister(ros_of(os.environ, seconds / 2))  # a question, and what follows from it

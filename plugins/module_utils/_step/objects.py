@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Iterable, Iterator, Mapping
+from typing import Any, Dict, Iterable, Iterator, Mapping, Sequence
 
 from .._ros.graph import host_of
 from .words import APP, HANDOFF, HASH, NODE, REVISION
 
 STOPPED = (0, 137, 143)  # exit codes of who was done, or was told to end by somebody else
+IDENTITIES = ("name", "mountPath", "containerPort", "key")  # by which the API server knows the entries of a list
 LOST = "Unknown"  # the kubelet's reason for a container that is not there any more: its host was rebooted
 
 Object = Dict[str, Any]  # of Kubernetes, or a part of one
@@ -115,12 +116,44 @@ def was_out_of_memory(pod: Object) -> bool:
 
 def ends_of(pods: Iterable[Object]) -> int:
     """How many lives of their containers have ended, and others begun."""
-    found = [one for pod in pods for one in (pod.get("status") or {}).get("containerStatuses") or []]
-    return sum(int(one.get("restartCount") or 0) for one in found)
+    return sum(ends_by_container(pods).values())
+
+
+def ends_by_container(pods: Iterable[Object], with_host: bool = False) -> dict[str, int]:
+    """The same of each; `with_host`: of those alone whose last life ended with their host, which nobody saw end."""
+    return {
+        f"{name_of(pod)}/{one.get('name', '')}": int(one.get("restartCount") or 0)
+        for pod in pods
+        for one in _containers(pod)
+        if not with_host or LOST in str(((one.get("lastState") or {}).get("terminated") or {}).get("reason"))
+    }
 
 
 def _states(pod: Object) -> Iterator[Object]:
     """Of its containers now, and before they were started anew."""
-    for one in (pod.get("status") or {}).get("containerStatuses") or []:
-        for key in ("state", "lastState"):
-            yield one.get(key) or {}
+    return (one.get(key) or {} for one in _containers(pod) for key in ("state", "lastState"))
+
+
+def _containers(pod: Object) -> Sequence[Object]:
+    return (pod.get("status") or {}).get("containerStatuses") or ()
+
+
+# ---- whether an object still says what was applied
+
+
+def is_in(wanted: Any, there: Any) -> bool:
+    """Whether all that is wanted is there; what is there besides are defaults, or somebody else's."""
+    if isinstance(wanted, Mapping):
+        found = there if isinstance(there, Mapping) else {}
+        return all(is_in(value, found.get(key)) for key, value in wanted.items())
+    if isinstance(wanted, (list, tuple)):
+        return _are_in(list(wanted), list(there or ()))
+    return bool((there or None) == (wanted or None))  # what is empty is left out by the API server
+
+
+def _are_in(wanted: list[Any], there: list[Any]) -> bool:
+    known = next((key for key in IDENTITIES if all(isinstance(one, Mapping) and key in one for one in wanted)), "")
+    if not (wanted and known):
+        return len(wanted) == len(there) and all(map(is_in, wanted, there))
+    found = {one.get(known): one for one in there}
+    return all(is_in(one, found.get(one[known])) for one in wanted)

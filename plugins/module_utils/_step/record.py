@@ -74,7 +74,7 @@ class Record:
 
     @property
     def soak(self) -> float:
-        """Seconds for which the keeper still has to watch the version before it is proven; 0: it does not."""
+        """Seconds for which the version soaks, since its run has found it good; 0: it does not."""
         return 0.0 if self.proven else self.watch
 
     @property
@@ -163,7 +163,7 @@ def answer(deployment: Object, records: Mapping[str, Record]) -> str:
 
 
 def soaks(deployment: Object, records: Mapping[str, Record]) -> bool:
-    """Whether its run has found it good, and the keeper watches it before it is proven."""
+    """Whether its run has found it good, and the keeper sees for a while whether it stays so, before it is proven."""
     record, revision = records.get(name_of(deployment), Record()), revision_of(deployment)
     return record.soak > 0 and record.revision == revision and record.is_by(mark_of(deployment, SOAKING), revision)
 

@@ -12,10 +12,12 @@ REVISION = "rosops.fleet/revision"
 # annotations of a Deployment's pod template
 NODE = "rosops.fleet/ros-node"
 HANDOFF = "rosops.fleet/handoff"
+LIVENESS = "rosops.fleet/liveness-timeout"  # where it is another one than the usual
+LIVENESS_TIMEOUT, LIVENESS_LEAST = 120, 30  # s, the usual, and the shortest that an inventory may say
 # annotations of a Deployment
 HASH = "rosops.fleet/spec-hash"  # of what was applied; of a pod template, too
 UPDATING = "rosops.fleet/updating"  # the mark of a step: see `record.Mark`
-SOAKING = "rosops.fleet/soaking"  # the keeper watches it before it is proven: see `record.Mark`
+SOAKING = "rosops.fleet/soaking"  # it soaks, see `record.soaks`; the text is a `record.Mark`
 WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, to, at, reason, and the step's run
 # Deployments and their Services
 MASTER = "ros-master"

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.lease import holder_of, lease_with
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
@@ -82,20 +83,11 @@ class Lease:
 
     def _write(self, way: Callable[[Object], Object], found: Object, holder: str | None = None) -> Hold:
         """Write it with us (or nobody) as the holder. Whoever was faster has it: then that is the answer."""
-        was = found.get("spec") or {}
         time_now = datetime.fromtimestamp(self._wall(), UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-        ours = was.get("holderIdentity") == self._holder
-        spec = {
-            **was,
-            "holderIdentity": self._holder if holder is None else holder,
-            "leaseDurationSeconds": self._seconds,
-            "renewTime": time_now,
-            "acquireTime": was.get("acquireTime", time_now) if ours else time_now,
-            "leaseTransitions": int(was.get("leaseTransitions") or 0) + (bool(was) and not ours),
-        }
-        body = {"apiVersion": self.ref.api_version, "kind": "Lease", "metadata": found["metadata"], "spec": spec}
+        wanted = self._holder if holder is None else holder
+        body = lease_with(wanted, found, self._holder, self._seconds, time_now)
         try:
-            return _hold(way(body), self._holder)
+            return _hold(way(dict(body)), self._holder)
         except ApiError as exc:
             if exc.status != 409:
                 raise
@@ -103,6 +95,5 @@ class Lease:
 
 
 def _hold(lease: Object, me: str) -> Hold:
-    spec = lease.get("spec") or {}
-    holder = str(spec.get("holderIdentity") or "")
+    spec, holder = lease.get("spec") or {}, holder_of(lease)
     return Hold(holder == me, holder, str(spec.get("acquireTime") or ""), str(spec.get("renewTime") or ""))

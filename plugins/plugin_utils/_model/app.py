@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, TypedDict
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import LEAST, TIMEOUT
+from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LIVENESS_LEAST, LIVENESS_TIMEOUT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, FORMS, Form, whole
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Follows, either
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import default_mount_path, ros_name
@@ -311,8 +311,12 @@ class App:
     termination_grace_period: Annotated[int, whole(1)] = 45
     """Seconds between the begin of the stop and the kill; at least 5 more than O(ros_apps[].drain_deadline)."""
     liveness_timeout: Annotated[
-        int, Form(lambda said: said == 0 or LEAST <= said <= 86400, f"0 for never, or {LEAST} seconds and more")
-    ] = TIMEOUT
+        int,
+        Form(
+            lambda said: said == 0 or LIVENESS_LEAST <= said <= 86400,
+            f"0 for never, or {LIVENESS_LEAST} seconds and more",
+        ),
+    ] = LIVENESS_TIMEOUT
     """Seconds for which a ROS node of the app may leave the slave API unanswered while its process lives. Then its pod
     is begun anew by the robot's keeper (not during a goal, nor while an update is under way, and three times an hour at
     most).

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import hung
+from ansible_collections.rosops.fleet.plugins.module_utils._step import words
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
@@ -98,8 +98,8 @@ def plain_deployment(app: App, robot: Robot) -> Object:
 
 
 def _liveness(app: App) -> Object:
-    usual = app.liveness_timeout == hung.TIMEOUT
-    return {} if usual else {hung.LIVENESS: str(app.liveness_timeout)}
+    usual = app.liveness_timeout == words.LIVENESS_TIMEOUT
+    return {} if usual else {words.LIVENESS: str(app.liveness_timeout)}
 
 
 def _pod_spec(app: App, robot: Robot) -> Object:

@@ -17,6 +17,8 @@ ENTRY = "run.py"
 EXPORTER = "exporter"
 LAUNCHER = "_pod.launch"  # runs by itself, on the image's own interpreter
 # Parsing all files costs every run a quarter of a second; our own code imports in no other form.
+# A keeper of a collection before 1.0 loads it by this name when it first needs it, and it may run on with these files.
+FORMER = {"_pod.latched_topics.py": "from .._robot.latched_topics import LatchedTopics as LatchedTopics\n"}
 _IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _NAME = re.compile(r"(?:^|[(,])\s*(\w+)")
 
@@ -24,7 +26,7 @@ _NAME = re.compile(r"(?:^|[(,])\s*(\w+)")
 def app_files() -> dict[str, str]:
     """File name -> content of what app pods and the keeper run: `run.py`, and `<package>.<module>.py`."""
     commands = [module for command, module in run.COMMANDS.items() if command != EXPORTER]
-    return dict(_read((*commands, LAUNCHER)))
+    return {**_read((*commands, LAUNCHER)), **FORMER}
 
 
 def exporter_files() -> dict[str, str]:

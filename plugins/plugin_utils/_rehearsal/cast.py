@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import stand_in
+from ansible_collections.rosops.fleet.plugins.module_utils._rehearsal import stand_in
 from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording import Part
 
 Item = Mapping[str, Any]  # of ros_apps

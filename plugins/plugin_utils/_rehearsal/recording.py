@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What record.yml has kept of a robot -> what the stand-in of each of its apps plays (`_pod/stand_in.py`). Pure.
+"""What record.yml has kept of a robot -> what the stand-in of each of its apps plays (`_rehearsal/stand_in.py`). Pure.
 
 Left out is what the contract of an update leaves out, too: tools that somebody has open, the keeper, /rosout, the
 services of loggers, and nodes that do not answer. Names are those that hold for every version.

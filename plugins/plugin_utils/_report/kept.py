@@ -14,8 +14,8 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import RUNNING, WAITING
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import RUNNING, WAITING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names

@@ -18,7 +18,6 @@ from types import MappingProxyType
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import ways_back
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
     Object,
@@ -26,6 +25,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
     is_terminating,
     name_of,
 )
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import ways_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import condition, last_end, meta, why_not_ready
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, Outdated

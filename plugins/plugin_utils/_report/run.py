@@ -160,7 +160,7 @@ def _rollout_of(result: Mapping[str, Any]) -> dict[str, Any]:
 def _declared_of(action: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """An outcome that an action of ours says, or that a play decided itself, with `set_fact: fleet_outcome`."""
     facts = result.get("ansible_facts")
-    if action in ("_robot_update", "_update_trial", "_guarded"):
+    if action in ("_robot_update", "_update_soak", "_guarded"):
         return declared_in(result.get("outcome"))
     told = [declared_in(facts.get(name)) for name in FACTS] if isinstance(facts, Mapping) else []
     return next(filter(None, told), {})

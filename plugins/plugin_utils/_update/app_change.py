@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Record, mark_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UPDATED

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.subset import is_in
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import hash_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import hash_of, is_in
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import UNPROVEN, answer, soaks
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields, left_fields
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names

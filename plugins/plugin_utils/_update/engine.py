@@ -32,7 +32,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import (
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import (
     NEWS,
     REASON_KEPT,
     back_in_words,

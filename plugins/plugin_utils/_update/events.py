@@ -14,8 +14,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import update_record
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import (
+from ansible_collections.rosops.fleet.plugins.module_utils._step import update_record
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import (
     NEWS,
     REASON_KEPT,
     RUNNING,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.latched import worth_keeping
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched import worth_keeping
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended, matches
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, names_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import NOTHING, Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
     annotations_of,
@@ -18,6 +17,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
     revision_of,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import run_of
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels

@@ -12,7 +12,7 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import update_record
+from ansible_collections.rosops.fleet.plugins.module_utils._step import update_record
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
     BUSY,
     FAILED,

@@ -26,7 +26,7 @@ class Settings:
     earlier: Sequence[StepResult] = ()  # steps that have ended before, in this run of the playbook
     ready_timeout: float = 120.0
     verify_seconds: float = 1.0
-    soak: float = 120.0  # for which a keeper watches a version that was found good, before it is proven
+    soak: float = 120.0  # for which a version that was found good soaks, before it is proven
     rate_tolerance: float = 0.1
     rate_seconds: float = 1.0
     check: bool = False

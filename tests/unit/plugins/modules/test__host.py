@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import K3sChange
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import Change, K3sChange
 from ansible_collections.rosops.fleet.plugins.modules import _host
 
 NEXT: dict[str, Any] = {"role": "agent", "state": "next", "write": ["/usr/local/bin/k3s"], "remove": []}
@@ -18,13 +18,13 @@ NEXT: dict[str, Any] = {"role": "agent", "state": "next", "write": ["/usr/local/
 def _done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     done: list[Any] = []
 
-    def switch(_change: K3sChange, *files: Any) -> dict[str, Any]:
+    def switch(_change: K3sChange, *files: Any) -> Change:
         done.append(files)
-        return {"version": "v1", "unproven": True, "files": {}}
+        return Change("v1", unproven=True)
 
-    monkeypatch.setattr(K3sChange, "record", lambda _change: {})
+    monkeypatch.setattr(K3sChange, "record", lambda _change: Change())
     monkeypatch.setattr(K3sChange, "switch", switch)
-    monkeypatch.setattr(K3sChange, "staged_version", lambda _change: "v2")
+    monkeypatch.setattr(K3sChange, "version", lambda _change, _staged: "v2")
     monkeypatch.setattr(K3sChange, "invocation", lambda _change: "abc")
     return done
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host
+from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
 
 
 def tree(tmp_path: Path, files: dict[str, str]) -> Host:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._host import facts as _host_facts
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Host
+from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._host.host_tree import tree
 
 CGROUP = "1:name=systemd:/system.slice/k3s.service\n0::/\n"
@@ -133,6 +133,7 @@ def test_an_empty_tree_reads_as_nothing(tmp_path: Path) -> None:
     assert found["routes"] == found["listening"] == found["reach"] == []
     assert found["cgroup"]["controllers"] == []
     assert not found["k3s"]["config"]
+    assert found["network"] == {"firewalls": [], "selinux": {"mode": "", "policy": False}, "lacking": []}
 
 
 def test_leftovers_of_a_member(tmp_path: Path) -> None:
@@ -184,3 +185,32 @@ def test_silence_and_other_ends(monkeypatch: pytest.MonkeyPatch, raised: OSError
 
     monkeypatch.setattr(socket, "create_connection", connect)
     assert _host_facts.reach(["[fd00::1]:6443"], 1) == [{"host": "fd00::1", "port": 6443, "outcome": outcome}]
+
+
+# ---- between pods and their network
+
+
+def test_firewalls_that_are_on(tmp_path: Path) -> None:
+    off = tree(tmp_path / "off", {"/etc/ufw/ufw.conf": "# ENABLED=yes\nENABLED=no\n", "/proc/7/comm": "python3\n",
+                                  "/proc/7/cmdline": "python3\0/usr/bin/other\0"})  # fmt: skip
+    assert _host_facts.firewalls(off) == []
+    both = tree(tmp_path / "on", {"/etc/ufw/ufw.conf": "ENABLED=yes\n", "/proc/7/comm": "python3\n",
+                                  "/proc/7/cmdline": "/usr/bin/python3\0-s\0/usr/sbin/firewalld\0"})  # fmt: skip
+    assert _host_facts.firewalls(both) == ["ufw", "firewalld"]
+
+
+def test_selinux(tmp_path: Path) -> None:
+    fedora = tree(tmp_path, {"/sys/fs/selinux/enforce": "1", "/usr/share/selinux/packages/k3s.pp": ""})
+    assert _host_facts.selinux(fedora) == {"mode": "enforcing", "policy": True}
+    assert _host_facts.selinux(tree(tmp_path, {"/sys/fs/selinux/enforce": "0"}))["mode"] == "permissive"
+
+
+def test_modules(tmp_path: Path) -> None:
+    jetson = {
+        "/lib/modules/6.1/modules.dep": "kernel/net/ipv4/netfilter/x.ko:\nkernel/net/ip_set.ko.xz: a\n",
+        "/lib/modules/6.1/modules.builtin": "kernel/net/not_vxlan.ko\n",
+    }
+    host = tree(tmp_path, jetson)
+    assert _host_facts.lacking(host, "6.1") == ["vxlan"]
+    assert _host_facts.lacking(host, "6.2") == []  # a container has no list of its host's
+    assert _host_facts.lacking(tree(tmp_path, {"/sys/module/vxlan/refcnt": "0"}), "6.1") == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, Seen
 from ansible_collections.rosops.fleet.plugins.module_utils._host.idle_hold import SECOND_LOOK, Held, hold_when_idle
 
@@ -51,74 +52,49 @@ def held(robot: Robot, timeout: float = 60, servers: dict[str, str] | None = Non
     return hold_when_idle(robot, WORK if servers is None else servers, timeout, 0.2, now=robot.now, sleep=robot.sleep)
 
 
-def test_an_idle_server_is_held_and_looked_at_again() -> None:
-    robot = Robot()
-    ended = held(robot)
-    assert (ended.verdict, ended.held, ended.called_off) == (PASS, ("/work",), 0)
-    assert robot.told == ["hold /work of /worker", "isolate /worker", "isolate /worker"]
-    assert ended.elapsed < 1
-
-
-def test_a_goal_under_way_is_waited_for() -> None:
-    robot = Robot(busy=[(0, 5)])
-    ended = held(robot)
-    assert (ended.verdict, ended.held) == (PASS, ("/work",))
-    assert ended.elapsed > 5
-
-
-def test_a_goal_that_slips_in_before_the_hold_is_left_to_finish() -> None:
-    """Idle in both looks, and a goal of 25 s came before the keeper held: the server has it."""
-    robot = Robot(busy=[(0.15, 25)])
-    ended = held(robot)
-    assert (ended.verdict, ended.held, ended.called_off) == (PASS, ("/work",), 1)
-    assert ended.elapsed > 25
-    assert robot.told.count("release /work") == 1
-    assert robot.told[-1] == "isolate /worker", "released, then held again once it was idle"
-
-
-def test_a_short_goal_that_slips_in_is_no_reason_to_let_go() -> None:
-    robot = Robot(busy=[(0.15, 0.15 + SECOND_LOOK / 2)])
-    ended = held(robot)
-    assert (ended.verdict, ended.called_off, ended.held) == (PASS, 0, ("/work",))
-
-
-def test_nothing_stays_held_when_the_time_is_over() -> None:
-    robot = Robot(busy=[(0.15, 99)])
-    ended = held(robot, timeout=1)
-    assert (ended.verdict, ended.held, ended.last) == (WAIT, (), "1 goal active")
-    assert robot.told[-1] == "release /work"
+@pytest.mark.parametrize(
+    ("robot", "ended", "lasts"),
+    [
+        (Robot(), (PASS, True, 0), (0, 1)),
+        (Robot(busy=[(0, 5)]), (PASS, True, 0), (5, 7)),  # a goal under way is waited for
+        # idle in both looks, and a goal of 25 s came before the keeper held: the server has it, and finishes it
+        (Robot(busy=[(0.15, 25)]), (PASS, True, 1), (25, 27)),
+        # a short one is no reason to let go
+        (Robot(busy=[(0.15, 0.15 + SECOND_LOOK / 2)]), (PASS, True, 0), (1, 3)),
+        (Robot(busy=[(0.15, 99)]), (WAIT, False, 1), (60, 61)),  # nothing stays held when the time is over
+        (Robot(broken_from=0.25), (FAIL, False, 1), (0, 1)),  # nor where it cannot be looked at
+        # without a keeper an idle action is enough
+        (Robot(refuses="nothing listens there"), (PASS, False, 0), (0, 1)),
+    ],
+)
+def test_goals_are_held_when_none_is_under_way(
+    robot: Robot, ended: tuple[str, bool, int], lasts: tuple[float, float]
+) -> None:
+    found = held(robot)
+    assert (found.verdict, found.held == ("/work",), found.called_off) == ended
+    assert lasts[0] <= found.elapsed <= lasts[1]
+    assert robot.told.count("release /work") == found.called_off
+    assert (robot.told[-1] == "release /work") is (found.verdict != PASS)  # else held, and looked at once more
+    assert found.problems == ((f"goals of /work are not held: {robot.refuses}",) if robot.refuses else ())
+    assert robot.told.count("isolate /worker") >= 2 or robot.refuses or found.verdict == FAIL
 
 
 def test_who_does_not_wait_looks_twice() -> None:
     assert held(Robot(), timeout=0).verdict == PASS
     robot = Robot(busy=[(0, 9)])
     ended = held(robot, timeout=0)
-    assert (ended.verdict, robot.told) == (WAIT, [])
+    assert (ended.verdict, robot.told, ended.last) == (WAIT, [], "1 goal active")
     assert ended.elapsed < 1
 
 
-def test_without_a_keeper_an_idle_action_is_enough_and_it_is_told() -> None:
-    robot = Robot(refuses="nothing listens there")
-    ended = held(robot)
-    assert (ended.verdict, ended.held) == (PASS, ())
-    assert ended.problems == ("goals of /work are not held: nothing listens there",)
-    assert "isolate /worker" not in robot.told, "its clients' goals would be lost"
-
-
-def test_a_keeper_that_answered_too_late_is_told_to_let_go() -> None:
+def test_a_keeper_that_refuses_or_answered_too_late() -> None:
     robot = Robot(refuses="no answer within 4 s", busy=[(0.15, 99)])
     assert held(robot, timeout=1).held == ()
-    assert robot.told[-1] == "release /work"
+    assert robot.told[-1] == "release /work"  # it may hold, too
+    assert "isolate /worker" not in robot.told, "its clients' goals would be lost"
 
 
 def test_an_action_that_only_has_to_rest_is_not_held() -> None:
     robot = Robot()
     assert held(robot, servers={}).held == ()
     assert robot.told == []
-
-
-def test_what_cannot_be_looked_at_is_let_go() -> None:
-    robot = Robot(broken_from=0.25)
-    ended = held(robot)
-    assert (ended.verdict, ended.held) == (FAIL, ())
-    assert robot.told[-1] == "release /work"

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.module_utils._host import k3s_change
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import K3sChange
+from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import Change, K3sChange
 
 BINARY, CONFIG = "/usr/local/bin/k3s", "/etc/rancher/k3s/config.yaml"
 DB = "/var/lib/rancher/k3s/server/db"
@@ -33,7 +33,7 @@ class Machine:
         self.put({**OLD, **files})
         self.time, self.stops_at = 0.0, 0.0
         self.change = K3sChange(self.run, role, str(root))
-        self.change.clock = {"now": lambda: self.time, "sleep": self.sleep}
+        self.change.now, self.change.sleep = lambda: self.time, self.sleep
 
     def sleep(self, seconds: float) -> None:
         self.time += seconds
@@ -77,7 +77,7 @@ def machine(tmp_path: Path) -> Machine:
     return Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/etcd/member": ""})
 
 
-def switch(machine: Machine, files: dict[str, str] | None = None) -> dict[str, Any]:
+def switch(machine: Machine, files: dict[str, str] | None = None) -> Change:
     files = NEW if files is None else files
     machine.stage(files)
     return machine.change.switch(list(files), [ENVIRONMENT])
@@ -85,13 +85,13 @@ def switch(machine: Machine, files: dict[str, str] | None = None) -> dict[str, A
 
 def test_what_is_staged_comes_and_what_was_there_is_kept(machine: Machine) -> None:
     machine.stage(NEW)
-    assert machine.change.staged_version() == NEW[BINARY]
+    assert machine.change.version(f"{BINARY}.next") == NEW[BINARY]
     found = switch(machine)
     assert machine.there() == NEW
     assert (machine.root / "usr/local/bin/k3s.previous").read_text() == OLD[BINARY]
     assert found == machine.change.record()
-    assert found["version"] == OLD[BINARY]
-    assert found["unproven"]
+    assert found.version == OLD[BINARY]
+    assert found.unproven
     assert machine.asked[-2:] == [["systemctl", "daemon-reload"], ["systemctl", "restart", "--no-block", "k3s"]]
     assert not list(machine.root.rglob("*.next"))
 
@@ -109,7 +109,7 @@ def test_the_way_back_is_what_was_there(machine: Machine) -> None:
     switch(machine)
     machine.change.back()
     assert machine.there() == OLD
-    assert machine.change.record()["unproven"]
+    assert machine.change.record().unproven
     assert machine.change.prove()
     assert not machine.change.prove()
     with pytest.raises(FleetError, match="no unproven change"):
@@ -123,7 +123,7 @@ def test_the_way_back_is_what_was_there(machine: Machine) -> None:
 def test_a_second_try_goes_back_to_what_was_proven(machine: Machine) -> None:
     switch(machine)
     switch(machine, {BINARY: "v1.34.4+k3s1", CONFIG: "a: 3"})
-    assert machine.change.record()["version"] == OLD[BINARY]
+    assert machine.change.record().version == OLD[BINARY]
     machine.change.back()
     assert machine.there() == OLD
 
@@ -150,7 +150,7 @@ def test_a_servers_datastore_is_kept_first(tmp_path: Path, role: str, snapshot: 
     saves = [command for command in machine.asked if command[1:3] == ["etcd-snapshot", "save"]]
     asked = ["k3s", "etcd-snapshot", "save", "--name", "rosops-before-v1.34.2"]
     assert [command[:5] for command in saves] == ([asked] if snapshot else [])
-    assert found["snapshot"] == (f"{DB}/snapshots/rosops-before-v1.34.2-edge1-1" if snapshot else "")
+    assert found.snapshot == (f"{DB}/snapshots/rosops-before-v1.34.2-edge1-1" if snapshot else "")
     switch(machine)  # a second try writes no second one: what runs is not proven
     assert [command for command in machine.asked if command[1:3] == ["etcd-snapshot", "save"]] == saves
 
@@ -160,7 +160,7 @@ def test_a_datastore_that_cannot_be_kept_forbids_the_change(machine: Machine) ->
     with pytest.raises(FleetError, match=r"etcd-snapshot save .*: boom; nothing was exchanged"):
         switch(machine)
     assert machine.there() == OLD
-    assert not machine.change.record()
+    assert machine.change.record() == Change()
 
 
 def test_a_snapshot_that_is_not_there_forbids_the_change(machine: Machine) -> None:
@@ -169,7 +169,7 @@ def test_a_snapshot_that_is_not_there_forbids_the_change(machine: Machine) -> No
     with pytest.raises(FleetError, match=r"left no rosops-before-v1.34.2 in .*/db/snapshots; nothing was exchanged"):
         switch(machine)
     assert machine.there() == OLD
-    assert not machine.change.record()
+    assert machine.change.record() == Change()
 
 
 def test_of_all_versions_three_snapshots_stay(machine: Machine) -> None:
@@ -177,8 +177,8 @@ def test_of_all_versions_three_snapshots_stay(machine: Machine) -> None:
     for patch in range(3, 9):
         found = switch(machine, {BINARY: f"v1.34.{patch}+k3s1"})
         machine.change.prove()
-        assert (machine.root / found["snapshot"][1:]).exists()
-        os.utime(machine.root / found["snapshot"][1:], (patch, patch))
+        assert (machine.root / found.snapshot[1:]).exists()
+        os.utime(machine.root / found.snapshot[1:], (patch, patch))
     there = sorted(path.name for path in (machine.root / DB[1:] / "snapshots").iterdir())
     ours = [f"rosops-before-v1.34.{before}-edge1-{before - 1}" for before in (5, 6, 7)]
     assert there == ["etcd-snapshot-edge1-1", "on-demand-edge1-2", *ours]
@@ -187,7 +187,7 @@ def test_of_all_versions_three_snapshots_stay(machine: Machine) -> None:
 def test_a_database_in_a_file_is_copied_while_nobody_writes_to_it(tmp_path: Path) -> None:
     machine = Machine(tmp_path, **{"/var/lib/rancher/k3s/server/db/state.db": "rows"})
     found = switch(machine)
-    assert found["snapshot"] == "/var/lib/rancher/k3s/server/db.previous"
+    assert found.snapshot == "/var/lib/rancher/k3s/server/db.previous"
     assert (tmp_path / "var/lib/rancher/k3s/server/db.previous/state.db").read_text() == "rows"
     assert machine.asked[0] == ["systemctl", "stop", "k3s"]
     assert machine.asked[-1] == ["systemctl", "restart", "--no-block", "k3s"]
@@ -261,7 +261,7 @@ def test_k3s_starts_where_its_etcd_cannot_be_put_back(machine: Machine) -> None:
     with pytest.raises(FleetError, match=r"cluster-reset.*: boom; it starts with the datastore of the newer one"):
         machine.change.back(datastore=True)
     assert machine.asked[-1] == ["systemctl", "restart", "--no-block", "k3s"]
-    assert machine.change.record()["unproven"]
+    assert machine.change.record().unproven
 
 
 def test_what_has_ended_since_it_served_is_not_proven(machine: Machine) -> None:
@@ -270,7 +270,7 @@ def test_what_has_ended_since_it_served_is_not_proven(machine: Machine) -> None:
     machine.run(["k3s", "ends, and is started again"])
     with pytest.raises(FleetError, match="k3s served, and has ended and started again since"):
         machine.change.prove(start)
-    assert machine.change.record()["unproven"]
+    assert machine.change.record().unproven
     assert machine.change.prove(machine.change.invocation())
 
 
@@ -305,6 +305,6 @@ def test_power_lost_at_any_moment_leaves_whole_files_and_the_way_back(
             if on:
                 switch(machine)
                 assert machine.there() == NEW, at
-            if machine.change.record().get("unproven"):
+            if machine.change.record().unproven:
                 machine.change.back()
             assert machine.there() == OLD, at

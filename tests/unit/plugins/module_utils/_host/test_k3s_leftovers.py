@@ -40,41 +40,25 @@ COMMIT
 """
 
 
-def test_processes_of_pods_and_units_end_children_first() -> None:
-    found = _k3s_cleanup.own_processes(
-        [
-            Process(1, 0, "/sbin/init", "0::/init.scope"),
-            Process(
-                50,
-                1,
-                "containerd -c /var/lib/rancher/k3s/agent/etc/containerd/config.toml",
-                "0::/system.slice/k3s.service",
-            ),
-            Process(60, 1, SHIM, "0::/system.slice/k3s.service"),
-            Process(61, 60, "/pause", "0::/kubepods/pod1"),
-            Process(62, 60, "roscore", "0::/kubepods/pod1"),
-            Process(63, 62, "rosmaster", "0::/kubepods/pod1"),
-            Process(70, 1, DOCKERS, "0::/system.slice/docker.service"),
-            Process(71, 70, "postgres", "0::/docker/9f"),
-            Process(80, 1, "k3s-agent-exporter", "1:name=systemd:/system.slice/k3s-agent-exporter.service"),
-        ]
-    )
+UNIT = "0::/system.slice/k3s.service"
+PROCESSES = [
+    Process(1, 0, "/sbin/init", "0::/init.scope"),
+    Process(50, 1, "containerd -c /var/lib/rancher/k3s/agent/etc/containerd/config.toml", UNIT),
+    Process(60, 1, SHIM, UNIT),
+    Process(61, 60, "/pause", "0::/kubepods/pod1"),
+    Process(62, 60, "roscore", "0::/kubepods/pod1"),
+    Process(63, 62, "rosmaster", "0::/kubepods/pod1"),
+    Process(70, 1, DOCKERS, "0::/system.slice/docker.service"),
+    Process(71, 70, "postgres", "0::/docker/9f"),
+    Process(80, 1, "k3s-agent-exporter", "1:name=systemd:/system.slice/k3s-agent-exporter.service"),
+]
+
+
+def test_processes_of_pods_and_units_end_children_first_and_those_in_pods_are_asked() -> None:
+    found = _k3s_cleanup.own_processes(PROCESSES)
     assert set(found) == {50, 60, 61, 62, 63}
     assert found.index(63) < found.index(62) < found.index(60)
-
-
-def test_what_runs_in_pods_is_asked_and_shims_are_not() -> None:
-    found = _k3s_cleanup.in_pods(
-        [
-            Process(50, 1, "containerd", "0::/system.slice/k3s.service"),
-            Process(60, 1, SHIM, "0::/system.slice/k3s.service"),
-            Process(61, 60, "/pause", "0::/kubepods/pod1"),
-            Process(62, 60, "roscore", "0::/kubepods/pod1"),
-            Process(63, 62, "rosmaster", "0::/kubepods/pod1"),
-            Process(70, 1, "postgres", "0::/docker/9f"),
-        ]
-    )
-    assert sorted(found) == [61, 62, 63]
+    assert sorted(_k3s_cleanup.in_pods(PROCESSES)) == [61, 62, 63]
 
 
 def test_own_mounts_innermost_first_and_the_operators_stay() -> None:
@@ -181,18 +165,24 @@ def test_check_mode_lists_the_same_and_touches_nothing(host: Path) -> None:
     assert planned == remover(host)[0].everything(volumes=False, identity=False)
 
 
-def test_nothing_is_deleted_through_a_mount(host: Path) -> None:
+NFS = "server:/home /var/lib/kubelet/pods/1/nfs nfs4 rw 0 0\n"
+
+
+def test_nothing_is_deleted_through_a_mount_and_the_next_removal_goes_on(host: Path) -> None:
     subject, _commands = remover(host)
-    (host / "proc/self/mounts").write_text("server:/home /var/lib/kubelet/pods/1/nfs nfs4 rw 0 0\n")
+    (host / "proc/self/mounts").write_text(NFS)
     subject.mounts = lambda: []  # type: ignore[method-assign]  # as if the mount had come back
     with pytest.raises(FleetError, match="still mounted below /var/lib/kubelet"):
         subject.everything(volumes=False, identity=False)
     assert (host / "var/lib/kubelet/config").exists()
+    (host / "proc/self/mounts").write_text("")
+    remover(host)[0].everything(volumes=False, identity=False)
+    assert not (host / "var/lib/kubelet").exists()
 
 
 def test_a_mount_that_hangs_is_detached(host: Path) -> None:
     subject, commands = remover(host)
-    (host / "proc/self/mounts").write_text("server:/home /var/lib/kubelet/pods/1/nfs nfs4 rw 0 0\n")
+    (host / "proc/self/mounts").write_text(NFS)
     original = commands.__call__
 
     def run(command: list[str], **options: Any) -> tuple[int, str, str]:
@@ -215,17 +205,6 @@ def test_a_host_without_k3s_keeps_what_others_have_there(host: Path) -> None:
     assert sorted(host.rglob("*")) == before
 
 
-def test_a_removal_that_was_cut_off_is_gone_on_with(host: Path) -> None:
-    subject, _commands = remover(host)
-    (host / "proc/self/mounts").write_text("server:/home /var/lib/kubelet/pods/1/nfs nfs4 rw 0 0\n")
-    subject.mounts = lambda: []  # type: ignore[method-assign]  # as if the mount had come back
-    with pytest.raises(FleetError):
-        subject.everything(volumes=False, identity=False)
-    (host / "proc/self/mounts").write_text("")
-    remover(host)[0].everything(volumes=False, identity=False)
-    assert not (host / "var/lib/kubelet").exists()
-
-
 class Running(Remover):
     """A pod whose node needs three seconds to stop, and one that does not listen."""
 
@@ -233,7 +212,7 @@ class Running(Remover):
         super().__init__(Commands(), lambda _name: None, dry=False, root=str(host))
         self.time, self.killed, self.asked = 0.0, set[int](), dict[int, float]()
         self.kill = self._kill
-        self.clock = {"now": lambda: self.time, "sleep": self._sleep}
+        self.now, self.sleep = lambda: self.time, self._sleep
 
     def _sleep(self, seconds: float) -> None:
         self.time += seconds

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -51,114 +50,83 @@ def test_a_wholly_connected_node_passes() -> None:
     assert judged(World(), contract()) == (PASS, "")
 
 
-def _unheard(world: World) -> None:
-    world.replies(OWN, bus=bus())
-
-
-def _said_by_subscriber_alone(world: World) -> None:
-    world.replies(OWN, bus=[[1, "http://x/", "i", "TCPROS", "/in", 1]])
-
-
-def _publisher_lacks_us(world: World) -> None:
-    world.replies(PUBLISHER, bus=bus(("/in", "/other")))
-
-
-def _publisher_is_late(world: World) -> None:
-    world.replies(PUBLISHER, error="no answer within 2 s")
-
-
-def _subscriber_is_late(world: World) -> None:
-    world.replies(OWN, bus=bus())
-    world.replies(SUBSCRIBER, error="no answer within 2 s")
-
-
-def _down(world: World) -> None:
-    world.replies(OWN, error="nothing listens", refused=True)
-
-
-def _service_not_served(world: World) -> None:
-    world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", error="the connection was closed")
-
-
-def _service_of_another(world: World) -> None:
-    world.services["/add"] = [OWN, "/other"]
-    world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", "/other")
-
-
-def _tells_no_connections(world: World) -> None:
-    world.replies(OWN, bus=None)
+def changed(world: World, change: str) -> World:
+    """With one thing that is other than it should be, or could be."""
+    late, refused = {"error": "no answer within 2 s"}, {"error": "nothing listens", "refused": True}
+    if change.endswith("subscriber"):  # late or dead: it is not connected either
+        world.replies(OWN, bus=bus())
+    told: dict[str, Any] = {
+        "unheard": (OWN, {"bus": bus()}),
+        "said by the subscriber alone": (OWN, {"bus": [[1, "http://x/", "i", "TCPROS", "/in", 1]]}),
+        "the publisher lacks us": (PUBLISHER, {"bus": bus(("/in", "/other"))}),
+        "late publisher": (PUBLISHER, late),
+        "late subscriber": (SUBSCRIBER, late),
+        "dead publisher": (PUBLISHER, refused),
+        "dead subscriber": (SUBSCRIBER, refused),
+        "down": (OWN, refused),
+        "tells no connections": (OWN, {"bus": None}),
+    }
+    if change in told:
+        world.replies(told[change][0], **told[change][1])
+    elif change == "service not served":
+        world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", error="the connection was closed")
+    elif change == "service of another":
+        world.services["/add"] = [OWN, "/other"]
+        world.probes["/add"] = ServiceProbe("rosrpc://127.0.0.1:1", "/other")
+    elif change == "tools":
+        world.subscribers["/out"] += ["/rostopic_4711_1700000000000", "/rqt_gui", "/ros_keeper"]
+        world.publishers["/in"] += ["/rostopic_4712_1700000000000", "/ros_keeper"]
+        world.publishers["/out"] += ["/ros_keeper"]
+        for name in (*world.subscribers["/out"][1:], *world.publishers["/in"][1:]):
+            world.answers[name] = NodeAnswer("http://192.0.2.1:1/", error="no answer")
+    else:
+        assert change == "nobody there"
+        world.subscribers["/out"] = world.publishers["/in"] = []
+        world.replies(OWN, bus=bus())
+    return world
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (_unheard, f"topic /out: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
-        (_said_by_subscriber_alone, f"topic /out: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
-        (_publisher_lacks_us, f"topic /in: not connected to its publishers: missing {PUBLISHER}"),
-        (_publisher_is_late, f"topic /in: not connected to its publishers: missing {PUBLISHER} (no answer"),
-        (_subscriber_is_late, f"missing {SUBSCRIBER} (no answer within 2 s)"),
-        (_down, f"node {OWN}: registered, but down"),
-        (_service_not_served, "service /add: registered by"),
-        (_service_of_another, f"service /add: /other answers at rosrpc://127.0.0.1:1, not {OWN}"),
-        (_tells_no_connections, "it does not tell its connections"),
+        ("unheard", f"topic /out: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
+        ("said by the subscriber alone", f"topic /out: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
+        ("the publisher lacks us", f"topic /in: not connected to its publishers: missing {PUBLISHER}"),
+        ("late publisher", f"topic /in: not connected to its publishers: missing {PUBLISHER} (no answer"),
+        ("late subscriber", f"missing {SUBSCRIBER} (no answer within 2 s)"),
+        ("down", f"node {OWN}: registered, but down"),
+        ("service not served", "service /add: registered by"),
+        ("service of another", f"service /add: /other answers at rosrpc://127.0.0.1:1, not {OWN}"),
+        ("tells no connections", "it does not tell its connections"),
     ],
 )
-def test_what_is_waited_for(change: Callable[[World], None], words: str) -> None:
-    world = World()
-    change(world)
+def test_what_is_waited_for(change: str, words: str) -> None:
+    world = changed(World(), change)
     verdict, reasons = judged(world)
     assert verdict == WAIT
     assert words in reasons
 
 
-def _dead_subscriber(world: World) -> None:
-    world.replies(OWN, bus=bus())
-    world.replies(SUBSCRIBER, error="nothing listens", refused=True)
-
-
-def _dead_publisher(world: World) -> None:
-    world.replies(PUBLISHER, error="nothing listens", refused=True)
-
-
-def _tools(world: World) -> None:
-    world.subscribers["/out"] += ["/rostopic_4711_1700000000000", "/rqt_gui", "/ros_keeper"]
-    world.publishers["/in"] += ["/rostopic_4712_1700000000000", "/ros_keeper"]
-    world.publishers["/out"] += ["/ros_keeper"]
-    for name in (*world.subscribers["/out"][1:], *world.publishers["/in"][1:]):
-        world.answers[name] = NodeAnswer("http://192.0.2.1:1/", error="no answer")
-
-
-def _nobody_there(world: World) -> None:
-    world.subscribers["/out"] = []
-    world.publishers["/in"] = []
-    world.replies(OWN, bus=bus())
-
-
-@pytest.mark.parametrize("change", [_dead_subscriber, _dead_publisher, _tools, _nobody_there])
-def test_what_blocks_nobody(change: Callable[[World], None]) -> None:
-    world = World()
-    change(world)
+@pytest.mark.parametrize("change", ["dead subscriber", "dead publisher", "tools", "nobody there"])
+def test_what_blocks_nobody(change: str) -> None:
+    world = changed(World(), change)
     assert judged(world) == (PASS, "")
 
 
 LONG = PATIENCE
 
 
-@pytest.mark.parametrize("change", [_publisher_is_late, _subscriber_is_late])
+@pytest.mark.parametrize("change", ["late publisher", "late subscriber"])
 @pytest.mark.parametrize("owed", [None, contract()])
-def test_a_peer_that_hangs_is_waited_for_no_longer_than_a_slow_one_needs(
-    change: Callable[[World], None], owed: Contract | None
-) -> None:
-    world = World()
-    change(world)
+def test_a_peer_that_hangs_is_waited_for_no_longer_than_a_slow_one_needs(change: str, owed: Contract | None) -> None:
+    world = changed(World(), change)
     assert judged(world, owed, LONG - 0.1)[0] == WAIT
     assert judged(world, owed, LONG) == (PASS, "")
 
 
-@pytest.mark.parametrize("change", [_unheard, _publisher_lacks_us])
-def test_a_living_peer_must_have_the_new_version_if_it_had_the_old_one(change: Callable[[World], None]) -> None:
-    world = World()
-    change(world)
+@pytest.mark.parametrize("change", ["unheard", "the publisher lacks us"])
+def test_a_living_peer_must_have_the_new_version_if_it_had_the_old_one(change: str) -> None:
+    world = changed(World(), change)
     assert judged(world, contract(), 10 * LONG)[0] == WAIT
     assert judged(world, None, 10 * LONG)[0] == WAIT  # nobody knows what was before
     came_by = contract(edges=[])  # a laptop that cannot reach our node, whose types are others since, ...
@@ -194,8 +162,7 @@ def test_a_subscription_is_owed_only_while_somebody_publishes_the_topic() -> Non
 
 def test_a_tool_that_hangs_holds_up_no_look() -> None:
     """rviz publishes, too."""
-    world = World()
-    _tools(world)
+    world = changed(World(), "tools")
     state = world.state()
     asked = probe.first_questions(state, [OWN])
     assert not [name for name in asked.nodes if name.startswith("/rostopic")]

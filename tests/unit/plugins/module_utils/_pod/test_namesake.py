@@ -55,6 +55,13 @@ class Waiting:
         return not self.thread.is_alive()
 
 
+def registered(master: Master) -> socket.socket:
+    """Another process that has the name."""
+    made = socket.create_server(("127.0.0.1", 0))
+    master.uri = f"http://127.0.0.1:{made.getsockname()[1]}/"
+    return made
+
+
 def test_a_name_that_nobody_has_is_free(master: Master) -> None:
     assert Waiting(master.address).over(5)
     assert master.asked == 1
@@ -62,8 +69,7 @@ def test_a_name_that_nobody_has_is_free(master: Master) -> None:
 
 def test_the_process_that_has_the_name_is_waited_for(master: Master) -> None:
     """To its very end: it leaves the graph before."""
-    with socket.create_server(("127.0.0.1", 0)) as old:
-        master.uri = f"http://127.0.0.1:{old.getsockname()[1]}/"
+    with registered(master) as old:
         waiting = Waiting(master.address)
         line, _address = old.accept()
         master.uri = ""
@@ -73,8 +79,7 @@ def test_the_process_that_has_the_name_is_waited_for(master: Master) -> None:
 
 
 def test_one_that_hangs_up_and_lives_is_waited_for_still(master: Master) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as old:
-        master.uri = f"http://127.0.0.1:{old.getsockname()[1]}/"
+    with registered(master) as old:
         waiting = Waiting(master.address)
         for _time in range(2):
             old.accept()[0].close()
@@ -83,23 +88,20 @@ def test_one_that_hangs_up_and_lives_is_waited_for_still(master: Master) -> None
 
 
 def test_the_name_of_a_dead_one_is_free(master: Master) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as closed:
-        master.uri = f"http://127.0.0.1:{closed.getsockname()[1]}/"
+    registered(master).close()
     assert Waiting(master.address).over(5)
 
 
 def test_the_containers_own_last_life_is_nobody(master: Master) -> None:
     """Another process of the pod may have its port by now."""
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        master.uri = f"http://127.0.0.1:{other.getsockname()[1]}/"
+    with registered(master):
         assert Waiting(master.address, own="127.0.0.1").over(5)
 
 
 def test_a_name_given_up_in_silence_is_free(master: Master, monkeypatch: pytest.MonkeyPatch) -> None:
     """A host that loses its power closes no connection."""
     monkeypatch.setattr(namesake, "LOOK", 0.1)
-    with socket.create_server(("127.0.0.1", 0)) as old:
-        master.uri = f"http://127.0.0.1:{old.getsockname()[1]}/"
+    with registered(master) as old:
         waiting = Waiting(master.address)
         old.accept()
         assert not waiting.over(0.3)

@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import own_node, state
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import (
-    CALLER,
     OwnNode,
     established,
     find_node,
@@ -23,10 +23,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import 
     listens_here,
     nodes_here,
 )
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.client import Ros1Client
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State
 from ansible_collections.rosops.fleet.tests.unit.plugins.fake_ros import Peers
 
-NODE, SETTINGS = "/arm", {"node": "/arm"}
+NODE = "/arm"
+SETTINGS, NAMELESS = Settings(NODE), Settings("")
 
 
 @pytest.fixture
@@ -72,10 +73,7 @@ class World:
         return [method for name, method in self.peers.calls if name == label]
 
     def own(self) -> OwnNode:
-        return OwnNode(NODE, self.node, {"/arm/home": self.service})
-
-    def ros(self) -> Ros1Client:
-        return Ros1Client(self.master, 2.0, CALLER)
+        return OwnNode(NODE, self.node, {"/arm/home": self.service}, Settings(NODE, actions=["/other"]))
 
 
 @pytest.fixture
@@ -95,11 +93,11 @@ def test_it_is_where_the_master_says_and_the_next_call_asks_no_master(world: Wor
 
 
 def test_another_process_at_its_old_address_is_not_it(world: World) -> None:
-    state.save_state(NODE, {"uri": world.node, "pid": 6, "services": {}})
+    state.save_state(NODE, State(world.node, 6))
     node, _why = find_node(SETTINGS)
     assert node is not None
     assert world.asked("master")
-    assert state.load_state(NODE)["pid"] == 7
+    assert state.load_state(NODE).pid == 7
 
 
 @pytest.mark.parametrize(
@@ -123,10 +121,10 @@ def test_a_node_that_is_late_may_be_at_work(world: World) -> None:
     world.address = f"http://127.0.0.1:{world.peers.hung()}/"
     node, why = find_node(SETTINGS, 0.2)
     assert (node and node.uri, why) == (world.address, "")
-    assert state.load_state(NODE) == {}
-    assert [one.uri for one in nodes_here({}, 0.2)[0]] == [world.address]
+    assert state.load_state(NODE) == State()
+    assert [one.uri for one in nodes_here(NAMELESS, 0.2)[0]] == [world.address]
     world.address = f"http://127.0.0.1:{world.peers.dead()}/"
-    assert nodes_here({}, 0.2) == ([], "no node is registered from this pod's address")
+    assert nodes_here(NAMELESS, 0.2) == ([], "no node is registered from this pod's address")
 
 
 def test_a_node_of_another_pod_is_left_alone(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,7 +144,7 @@ def test_only_an_address_of_ones_own_can_be_bound(uri: str, here: bool) -> None:
 
 
 def test_it_is_taken_out_of_the_master_with_all_that_it_has(world: World) -> None:
-    world.own().unregister(world.ros())
+    world.own().unregister()
     assert sorted(world.told) == [
         ("Publisher", "/arm/state", world.node),
         ("Publisher", "/work/status", world.node),
@@ -155,30 +153,28 @@ def test_it_is_taken_out_of_the_master_with_all_that_it_has(world: World) -> Non
     ]
 
 
-def test_no_master_to_take_it_out_of(world: World) -> None:
-    with pytest.raises(RosError, match="does not answer"):
-        world.own().unregister(Ros1Client("http://127.0.0.1:9/", 0.5, CALLER))
-
-
 def test_it_is_cut_off_from_who_sends_it_goals(world: World) -> None:
     world.own().isolate("/work")
     assert world.told == [("update", "/work/goal", [])]
 
 
-def test_its_actions_are_those_of_the_graph_or_what_was_expected(world: World) -> None:
-    assert world.own().actions(world.ros(), ["/other"]) == ["/work"]
-    assert world.own().actions(Ros1Client("http://127.0.0.1:9/", 0.5), ["/other"]) == ["/other"]
+def test_its_actions_are_those_of_the_graph_or_what_was_expected(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert world.own().actions() == ["/work"]
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9/")
+    assert world.own().actions() == ["/other"]
+    with pytest.raises(RosError, match="does not answer"):
+        world.own().unregister()
 
 
 def test_a_status_that_cannot_be_read_has_its_reason(world: World) -> None:
-    found = world.own().status(world.ros(), "/work")
+    found = world.own().status("/work")
     assert (found.readings, found.error.startswith("refused:")) == ((), True)
 
 
 def test_a_node_that_does_not_answer_has_no_process(world: World) -> None:
     assert world.own().process() == 7
     for uri in (f"http://127.0.0.1:{world.peers.dead()}/", world.peers.api("odd", {"getPid": [1, "", "seven"]})):
-        assert OwnNode(NODE, uri, {}).process() is None
+        assert OwnNode(NODE, uri, {}, SETTINGS).process() is None
 
 
 def test_where_the_kernel_does_not_tell_all_clients_count(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,18 +200,20 @@ def test_where_the_kernel_does_not_tell_all_clients_count(peers: Peers, monkeypa
 def test_nodes_of_the_pod_are_found_by_its_address(peers: Peers, monkeypatch: pytest.MonkeyPatch) -> None:
     """roslaunch names its nodes itself. Where the pod has the host's network, a process of it has to listen there."""
     world = World(peers, monkeypatch)
-    (found,), reason = nodes_here({})
+    (found,), reason = nodes_here(NAMELESS)
     assert (found.name, found.uri, found.services, reason) == (NODE, world.node, {"/arm/home": world.service}, "")
-    (found,), _reason = nodes_here({"host_network": True})
+    (found,), _reason = nodes_here(replace(NAMELESS, host_network=True))
     assert found.name == NODE
     monkeypatch.setattr(own_node, "listens_here", lambda _port: False)
-    assert nodes_here({"host_network": True}) == ([], "no node is registered from this pod's address")
-    assert nodes_here({"space": "/robot2"})[0] == []  # several robots share a master: the others' nodes are not asked
-    assert nodes_here({"space": "/"})[0]
+    assert nodes_here(replace(NAMELESS, host_network=True)) == ([], "no node is registered from this pod's address")
+    assert (
+        nodes_here(replace(NAMELESS, space="/robot2"))[0] == []
+    )  # several robots share a master: the others' nodes are not asked
+    assert nodes_here(replace(NAMELESS, space="/"))[0]
     world.address = "http://["  # whatever a stranger has registered
-    assert nodes_here({}) == ([], "no node is registered from this pod's address")
+    assert nodes_here(NAMELESS) == ([], "no node is registered from this pod's address")
     monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{peers.dead()}/")
-    assert "nothing listens" in nodes_here({})[1]
+    assert "nothing listens" in nodes_here(NAMELESS)[1]
 
 
 def test_a_name_that_nobody_resolves_holds_up_no_probe(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,7 +229,7 @@ def test_a_name_that_nobody_resolves_holds_up_no_probe(world: World, monkeypatch
     monkeypatch.setattr(own_node.socket, "getaddrinfo", look_up)
     world.address = "http://laptop:4711/"
     began = time.monotonic()
-    assert nodes_here({}, 0.2) == ([], "no node is registered from this pod's address")
+    assert nodes_here(NAMELESS, 0.2) == ([], "no node is registered from this pod's address")
     assert time.monotonic() - began < 5
     answered.set()
 
@@ -256,14 +254,14 @@ def test_a_shutdown_does_not_wait_for_an_answer(peers: Peers) -> None:
         ended.wait(30)
 
     began = time.monotonic()
-    OwnNode(NODE, f"http://127.0.0.1:{peers.tcp(talk)}/", {}).shut_down()
+    OwnNode(NODE, f"http://127.0.0.1:{peers.tcp(talk)}/", {}, SETTINGS).shut_down()
     assert time.monotonic() - began < 5
     assert got.wait(5)
     ended.set()
 
 
 def test_a_shutdown_of_what_is_gone_is_done(peers: Peers) -> None:
-    OwnNode(NODE, f"http://127.0.0.1:{peers.dead()}/", {}).shut_down()
+    OwnNode(NODE, f"http://127.0.0.1:{peers.dead()}/", {}, SETTINGS).shut_down()
 
 
 TABLE = """\

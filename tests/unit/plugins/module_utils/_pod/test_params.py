@@ -14,28 +14,29 @@ from xmlrpc.server import SimpleXMLRPCServer
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import params
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.kept_params import leaves_of, tree_of, value_at
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, load_settings
 
 REVISION = "0a1b2c3d"
-SETTINGS = {"node": "/arm", "params": {"~rate": 20, "~pid/gain": 1.5, "/limits": {"speed": 2}}}
+SETTINGS = Settings("/arm", params={"~rate": 20, "~pid/gain": 1.5, "/limits": {"speed": 2}})
 
 
 def test_private_names_stand_under_the_node() -> None:
     assert params.assignments(SETTINGS) == {"/arm/rate": 20, "/arm/pid/gain": 1.5, "/limits": {"speed": 2}}
-    assert params.assignments({"node": "/arm"}) == {}
+    assert params.assignments(Settings("/arm")) == {}
 
 
 @pytest.mark.parametrize(
     ("node", "given", "revision", "gone"),
     [
-        ("/arm", SETTINGS["params"], REVISION, ["/arm/rate", "/arm/pid/gain"]),  # the next one has this name, too
-        (f"/arm_{REVISION}", SETTINGS["params"], REVISION, [f"/arm_{REVISION}"]),  # nobody will have it any more
+        ("/arm", SETTINGS.params, REVISION, ["/arm/rate", "/arm/pid/gain"]),  # the next one has this name, too
+        (f"/arm_{REVISION}", SETTINGS.params, REVISION, [f"/arm_{REVISION}"]),  # nobody will have it any more
         (f"/arm_{REVISION}", {}, REVISION, [f"/arm_{REVISION}"]),
         ("/arm", {}, REVISION, []),
         ("/arm_", {}, "", []),
     ],
 )
 def test_what_goes_with_the_node(node: str, given: dict[str, Any], revision: str, gone: list[str]) -> None:
-    assert params.leavings({"node": node, "params": given}, revision) == gone
+    assert params.leavings(Settings(node, params=given), revision) == gone
 
 
 class Master:
@@ -89,7 +90,7 @@ def master() -> Iterator[Master]:
 
 def test_all_are_set_or_it_is_said_which_are_not(master: Master) -> None:
     def settings(**more: Any) -> dict[str, str]:
-        given = {**SETTINGS, "expect_node": True, "params": {**SETTINGS["params"], **more}}
+        given = {"node": "/arm", "expect_node": True, "params": {**SETTINGS.params, **more}}
         return {**master.environ, "ROSOPS_SETTINGS": json.dumps(given), "ROSOPS_NODE_NAME": "arm_1"}
 
     assert params.set_all(settings()) == ""
@@ -125,23 +126,23 @@ def pod(master: Master, monkeypatch: pytest.MonkeyPatch) -> Any:
     class Pod:
         own = False
 
-        def _settings(self, revision: str, changes: dict[str, Any]) -> dict[str, Any]:
+        def _settings(self, revision: str, changes: dict[str, Any]) -> Settings:
             name, settings = f"arm_{revision}" if self.own else "arm", {**KEEPING, **changes}
             environ = {"ROSOPS_SETTINGS": json.dumps(settings), "ROSOPS_NODE_NAME": name, "ROSOPS_REVISION": revision}
             for key, value in {**master.environ, **environ}.items():
                 monkeypatch.setenv(key, value)
-            return {**settings, "node": f"/{name}"}
+            return load_settings(os.environ)
 
         def begin(self, revision: str, **changes: Any) -> None:
             """And its node registers."""
-            node = self._settings(revision, changes)["node"]
+            node = self._settings(revision, changes).node
             assert params.set_all(os.environ) == ""
             master.nodes.append(node)
 
         def end(self, revision: str, **changes: Any) -> None:
             settings = self._settings(revision, changes)
-            if settings["node"] in master.nodes:
-                master.nodes.remove(settings["node"])
+            if settings.node in master.nodes:
+                master.nodes.remove(settings.node)
             params.forget(settings, 5)
 
     return Pod()

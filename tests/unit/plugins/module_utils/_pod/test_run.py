@@ -35,9 +35,10 @@ def loader():
 def started(directory: Path, word: str, text: str = LOOKS) -> dict[str, Any]:
     for name, content in app_files().items():
         (directory / name).write_text(content)
-    (directory / "_pod.keeper_main.py").write_text(text)
+    (directory / "_robot.main.py").write_text(text)
     (directory / "_pod.started.py").write_text(text)
-    (directory / "_pod.run_of.py").write_text(RUN_OF)
+    for room in ("_pod", "_robot"):
+        (directory / f"{room}.run_of.py").write_text(RUN_OF)
     command = [sys.executable, "-I", "-S", str(directory / "run.py"), word, "--record", "x"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own
     said = process.communicate(timeout=60)[0]
@@ -76,15 +77,3 @@ def test_what_asks_to_begin_anew_does_so_with_nothing_left_of_before(
 
 def test_a_probe_is_one_process(tmp_path: Path) -> None:
     assert started(tmp_path, "started")["optimize"] == 0
-
-
-@pytest.mark.parametrize("words", [["run.py"], ["run.py", "nonsense"]])
-def test_how_it_is_used(words: list[str], tmp_path: Path) -> None:
-    (tmp_path / "run.py").write_text(app_files()["run.py"])
-    process = subprocess.run(  # noqa: S603 - our own
-        [sys.executable, "-I", "-S", str(tmp_path / "run.py"), *words[1:]],
-        stdout=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
-    assert (process.returncode, process.stdout) == (2, "usage: run.py exec|started|stop|sidecar|keeper|exporter\n")

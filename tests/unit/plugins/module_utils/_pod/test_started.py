@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import started as started_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings, State
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import PATIENCE
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import NodeAnswer
@@ -26,7 +28,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.pod_graph import (
     contract,
 )
 
-SETTINGS = {"node": OWN, "expect_node": True, "command": None, "min_rates": {}}
+SETTINGS = Settings(OWN, expect_node=True)
 
 
 class Clock:
@@ -50,11 +52,11 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(started_command, "is_here", lambda uri: uri == URI)
 
 
-def started(world: World, clock: Clock | None = None, before: Any = None, run: Any = None, **settings: Any) -> str:
+def started(world: World, clock: Clock | None = None, before: str = "", run: Any = None, **settings: Any) -> str:
     clock, here, children = clock or Clock(), settings.pop("here", {}), settings.pop("children", [])
     return started_command.started(
-        {**SETTINGS, **settings},
-        before or {},
+        replace(SETTINGS, **settings),
+        State(failed=before),
         world,
         started_command.Outside(
             run or (lambda *_: ""), lambda _state: here, lambda _hosts: children, clock.now, clock.sleep
@@ -68,9 +70,7 @@ def owe(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
 
 def test_ready_keeps_what_later_calls_need() -> None:
     assert started(World()) == ""
-    assert kept.load_state(OWN) == {
-        "node": OWN, "uri": URI, "pid": 71, "services": {"/add": "rosrpc://127.0.0.1:40004"},
-    }  # fmt: skip
+    assert kept.load_state(OWN) == State(URI, 71, {"/add": "rosrpc://127.0.0.1:40004"})
 
 
 def test_without_contract_and_command_it_waits_until_nothing_more_is_registered() -> None:
@@ -128,19 +128,15 @@ def test_the_commands_word_counts_and_rates_wait_for_it() -> None:
     )
 
 
-def test_it_looks_ten_times_a_second_and_gives_up_after_ten() -> None:
+@pytest.mark.parametrize(("before", "looks"), [("", 101), ("not ready: x", 21)])
+def test_it_looks_ten_times_a_second_or_after_a_call_in_vain_twice_and_gives_up_after_ten(
+    before: str, looks: int
+) -> None:
     world, clock = World(), Clock()
     world.replies(OWN, bus=bus())
-    assert started(world, clock).startswith("not ready: topic /out")
+    assert started(world, clock, before).startswith("not ready: topic /out")
     assert clock.at == pytest.approx(started_command.SECONDS)
-    assert world.asked.count("state") == pytest.approx(101, abs=2)
-
-
-def test_after_a_call_in_vain_it_looks_less_often() -> None:
-    world = World()
-    world.replies(OWN, bus=bus())
-    assert started(world, before={"failed": "not ready: x"}).startswith("not ready: topic /out")
-    assert world.asked.count("state") < 25
+    assert world.asked.count("state") == pytest.approx(looks, abs=2)
 
 
 def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +147,7 @@ def test_what_waiting_cannot_mend_is_told_at_once_and_then_patiently(monkeypatch
         "cannot become ready: topic /out: this version has the type std_msgs/String, the one before had std_msgs/Bool"
     )
     assert clock.at == 0
-    assert started(World(), clock, before={"failed": line}) == line
+    assert started(World(), clock, before=line) == line
     assert clock.at == pytest.approx(started_command.SECONDS)
 
 
@@ -161,26 +157,6 @@ def test_another_definition_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) ->
     world.sums["/out"] = "cc"
     assert started(world).startswith("cannot become ready: topic /out: this version's definition")
     assert "rates" not in world.asked
-
-
-def test_what_is_not_latched_any_more_cannot_be_mended(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = World()
-    topics = contract().as_dict()["topics"]
-    owe(monkeypatch, topics={"/out": {**topics["/out"], "latched": True}})
-    assert started(world) == (
-        "cannot become ready: topic /out: this version does not latch its messages, the one before did"
-    )
-    world.latching = {"/out"}
-    assert started(world) == ""
-
-
-def test_half_the_recorded_rate_is_not_ready(monkeypatch: pytest.MonkeyPatch) -> None:
-    owe(monkeypatch)
-    world = World()
-    world.hz["/out"] = 50.0
-    assert started(world).startswith("not ready: rate /out: 50.0 Hz")
-    world.hz["/out"] = 91.0
-    assert started(world) == ""
 
 
 def test_a_contract_that_comes_later_counts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -293,7 +269,7 @@ def test_a_launch_file_is_started_when_nothing_more_is_registered(two_nodes: Wor
     clock = Clock()
     assert launched(two_nodes, clock) == ""
     assert started_command.SETTLE_LAUNCH <= clock.at <= started_command.SETTLE_LAUNCH + 0.2
-    assert kept.load_state(OWN) == {}  # which node it is has to be looked up each time
+    assert kept.load_state(OWN) == State()  # which node it is has to be looked up each time
 
 
 def test_every_connection_of_every_node_is_waited_for(two_nodes: World) -> None:
@@ -416,7 +392,7 @@ def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, caps
     monkeypatch.setattr(started_command, "started", lambda *_: "not ready: x")
     assert started_command.main([]) == 1
     assert capsys.readouterr().out == "not ready: x\n"
-    assert kept.load_state(OWN) == {"failed": "not ready: x"}
+    assert kept.load_state(OWN) == State(failed="not ready: x")
     monkeypatch.setattr(started_command, "started", lambda *_: "")
     assert started_command.main([]) == 0
     assert capsys.readouterr().out == ""

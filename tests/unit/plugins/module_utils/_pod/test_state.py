@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import state as kept
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import State
 
 
 @pytest.fixture(autouse=True)
@@ -26,28 +27,28 @@ def test_settings_take_the_nodes_name_from_the_pod() -> None:
         "min_rates": {"~status": 1, "/out": 5}, "command": None, "keeper": None, "stop_deadline": 5,
     }  # fmt: skip
     found = kept.load_settings({**ENVIRON, "ROSOPS_SETTINGS": json.dumps(content)})
-    assert found["node"] == "/r1/a_0a1b2c3d"
-    assert found["actions"] == ["/r1/a_0a1b2c3d/move", "/arm"]
-    assert found["min_rates"] == {"/r1/a_0a1b2c3d/status": 1, "/out": 5}
+    assert found.node == "/r1/a_0a1b2c3d"
+    assert found.actions == ["/r1/a_0a1b2c3d/move", "/arm"]
+    assert found.min_rates == {"/r1/a_0a1b2c3d/status": 1, "/out": 5}
 
 
 @pytest.mark.parametrize("text", [None, "", "{", "[]"])
 def test_without_settings_a_pod_is_still_asked_for_its_node(text: str | None) -> None:
     environ = ENVIRON if text is None else {**ENVIRON, "ROSOPS_SETTINGS": text}
     found = kept.load_settings(environ)
-    assert (found["node"], found["expect_node"]) == ("/r1/a_0a1b2c3d", False)
-    kept.save_state("/r1/a_0a1b2c3d", {"uri": "http://u", "pid": 7})
-    assert kept.load_settings(environ)["expect_node"] is True
+    assert (found.node, found.expect_node) == ("/r1/a_0a1b2c3d", False)
+    kept.save_state("/r1/a_0a1b2c3d", State("http://u", 7))
+    assert kept.load_settings(environ).expect_node is True
 
 
 def test_state_is_kept_per_node_for_this_user_alone(scratch: Path) -> None:
-    kept.save_state("/r1/a", {"pid": 1})
-    kept.save_state("/r1/b", {"pid": 2})
-    assert [kept.load_state(name) for name in ("/r1/a", "/r1/b", "/r1/c")] == [{"pid": 1}, {"pid": 2}, {}]
+    kept.save_state("/r1/a", State(pid=1))
+    kept.save_state("/r1/b", State(pid=2))
+    assert [kept.load_state(name).pid for name in ("/r1/a", "/r1/b", "/r1/c")] == [1, 2, None]
     assert (scratch / "scratch").stat().st_mode & 0o777 == 0o700
 
 
 def test_where_nothing_can_be_written_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "SCRATCH", "/proc/none")
-    kept.save_state("/a", {"pid": 1})
-    assert kept.load_state("/a") == {}
+    kept.save_state("/a", State(pid=1))
+    assert kept.load_state("/a") == State()

@@ -8,21 +8,23 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._pod import stop as stop_command
 from ansible_collections.rosops.fleet.plugins.module_utils._pod.own_node import OwnNode
+from ansible_collections.rosops.fleet.plugins.module_utils._pod.state import Settings
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import StatusReading
 
 IDLE, ACTIVE, DONE = StatusReading(((), ())), StatusReading(((1,),)), StatusReading(((3,), (3,)))
 
 
-class Node:
+class Node(OwnNode):
     """What is done to it stands in `done`, with the time. What is in `hanging` takes all the time that it is given."""
 
     def __init__(self, statuses: dict[str, list[StatusReading]] | None = None) -> None:
-        self.name = "/server"
+        super().__init__("/server", "", {}, Settings("/server"))
         self.at = 0.0
         self.statuses = statuses or {}
         self.under_way: list[int] = []
@@ -64,11 +66,11 @@ class Node:
         """Without repetitions."""
         return list(dict.fromkeys(what for what, _at in self.done))
 
-    def actions(self, seconds: float) -> list[str]:
+    def actions(self, seconds: float = 2.0) -> list[str]:
         self._note("actions", seconds)
         return list(self.statuses)
 
-    def status(self, action: str, seconds: float) -> StatusReading:
+    def status(self, action: str, seconds: float = 2.0) -> StatusReading:
         if "status" in self.hanging:
             self.at += seconds
             return StatusReading(error="timed out")
@@ -76,24 +78,24 @@ class Node:
         readings = self.statuses[action]
         return readings.pop(0) if len(readings) > 1 else readings[0]
 
-    def isolate(self, action: str, seconds: float) -> None:
+    def isolate(self, action: str, seconds: float = 2.0) -> None:
         self._note(f"isolate {action}", seconds)
 
-    def calls(self, seconds: float) -> int:
+    def calls(self, seconds: float = 2.0) -> int:
         self._note("calls", seconds)
         return self.under_way.pop(0) if self.under_way else 0
 
-    def hand_over(self, seconds: float) -> str:
+    def hand_over(self, seconds: float = 2.0) -> str:
         self._note("hand_over", seconds)
         return self.unkept
 
-    def unregister(self, seconds: float) -> None:
+    def unregister(self, seconds: float = 2.0) -> None:
         self._note("unregister", seconds)
 
-    def forget(self, seconds: float) -> None:
+    def forget(self, seconds: float = 2.0) -> None:
         self._note("forget", seconds)
 
-    def shut_down(self, seconds: float) -> None:
+    def shut_down(self, seconds: float = 2.0) -> None:
         with contextlib.suppress(TimeoutError):
             self._note("shutdown", seconds)
 
@@ -113,6 +115,9 @@ def held(node: Node) -> stop_command.Hold:
         return ""
 
     return hold
+
+
+END = ["calls", "hand_over", "unregister", "forget", "shutdown"]
 
 
 def test_a_node_without_actions_ends_at_once() -> None:
@@ -154,16 +159,7 @@ def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> 
 def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
     node = Node({"/move": [IDLE]})
     assert stop(node, held(node)) == []
-    assert node.order == [
-        "actions",
-        "hold /move",
-        "isolate /move",
-        "calls",
-        "hand_over",
-        "unregister",
-        "forget",
-        "shutdown",
-    ]
+    assert node.order == ["actions", "hold /move", "isolate /move", *END]
     assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
 
 
@@ -194,7 +190,7 @@ def test_without_a_keeper_it_drains_without_cutting_off(hold: Any, remark: str) 
     node = Node({"/move": [ACTIVE, IDLE]})
     assert stop(node, hold) == [remark]
     assert "isolate /move" not in node.order
-    assert node.order[-5:] == ["calls", "hand_over", "unregister", "forget", "shutdown"]
+    assert node.order[-5:] == END
 
 
 @pytest.mark.parametrize(("total", "share"), [(30.0, 27.0), (3.0, 2.0)])
@@ -257,13 +253,13 @@ def test_the_time_to_find_the_node_belongs_to_the_stop(monkeypatch: pytest.Monke
 
     def find(_settings: Any, seconds: float) -> Any:
         asked.append(seconds)
-        return OwnNode("/x", "http://127.0.0.1:9/", {}), ""
+        return OwnNode("/x", "http://127.0.0.1:9/", {}, wanted), ""
 
     def stopped(_nodes: Any, _expect: bool, _hold: Any, ends: stop_command.Ends) -> list[str]:
         asked.append(ends.all)
         return []
 
-    wanted = {"expect_node": True, "node": "/x", "stop_deadline": 4, "keeper": None, "actions": []}
+    wanted = Settings("/x", expect_node=True, stop_deadline=4)
     monkeypatch.setattr(stop_command, "load_settings", lambda _environ: wanted)
     monkeypatch.setattr(stop_command, "find_node", find)
     monkeypatch.setattr(stop_command, "stop", stopped)
@@ -307,12 +303,12 @@ def test_main_never_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     monkeypatch.setattr(stop_command, "load_settings", broken)
     assert stop_command.main([]) == 0
     assert told == ["rosops.fleet: stop hook: RuntimeError: no such thing"]
-    nameless = {"expect_node": False, "stop_deadline": 30}
+    nameless = Settings("/x", stop_deadline=30)
     monkeypatch.setattr(stop_command, "load_settings", lambda _environ: nameless)
     monkeypatch.setattr(stop_command, "nodes_here", lambda *_: ([], "no node is registered from here"))
     assert stop_command.main([]) == 0
     assert told.pop() == "rosops.fleet: left to SIGTERM: no node is registered from here"
-    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: {**nameless, "expect_node": True, "node": "/x"})
+    monkeypatch.setattr(stop_command, "load_settings", lambda _environ: replace(nameless, expect_node=True))
     monkeypatch.setattr(stop_command, "find_node", lambda *_: (None, "node /x: not registered with the master"))
     assert stop_command.main([]) == 0
     assert told[1:] == ["rosops.fleet: left to SIGTERM: node /x: not registered with the master"]

@@ -24,9 +24,9 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 
 APP = "camera"
-OLD, NEW, OTHER = "rev1", "rev2", "rev9"
+OLD, THIS, OTHER = "rev1", "rev2", "rev9"
 # Of the run that wrote the record, on this revision or copied from another one; of another run; as 0.x wrote it.
-MARKS = ("", f"7 {NEW}", f"7 {OLD}", f"7 {OTHER}", f"6 {NEW}", f"6 {OLD}", f"6 {OTHER}", "7", "6")
+MARKS = ("", f"7 {THIS}", f"7 {OLD}", f"7 {OTHER}", f"6 {THIS}", f"6 {OLD}", f"6 {OTHER}", "7", "6")
 
 
 def deployment(revision: str, mark: str = "", name: str = APP) -> dict[str, Any]:
@@ -41,45 +41,45 @@ def entry(revision: str) -> dict[str, Any]:
 
 
 def record(*before: str, **contract: Any) -> Record:
-    said = {"revision": NEW, "run": "7", "apps": [APP], **contract}
+    said = {"revision": THIS, "run": "7", "apps": [APP], **contract}
     return record_of({"data": {"contract.json": json.dumps(said), "history.json": json.dumps([*map(entry, before)])}})
 
 
 ALL = dict.fromkeys
 RECORDS: dict[str, tuple[Record | None, dict[str, dict[str, str]]]] = {
     # name: (record, revision of the Deployment -> mark -> answer)
-    "nobody has written it down": (None, {one: ALL(MARKS, UNKNOWN) for one in (NEW, OLD)}),
+    "nobody has written it down": (None, {one: ALL(MARKS, UNKNOWN) for one in (THIS, OLD)}),
     "somebody spoilt it": (
         record_of({"data": {"contract.json": "[3]", "history.json": "no JSON"}}),
-        {one: ALL(MARKS, UNKNOWN) for one in (NEW, OLD)},
+        {one: ALL(MARKS, UNKNOWN) for one in (THIS, OLD)},
     ),
-    "only just installed": (record(install=True), {one: ALL(MARKS, INSTALLED) for one in (NEW, OLD, OTHER)}),
+    "only just installed": (record(install=True), {one: ALL(MARKS, INSTALLED) for one in (THIS, OLD, OTHER)}),
     "installed and proven": (
         record(install=True, proven=True),
-        {NEW: ALL(MARKS, PROVEN), OLD: ALL(MARKS, UNKNOWN), OTHER: ALL(MARKS, UNKNOWN)},
+        {THIS: ALL(MARKS, PROVEN), OLD: ALL(MARKS, UNKNOWN), OTHER: ALL(MARKS, UNKNOWN)},
     ),
-    "a new app in a step": (record(), {NEW: ALL(MARKS, ON_TRIAL), OTHER: ALL(MARKS, UNKNOWN)}),
+    "a new app in a step": (record(), {THIS: ALL(MARKS, ON_TRIAL), OTHER: ALL(MARKS, UNKNOWN)}),
     "in a step": (
         record(OLD),
         {
-            NEW: ALL(MARKS, ON_TRIAL),
+            THIS: ALL(MARKS, ON_TRIAL),
             OLD: {**ALL(MARKS, PROVEN), f"7 {OLD}": GOING_BACK, "7": GOING_BACK},
             OTHER: ALL(MARKS, UNKNOWN),
         },
     ),
     "proven": (
         record(OLD, proven=True),
-        {NEW: ALL(MARKS, PROVEN), OLD: ALL(MARKS, PROVEN), OTHER: ALL(MARKS, UNKNOWN)},
+        {THIS: ALL(MARKS, PROVEN), OLD: ALL(MARKS, PROVEN), OTHER: ALL(MARKS, UNKNOWN)},
     ),
     # a step that leaves the pod template as it is: the mark alone says which of the two it is
     "in a step to the same revision": (
-        record(NEW),
-        {NEW: {**ALL(MARKS, PROVEN), f"7 {NEW}": ON_TRIAL, "7": ON_TRIAL}, OTHER: ALL(MARKS, UNKNOWN)},
+        record(THIS),
+        {THIS: {**ALL(MARKS, PROVEN), f"7 {THIS}": ON_TRIAL, "7": ON_TRIAL}, OTHER: ALL(MARKS, UNKNOWN)},
     ),
     "in a step, as 0.x wrote it": (
         record(OLD, run=""),
         {
-            NEW: ALL(MARKS, ON_TRIAL),
+            THIS: ALL(MARKS, ON_TRIAL),
             OLD: {**ALL(MARKS, PROVEN), **ALL((f"7 {OLD}", f"6 {OLD}", "7", "6"), GOING_BACK)},
             OTHER: ALL(MARKS, UNKNOWN),
         },
@@ -107,17 +107,17 @@ def test_what_a_version_is(found: Record | None, there: dict[str, Any], expected
         ({"proven": True, "apps": ["lidar"]}, ON_TRIAL),  # a step of its own
     ],
 )
-@pytest.mark.parametrize("mark", ["", f"7 {NEW}"])
+@pytest.mark.parametrize("mark", ["", f"7 {THIS}"])
 def test_a_step_proves_all_its_apps_at_once(mark: str, other: dict[str, Any], expected: str) -> None:
     apps = [APP, "lidar"]
     records = {APP: record(OLD, apps=apps), "lidar": record(OLD, **{"apps": apps, **other})}
-    assert answer(deployment(NEW, mark), records) == expected
+    assert answer(deployment(THIS, mark), records) == expected
 
 
 def test_a_mark_is_read_as_it_was_written() -> None:
-    assert mark_of(deployment(NEW, str(Mark("7", NEW)))) == Mark("7", NEW)
-    assert mark_of(deployment(NEW, "7")) == Mark("7")
-    assert mark_of(deployment(NEW)) is None
+    assert mark_of(deployment(THIS, str(Mark("7", THIS)))) == Mark("7", THIS)
+    assert mark_of(deployment(THIS, "7")) == Mark("7")
+    assert mark_of(deployment(THIS)) is None
 
 
 def test_a_record_is_read_as_it_was_written() -> None:
@@ -131,29 +131,29 @@ SOAKED = {"soak": 120.0, "ends": 1}
 
 
 @pytest.mark.parametrize(
-    ("said", "revision", "note", "watched"),
+    ("said", "revision", "note", "soaking"),
     [
-        (SOAKED, NEW, f"7 {NEW}", True),
-        (SOAKED, NEW, "", False),  # somebody took it off
-        (SOAKED, NEW, f"6 {NEW}", False),  # brought back by `kubectl rollout undo`
-        (SOAKED, OLD, f"7 {NEW}", False),
+        (SOAKED, THIS, f"7 {THIS}", True),
+        (SOAKED, THIS, "", False),  # somebody took it off
+        (SOAKED, THIS, f"6 {THIS}", False),  # brought back by `kubectl rollout undo`
+        (SOAKED, OLD, f"7 {THIS}", False),
         (SOAKED, OLD, f"7 {OLD}", False),
-        ({}, NEW, f"7 {NEW}", False),
-        ({**SOAKED, "proven": True}, NEW, f"7 {NEW}", False),
+        ({}, THIS, f"7 {THIS}", False),
+        ({**SOAKED, "proven": True}, THIS, f"7 {THIS}", False),
     ],
 )
-def test_what_the_keeper_watches(said: dict[str, Any], revision: str, note: str, *, watched: bool) -> None:
+def test_what_soaks(said: dict[str, Any], revision: str, note: str, *, soaking: bool) -> None:
     there = deployment(revision)
     there["metadata"]["annotations"] = {SOAKING: note} if note else {}
-    assert soaks(there, {APP: record(OLD, **said)}) is watched
+    assert soaks(there, {APP: record(OLD, **said)}) is soaking
     assert soaks(there, {}) is False
 
 
-def test_what_is_watched_is_on_trial_until_it_is_proven() -> None:
+def test_what_soaks_is_new_until_it_is_proven() -> None:
     good = record(OLD).found_good(120.0, 1)
     assert (good.soak, good.ends, good.proven) == (120.0, 1, False)
-    assert answer(deployment(NEW), {APP: good}) == ON_TRIAL
-    assert answer(deployment(NEW), {APP: good.fulfilled()}) == PROVEN
+    assert answer(deployment(THIS), {APP: good}) == ON_TRIAL
+    assert answer(deployment(THIS), {APP: good.fulfilled()}) == PROVEN
     assert good.fulfilled().soak == 0.0
 
 

@@ -43,6 +43,23 @@ def test_each_pod_has_its_commands_and_not_the_others() -> None:
     assert "_exporter.main.py" in FILES["exporter"] and "_pod.started.py" not in FILES["exporter"]
 
 
+LATER = """
+sys.meta_path.append(Flat({directory!r}))
+for name in ("_pod.namesake", "_pod.params", "_pod.latched_topics"):
+    found = importlib.import_module(f"{{ROOT}}.{{name}}")
+print(found.LatchedTopics.__module__)
+"""
+
+
+def test_what_runs_on_while_its_files_change_finds_what_it_loads_later(tmp_path: Path) -> None:
+    """`exec` waits for the master before it loads two of them; a keeper of a collection before 1.0 has the third."""
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    script = FILES["run.py"].rpartition("if __name__")[0] + LATER.format(directory=str(tmp_path))
+    found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=True)  # noqa: S603
+    assert found.stdout == "rosops_fleet._robot.latched_topics\n"
+
+
 def test_imports_in_functions_and_of_names_count() -> None:
     text = "from . import a, b\nfrom .c import x\nimport os\nfrom .._d.e import y\ndef f():\n    from .._g import h\n"
     assert sorted(relative_imports("_p.q", text)) == ["_d.e", "_g.h", "_p.a", "_p.b", "_p.c"]

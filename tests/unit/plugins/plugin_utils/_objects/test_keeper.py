@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_main import options
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
 from ansible_collections.rosops.fleet.tests.unit.robots import robot

@@ -142,7 +142,7 @@ def test_declared_outcomes(fact: dict[str, Any], counts: dict[str, int], expecte
 
 def test_an_update_says_its_outcome_itself() -> None:
     busy = {"outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE", "steps": [{"name": "dock"}]}}
-    ours = ("_robot_update", "_update_trial", "_guarded")
+    ours = ("_robot_update", "_update_soak", "_guarded")
     for action in (*ours, "other"):
         report = started()
         report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)

@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shipped keeper's watch over steps (`_pod/step_watch.py`) in the simulated world: its API, its robot, its disk."""
+"""The shipped keeper beside steps (`_robot/step_watch.py`) in the simulated world: its API, its robot, its disk."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, cast
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import step_watch
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.cluster_api import Cluster
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.hung import Silence
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.keeper_record import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import step_watch
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import Cluster
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.updates import Updates, families
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.update_record import CUT_OFF
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map, step_id
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import ON_TRIAL, PROVEN, answer
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import NEW, PROVEN, answer
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.trial import trial
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.soak import soak
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.scenarios import (
     OLD,
     SCENARIOS,
@@ -54,10 +54,10 @@ def after(sim: Simulation, name: str) -> tuple[set[str], set[str]]:
 
 
 @pytest.mark.parametrize("name", HANDOFFS)
-def test_a_good_version_is_on_trial_for_a_while_and_changes_nothing_by_that(name: str) -> None:
+def test_a_good_version_soaks_for_a_while_and_changes_nothing_by_that(name: str) -> None:
     sim, wanted = begin(name, "good")
     assert outcome_of(sim, wanted).outcome == "updated"
-    assert said(sim, name) == {ON_TRIAL}
+    assert said(sim, name) == {NEW}
     assert outcome_of(sim, wanted).outcome == "unchanged"
     pods = [pod.uid for pod in sim.pods if not pod.gone]
     assert after(sim, name) == ({PROVEN}, {image("good")})
@@ -91,14 +91,14 @@ def waited_for(sim: Simulation, wanted: Robot) -> RobotOutcome:
     assert outcome_of(sim, wanted).outcome == "updated"
     new = {"sensor": sim.deployment((ROBOT, "sensor"))}
     sim.quiet = lambda *_given: None  # type: ignore[method-assign] # Ansible's own process says that a task goes on
-    return trial(SimulatedCluster(sim), [ROBOT], {app: revision_of(one) for app, one in new.items() if one}, sim)
+    return soak(SimulatedCluster(sim), [ROBOT], {app: revision_of(one) for app, one in new.items() if one}, sim)
 
 
 def test_the_next_wave_begins_once_it_is_proven() -> None:
     sim, wanted = begin("overlap", "good")
     assert waited_for(sim, wanted) == RobotOutcome("updated")
     assert said(sim, "overlap") == {PROVEN}
-    assert trial(SimulatedCluster(sim), [ROBOT], {"sensor": "another"}, sim) == RobotOutcome("updated")
+    assert soak(SimulatedCluster(sim), [ROBOT], {"sensor": "another"}, sim) == RobotOutcome("updated")
 
 
 def test_the_next_wave_learns_that_it_was_taken_back() -> None:
@@ -142,7 +142,7 @@ def test_without_a_keeper_the_run_proves_it() -> None:
     assert said(sim, "overlap") == {PROVEN}
 
 
-def test_a_version_that_was_proven_before_is_not_watched_again() -> None:
+def test_a_version_that_was_proven_before_does_not_soak_again() -> None:
     sim, wanted = begin("overlap", "good")
     assert outcome_of(sim, wanted).outcome == "updated"
     assert after(sim, "overlap")[0] == {PROVEN}

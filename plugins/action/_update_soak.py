@@ -1,0 +1,61 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the playbooks: the next wave begins once what is new in this one has soaked, and stayed good.
+
+It goes on with what the update returned, and with another outcome where a keeper has taken something back. After the
+last wave nobody waits: it soaks all the same, and status and the next run say what became of it.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ansible import constants as C  # noqa: N812 - its customary name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
+from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UPDATED
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.soak import soak
+
+
+class ActionModule(ClusterAction):
+    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        told = known.get("update_result") or {}
+        result = {"changed": False, **{key: told[key] for key in ("outcome", "at_work") if key in told}}
+        outcome = told.get("outcome") or {}
+        if self._task.check_mode or is_last_wave(known) or outcome.get("outcome") != UPDATED:
+            return result
+        robot, host = robot_from_vars(known), str(known["inventory_hostname"])
+        shared = [names.FLEET_NAMESPACE] if needs_fleet_namespace(robot) else []
+        with self.cluster(params, known) as kube, cancellable():
+            stand = functools.partial(voice.stand, host)
+            cluster = KubeCluster(kube, self.say(known), run_name(known))
+            found = soak(cluster, [robot.namespace, *shared], revisions(outcome), MonotonicClock(), stand)
+            if found.outcome == UPDATED:
+                return result
+            keep_early(kube, host, found.outcome, found.reason, changed=True)
+        Ledger(Path(C.DEFAULT_LOCAL_TMP), str(known["ansible_play_batch"][0])).note(host, found.outcome)
+        return {**result, "outcome": {**outcome, "outcome": found.outcome, "reason": found.reason}}
+
+
+def is_last_wave(known: Mapping[str, Any]) -> bool:
+    """Waves are taken in the order of their hosts' names (playbooks/waves.yml)."""
+    return max(known["ansible_play_hosts_all"]) in known["ansible_play_batch"]
+
+
+def revisions(outcome: Mapping[str, Any]) -> dict[str, str]:
+    """App -> the revision that a robot's steps have brought."""
+    steps = [StepResult.from_dict(step) for step in outcome.get("steps") or ()]
+    return {app: str(one.get("revision", "")) for step in steps for app, one in step.after.items()}

@@ -1,0 +1,250 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Kubernetes API from inside a pod, as far as the keeper's Role reaches.
+
+TLS costs five megabytes, which the rest of the keeper has no use for: it is loaded with the first request.
+"""
+
+from __future__ import annotations
+
+import http.client
+import importlib
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, Callable, Iterable, Mapping
+from urllib.parse import urlencode
+
+from .._common.errors import KubeError
+from .._step.objects import Object, name_of
+from .._step.record import Record, record_of
+from .._step.words import KEEPER, LEASE
+
+ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
+FLEET = "fleet"
+MANAGER = "rosops.fleet"  # as a run applies: fields that it does not send any more go
+KEPT = "rosops.fleet/kept=true"
+OURS = "app.kubernetes.io/managed-by=rosops.fleet"
+SECONDS = 5.0
+REFRESH = 300.0  # between looks for robots that were added
+GROUPS = {
+    "ConfigMap": "api/v1",
+    "Deployment": "apis/apps/v1",
+    "Event": "api/v1",
+    "Lease": "apis/coordination.k8s.io/v1",
+    "Pod": "api/v1",
+}
+JSON, APPLY, MERGE = "application/json", "application/apply-patch+yaml", "application/merge-patch+json"
+
+
+class ApiError(KubeError):
+    """One request failed; `status` is 0 where there was no answer."""
+
+    def __init__(self, message: str, status: int = 0) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+def in_cluster(environ: Mapping[str, str], account: str = ACCOUNT) -> Cluster:
+    """The cluster that this pod runs in; KubeError where it was given no access."""
+    host, directory = environ.get("KUBERNETES_SERVICE_HOST", ""), Path(account)
+    if not host:
+        raise KubeError("this is no pod of a cluster (no KUBERNETES_SERVICE_HOST)")
+    missing = [name for name in ("token", "ca.crt", "namespace") if not (directory / name).exists()]
+    if missing:
+        raise KubeError(f"no {missing[0]} is mounted at {account} (automountServiceAccountToken)")
+    return Cluster(host, int(environ.get("KUBERNETES_SERVICE_PORT") or 443), directory)
+
+
+class _Connection(http.client.HTTPConnection):
+    """HTTPS: http.client's own is not there where it was loaded without TLS."""
+
+    def __init__(self, host: str, port: int, context: Any) -> None:
+        super().__init__(host, port, timeout=SECONDS)
+        self._context = context
+
+    def connect(self) -> None:
+        super().connect()
+        self.sock = self._context.wrap_socket(self.sock, server_hostname=self.host)
+
+
+class Cluster:
+    """What the keeper reads and writes; ApiError where that fails. Threads may share it."""
+
+    def __init__(self, host: str, port: int, account: Path, now: Callable[[], float] = time.monotonic) -> None:
+        self.host, self.port, self.account, self.now = host, port, account, now
+        self.home = (account / "namespace").read_text("utf-8").strip()
+        self._link: _Connection | None = None
+        self._lock = threading.Lock()
+        self._robots: tuple[float, list[str]] | None = None
+
+    # ---- objects
+
+    def namespaces(self) -> list[str]:
+        """The own one, and for the keeper of a shared master those of its robots."""
+        if self.home != FLEET:
+            return [self.home]
+        if self._robots is None or self.now() - self._robots[0] >= REFRESH:
+            found = self._list(_path(FLEET, "ConfigMap"), KEPT)
+            self._robots = (self.now(), sorted(name_of(item) for item in found))
+        return [self.home, *self._robots[1]]
+
+    def leases(self) -> dict[str, Object | None]:
+        """Namespace -> its Lease, of all that are looked at; for many it is one request, too."""
+        spaces = self.namespaces()
+        if self.home != FLEET:
+            return {name: self.lease(name) for name in spaces}
+        # out of the server's memory, as a single one
+        query = {"fieldSelector": f"metadata.name={LEASE}", "resourceVersion": "0"}
+        found = self._send("GET", f"/{GROUPS['Lease']}/leases", query).get("items") or []
+        there = {str(item["metadata"]["namespace"]): item for item in found}
+        return {name: there.get(name) for name in spaces}
+
+    def lease(self, namespace: str) -> Object | None:
+        # out of the server's memory: an older one is refused when it is written
+        return self._get(_path(namespace, "Lease", LEASE), {"resourceVersion": "0"})
+
+    def write_lease(self, namespace: str, lease: Object) -> Object | None:
+        """The Lease as it is now; None if somebody else was faster."""
+        there = "resourceVersion" in lease["metadata"]
+        path = _path(namespace, "Lease", LEASE if there else "")
+        try:
+            written: Object = self._send("PUT" if there else "POST", path, {}, lease, JSON)
+        except ApiError as error:
+            if error.status == 409:
+                return None
+            raise
+        return written
+
+    def deployments(self, namespace: str) -> list[Object]:
+        return self._list(_path(namespace, "Deployment"), OURS)
+
+    def deployment(self, namespace: str, name: str) -> Object | None:
+        return self._get(_path(namespace, "Deployment", name), {})
+
+    def pods(self, namespace: str) -> list[Object]:
+        return self._list(_path(namespace, "Pod"), OURS)
+
+    def config_map(self, namespace: str, name: str) -> Object | None:
+        return self._get(_path(namespace, "ConfigMap", name), {})
+
+    def apply(self, namespace: str, item: Object) -> None:
+        """Server-side apply of a Deployment or ConfigMap that is there, as a run would do it."""
+        path = _path(namespace, item["kind"], name_of(item))
+        self._send("PATCH", path, {"fieldManager": MANAGER, "force": "true"}, item, APPLY)
+
+    def unmark(self, namespace: str, item: Object, key: str) -> None:
+        """Take an annotation off a Deployment; refused if somebody has written it since."""
+        metadata = {"annotations": {key: None}, "resourceVersion": item["metadata"].get("resourceVersion")}
+        path = _path(namespace, "Deployment", name_of(item))
+        self._send("PATCH", path, {"fieldManager": MANAGER}, {"metadata": metadata}, MERGE)
+
+    def evict(self, namespace: str, pod: Object, seconds: int | None) -> None:
+        """This very pod, with so many seconds to end; None: as many as it says itself."""
+        name = name_of(pod)
+        grace = {} if seconds is None else {"gracePeriodSeconds": seconds}
+        body = {
+            "apiVersion": "policy/v1",
+            "kind": "Eviction",
+            "metadata": {"name": name, "namespace": namespace},
+            "deleteOptions": {**grace, "preconditions": {"uid": pod["metadata"]["uid"]}},
+        }
+        self._send("POST", f"{_path(namespace, 'Pod', name)}/eviction", {}, body, JSON)
+
+    def tell(self, namespace: str, pod: Object, reason: str, message: str, at: str) -> None:
+        """A warning among the pod's Events."""
+        about = {"apiVersion": "v1", "kind": "Pod", "name": name_of(pod), "namespace": namespace}
+        body = {
+            "apiVersion": "v1",
+            "kind": "Event",
+            "metadata": {"name": f"{name_of(pod)}.{''.join(filter(str.isdigit, at))}", "namespace": namespace},
+            "involvedObject": {**about, "uid": pod["metadata"]["uid"]},
+            "type": "Warning",
+            "reason": reason,
+            "message": message,
+            "firstTimestamp": at,
+            "lastTimestamp": at,
+            "count": 1,
+            "source": {"component": KEEPER},
+        }
+        self._send("POST", _path(namespace, "Event"), {}, body, JSON)
+
+    # ---- requests
+
+    def _get(self, path: str, query: Mapping[str, str]) -> Object | None:
+        try:
+            found: Object = self._send("GET", path, query)
+        except ApiError as error:
+            if error.status == 404:
+                return None
+            raise
+        return found
+
+    def _list(self, path: str, labels: str) -> list[Object]:
+        found: list[Object] = self._send("GET", path, {"labelSelector": labels}).get("items") or []
+        return found
+
+    def _send(
+        self, method: str, path: str, query: Mapping[str, str], body: Object | None = None, content: str = ""
+    ) -> Any:
+        target = f"{path}?{urlencode(query)}" if query else path
+        data = None if body is None else json.dumps(body).encode()
+        with self._lock:
+            status, answer = self._exchange(method, target, data, content)
+        try:
+            found = json.loads(answer)
+            message = "" if status < 300 else str(found.get("message", ""))
+        except (AttributeError, ValueError):
+            raise ApiError(f"the Kubernetes API at {self.host} answered {status} and no JSON for {path}") from None
+        if status >= 300:
+            raise ApiError(f"the Kubernetes API answered {status} for {method} {path}: {message}", status)
+        return found
+
+    def _exchange(self, method: str, target: str, data: bytes | None, content: str) -> tuple[int, bytes]:
+        """Over the connection of the last request, which the server may have closed; then over a new one."""
+        kept = self._link is not None
+        try:
+            link = self._link = self._link or self._connection()
+            headers = {"Accept": JSON, "User-Agent": MANAGER, "Authorization": f"Bearer {self._token()}"}
+            link.request(method, target, data, {**headers, **({"Content-Type": content} if content else {})})
+            answer = link.getresponse()
+            return answer.status, answer.read()
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            if self._link is not None:
+                self._link.close()
+            self._link = None
+            if kept:
+                return self._exchange(method, target, data, content)
+            what = str(error) or type(error).__name__
+            raise ApiError(f"the Kubernetes API at {self.host} cannot be reached: {what}") from error
+
+    def _connection(self) -> _Connection:
+        modules: Any = sys.modules
+        if modules.get("ssl", self) is None:  # run.py keeps it out until somebody needs it
+            del modules["ssl"]
+        ssl = importlib.import_module("ssl")
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.load_verify_locations(str(self.account / "ca.crt"))
+        return _Connection(self.host, self.port, context)
+
+    def _token(self) -> str:
+        """Read anew each time: the kubelet renews it."""
+        return (self.account / "token").read_text("utf-8").strip()
+
+
+def _path(namespace: str, kind: str, name: str = "") -> str:
+    return f"/{GROUPS[kind]}/namespaces/{namespace}/{kind.lower()}s" + (f"/{name}" if name else "")
+
+
+def read_records(cluster: Cluster, namespace: str, apps: Iterable[str]) -> dict[str, Record]:
+    """Those of the apps, and of all others of their steps."""
+    found: dict[str, Record] = {}
+    todo = list(apps)
+    while todo:
+        app = todo.pop()
+        found[app] = record_of(cluster.config_map(namespace, f"{app}-update"))
+        todo += [other for other in found[app].apps if other not in found and other not in todo]
+    return found

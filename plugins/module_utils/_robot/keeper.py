@@ -1,0 +1,282 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper at work: look at the master again and again, do what its memory says.
+
+It is ready once it has read all that there is, or has it from before: until then a master that is replaced would lose
+what nobody else knows.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, Callable, Iterable, Mapping
+
+from .._common.errors import RosError
+from .._ros import registrations
+from .._ros.graph import MasterState
+from .._ros.registrar import Registrar
+from .._ros.registrations import Call, Entry, Liveness
+from . import memory
+from .hung import Silence
+from .kept_files import KeptFiles
+
+LOOK = 1.0  # seconds between looks at the master,
+AWAY = 0.2  # while it does not answer,
+REST = 5.0  # once nothing has changed for QUIET seconds, and its end would be noticed without a look
+QUIET = 30.0
+# A master that took long to say all that is registered (that of a large fleet) is left alone for so many times as long,
+# but not longer than these seconds: it has other work to do.
+SHARE, MOST = 10, 10.0
+ADDRESSES = 15.0  # seconds after which addresses are looked up although no name has changed
+PARAMETERS, CHANGED = 60.0, 2.0  # seconds between two reads of all parameters; after the master told of a change
+ASK = 1.0  # seconds for nodes to answer before a replay: one that is late is asked again, the others do not wait for it
+PROBE = 5.0  # an address that is no more: its host finds that out by three ARP requests, one second each
+TOGETHER = 3  # names in a line of the log
+
+
+class Keeper:
+    """Keeps one graph's registrations and parameters."""
+
+    def __init__(
+        self,
+        ros: Registrar,
+        kept: KeptFiles,
+        log: Callable[[str], None],
+        now: Callable[[], float] = time.monotonic,
+        uri: str = "",
+    ) -> None:
+        """`now` is a clock that nobody sets, `uri` where the master can tell us of parameters that change."""
+        self.ros, self.kept, self.log, self.now, self.uri = ros, kept, log, now, uri
+        self.held: Callable[[], bool] = bool  # whether the master's end would be noticed without a look
+        self.restless = now()
+        self.memory = memory.from_dict(kept.load("registrations"), now())
+        self.saved: Any = None
+        self.params: str = str(kept.load("parameters") or "")
+        self.params_at = 0.0
+        self.changed = False  # since they were read
+        self.told_by: tuple[Any, ...] = ()  # the master that tells us of changes
+        self.complete = bool(self.memory.master and self.params)
+        self.away = ""
+        self.state: MasterState | None = None
+        self.present: dict[str, Entry] = {}
+        self.seen: MasterState | None = None  # without types, as the last look had it
+        self.due = 0.0  # when to look at all that is registered again,
+        self.addresses_due = 0.0  # and at the addresses
+        self.silence = Silence()
+        self.probing: threading.Thread | None = None
+        self.probed: tuple[dict[str, Entry], dict[str, Liveness]] | None = None
+
+    def step(self) -> float:
+        """One look; seconds until the next one."""
+        try:
+            self._look()
+        except RosError as error:
+            if not self.away:
+                self.log(f"the master is away: {error}")
+            self.away = str(error)
+            self.state = None
+            return AWAY
+        self.complete = bool(self.params)
+        held = self.held()
+        return REST if held and self._rests() else LOOK
+
+    def _rests(self) -> bool:
+        return self.now() - self.restless >= QUIET and not (self.memory.missed or self.memory.suspects)
+
+    def parameter_changed(self, _caller: str, _key: str, _value: Any) -> list[Any]:
+        """The master's call, of the slave API."""
+        self.changed = True
+        return [1, "", 0]
+
+    def take_back(self, nodes: Iterable[str]) -> None:
+        """Point the services of these nodes to them again, where they live: whoever has them now is about to go."""
+        wanted = {node: self.memory.nodes[node] for node in nodes if node in self.memory.nodes}
+        present = self.ros.snapshot() if wanted else {}
+        need = registrations.missing(wanted, present, take_services=True)
+        if need:
+            calls = registrations.restore(need, present, self.ros.ask(need, ASK)).calls
+            self.ros.apply(calls)
+            self.log(f"gave back {in_words(calls)}")
+
+    # ---- the look
+
+    def _look(self) -> None:
+        caller, began = self.ros.caller, self.now()
+        identity = [("getPid", caller), ("getUri", caller), ("getParam", caller, "/run_id")]
+        rests = self.state is not None and began < self.due
+        if rests and _identity(self.ros.calls(identity)) == self.memory.master:  # nobody restarted it
+            self._keep_params(began)
+            return
+        *parts, system = self.ros.calls([*identity, ("getSystemState", caller)])
+        if isinstance(system, RosError):
+            raise system
+        now = self.now()
+        took = now - began
+        self.due = now + min(SHARE * took, MOST) - LOOK
+        master = _identity(parts)
+        if self.away:
+            self.log("the master is back")
+            self.away = ""
+        restarted = bool(self.memory.master) and master != self.memory.master
+        self.memory.master = master
+        news = self._register(system, now, restarted) or bool(self.memory.missed)
+        if restarted:
+            self._replay(now)
+        else:
+            if news:
+                self._mend(now)
+            news = self._probe(now) or news
+        self._keep_params(now)
+        if news:
+            self._save()
+
+    def _keep_params(self, now: float) -> None:
+        due = now - self.params_at >= (CHANGED if self.changed else PARAMETERS)
+        if due or self.told_by != self.memory.master:
+            self._read_params(now, self.memory.master)
+
+    def _register(self, system: Any, now: float, anew: bool) -> bool:
+        """Take up what the master has; addresses and types are asked for only where names changed, or now and then.
+
+        False: nothing was, so nothing can be missing, or worth keeping, that was not at the last look.
+        """
+        state = self.ros.state_of(system)
+        changed = self.state is None or anew or (state is not self.seen and state != self.seen)
+        self.seen = state
+        self.restless = now if changed else self.restless
+        if changed or now >= self.addresses_due:
+            types = self.ros.calls([("getTopicTypes", self.ros.caller)])[0]
+            if isinstance(types, RosError):
+                raise types
+            self.state = self.ros.state_of(system, types)
+            self.present = self._without_us(self.ros.snapshot(self.state))
+            self.addresses_due = now + ADDRESSES
+            unknown = self.memory.unknown(self.present)
+            answers = self.ros.ask(unknown, ASK, own_word=False) if unknown else {}
+            self.memory.learn(self.present, {node: answer.pid for node, answer in answers.items()})
+            return True
+        return False
+
+    def _without_us(self, entries: Mapping[str, Entry]) -> dict[str, Entry]:
+        return {node: entry for node, entry in entries.items() if node != self.ros.caller}
+
+    # ---- what was lost
+
+    def _replay(self, now: float) -> None:
+        """After a restart of the master: parameters first, which nodes that start now will read."""
+        start = time.monotonic()
+        wanted = memory.parameters_of(self.params)
+        tree = self.ros.calls([("getParam", self.ros.caller, "/")])[0]
+        todo = list(memory.absent_parameters(wanted, tree))
+        for (name, _value), result in zip(
+            todo, self.ros.calls([("setParam", self.ros.caller, name, value) for name, value in todo])
+        ):
+            if isinstance(result, RosError):
+                self.log(f"parameter {name} was not set: {result}")
+        calls = self._restore(self.memory.lost(self.present, now, at_once=True), now)
+        nodes = {call.node for call in calls}
+        self.log(
+            f"the master was restarted: {len(calls)} registrations of {len(nodes)} nodes and {len(todo)} parameters "
+            f"restored in {(time.monotonic() - start) * 1000:.0f} ms"
+        )
+
+    def _mend(self, now: float) -> None:
+        """What the master lost without a restart, such as a service whose last provider left while an earlier lives."""
+        need = self.memory.lost(self.present, now)
+        if need:
+            calls = self._restore(need)
+            if calls:
+                self.log(f"restored {in_words(calls)}")
+
+    def _restore(self, need: Mapping[str, Entry], restarted: float = 0) -> tuple[Call, ...]:
+        if not need:
+            return ()
+        plan = self.memory.settle(need, self.present, self.ros.ask(need, ASK), restarted)
+        if plan.calls:
+            self.ros.apply(plan.calls)
+            self.state = None  # look up all of it next time
+        return plan.calls
+
+    # ---- who is gone
+
+    def _probe(self, now: float) -> bool:
+        """Nodes are looked at beside the loop: one that hangs must not delay it. Whether one went or came back."""
+        gone: list[str] = []
+        back: list[str] = []
+        if self.probed is not None:
+            asked, answers = self.probed
+            self.probed = None
+            gone, back = self.memory.judge(asked, answers, now)
+            self.silence = self.memory.silence()
+            for node in gone:
+                self._reap(node, answers[node], now)
+            for node in back:
+                self._revive(node, answers[node])
+        if self.probing is None or not self.probing.is_alive():
+            due = self.memory.due(self.present, now)
+            if due:
+                self.probing = threading.Thread(target=self._ask, args=(due,), daemon=True)
+                self.probing.start()
+        return bool(gone or back)
+
+    def _ask(self, entries: dict[str, Entry]) -> None:
+        self.probed = (entries, self.ros.ask(entries, PROBE, own_word=False))
+
+    def _reap(self, node: str, answer: Liveness, now: float) -> None:
+        entry = self.memory.nodes[node]
+        registered = self.ros.snapshot().get(node)
+        if registered is None or registered.uri != entry.uri:
+            return  # a newer process has the name
+        plan = registrations.remove({node: registered}, [{node: replaced(answer)}])
+        self.ros.apply(plan.calls)
+        self.memory.bury(node, now)
+        self.state = None
+        self.log(f"removed {in_words(plan.calls)}: {registrations.alive(entry, answer)}")
+
+    def _revive(self, node: str, answer: Liveness) -> None:
+        self.present = self._without_us(self.ros.snapshot())
+        need = registrations.missing({node: self.memory.revive(node)}, self.present)
+        calls = self._restore(need)
+        self.log(f"{node} is back, process {answer.pid}: restored {in_words(calls)}")
+
+    # ---- parameters, and what is kept
+
+    def _read_params(self, now: float, master: tuple[Any, ...]) -> None:
+        """All of them; and have this master tell of changes, which one that does not know the call never does."""
+        self.changed = False  # first: what changes while they are read is news
+        caller = self.ros.caller
+        news = [("subscribeParam", caller, self.uri, "/")] if self.uri and self.told_by != master else []
+        tree = self.ros.calls([*news, ("getParam", caller, "/")])[-1]
+        if isinstance(tree, RosError):
+            self.changed = True
+            return
+        self.params_at, self.told_by = now, master
+        text = memory.parameters_text(tree)
+        if text != self.params:
+            self.params = text
+            self.kept.save("parameters", text)
+
+    def _save(self) -> None:
+        content = self.memory.as_dict()
+        if content != self.saved:
+            self.kept.save("registrations", content)
+            self.saved = content
+
+
+def _identity(parts: Iterable[Any]) -> tuple[Any, ...]:
+    """What tells this run of the master from another."""
+    return tuple(None if isinstance(part, RosError) else part for part in parts)
+
+
+def replaced(answer: Liveness) -> Liveness:
+    """The answer of somebody else at a node's address, as what it means for the node."""
+    return answer if answer.verdict == registrations.DEAD else Liveness(registrations.DEAD, answer.reason)
+
+
+def in_words(calls: Iterable[Call]) -> str:
+    """Registrations in words, the first few."""
+    words = [f"{call.node} {call.kind} {call.name}" for call in calls]
+    more = f" and {len(words) - TOGETHER} more" if len(words) > TOGETHER else ""
+    return (", ".join(words[:TOGETHER]) or "nothing") + more

@@ -1,0 +1,138 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper's process: `run.py keeper --record DIRECTORY`, where it keeps its files.
+
+It is not replaced with the code in its ConfigMap: when that has changed, and nobody needs it, it begins anew by itself.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+
+from .._common.errors import KubeError
+from .._ros.client import Ros1Client
+from .._ros.raw_node import Slave
+from .._ros.registrar import Registrar
+from .._ros.rpc import address_of
+from .cluster_api import ACCOUNT, Cluster, in_cluster
+from .forwarding.calls import GoalForwarding, SwitchedOff, offer
+from .keeper import Keeper
+from .kept_files import KeptFiles
+from .latched_topics import LatchedTopics
+from .lifeline import Lifeline
+from .staying import Staying
+from .step_watch import Robot, StepWatch
+
+NAME = "/ros_keeper"
+PORT = 11411
+TIMEOUT = 2.0
+STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
+ENDING = (signal.SIGTERM, signal.SIGINT)
+WAKING = signal.SIGUSR1  # to itself: the master has ended
+ANEW = -1  # what main returns to be begun anew
+
+
+def tell(line: str) -> None:
+    sys.stdout.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {line}\n")
+    sys.stdout.flush()
+
+
+def options(words: list[str]) -> dict[str, str]:
+    """`--name value` pairs."""
+    found = {
+        "--record": "/tmp/ros-keeper",  # noqa: S108 - by hand
+        "--port": str(PORT),
+        "--goal-forwarding": "on",
+        "--account": ACCOUNT,
+    }
+    for name, value in zip(words[::2], words[1::2]):
+        if name not in found:
+            raise SystemExit(f"usage: keeper [{'] ['.join(f'{known} VALUE' for known in found)}]")
+        found[name] = value
+    return found
+
+
+def found_cluster(account: str) -> Cluster | None:
+    """The cluster around us; without one the keeper does all the rest."""
+    try:
+        return in_cluster(os.environ, account)
+    except KubeError as error:
+        tell(f"no step of an update is taken back from here: {error}")
+        return None
+
+
+def told_to_end(seconds: float) -> bool:
+    """Wait, unless woken; whether the end has come."""
+    came = signal.sigtimedwait((*ENDING, WAKING), seconds)
+    return came is not None and came.si_signo != WAKING
+
+
+class Code:
+    """The files that this process was begun from. The kubelet brings others by changing one link beside them."""
+
+    def __init__(self, script: str) -> None:
+        self.link = f"{script.rpartition('/')[0]}/..data"
+        self.begun = self._now()
+
+    def _now(self) -> str:
+        try:
+            return os.readlink(self.link)
+        except OSError:  # by hand, without a ConfigMap
+            return ""
+
+    def changed(self) -> bool:
+        return self._now() != self.begun
+
+
+def main(words: list[str]) -> int:
+    # Waited for, not handled: a handler that sets an Event in the middle of its wait() waits for itself. Before any
+    # thread starts, because it inherits what is blocked.
+    signal.pthread_sigmask(signal.SIG_BLOCK, (*ENDING, WAKING))
+    threading.stack_size(STACK)
+    chosen, code = options(words), Code(sys.argv[0])
+    kept = KeptFiles(chosen["--record"])
+    uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+    ros = Registrar(uri, TIMEOUT, NAME)
+    slave = Slave(NAME, os.environ.get("ROS_IP", ""), int(chosen["--port"]), uri)
+    keeper = Keeper(ros, kept, tell, uri=slave.uri)
+    keeper.held = Lifeline(address_of(uri, "http"), lambda: os.kill(os.getpid(), WAKING)).hold
+    slave.ready_when(lambda: keeper.complete)
+    slave.register({"paramUpdate": keeper.parameter_changed})
+    cluster = found_cluster(chosen["--account"])
+    calls: GoalForwarding | SwitchedOff = SwitchedOff()
+    if chosen["--goal-forwarding"] == "on":
+        stays = Staying(cluster) if cluster else lambda _action, _server: True
+        calls = GoalForwarding(ros, slave, lambda content: kept.save("goals", content), tell, stays)
+    offer(calls, slave)
+    calls.resume(kept.load("goals") or [])
+    latched = LatchedTopics(ros, slave, kept, tell)
+    latched.resume()
+    slave.register({"keep_latched": latched.keep})
+    slave.start()
+    watch = None
+    if cluster:
+        robot = Robot(calls.hold, calls.release, keeper.take_back, lambda: keeper.silence)
+        watch = StepWatch(cluster, Ros1Client(uri, TIMEOUT, NAME), robot, kept, tell)
+        threading.Thread(target=watch.run, daemon=True).start()
+    tell(f"keeping {uri}: {len(keeper.memory.nodes)} nodes on record, calls at {slave.uri}")
+    pause = 0.0
+    while not told_to_end(pause):
+        if code.changed() and not calls.state()[2] and (watch is None or watch.rests()):
+            tell("its code has changed: it begins anew")
+            return ANEW
+        try:
+            pause = keeper.step()
+        except Exception as error:  # whatever one look brings, the next one may be better
+            tell(f"error: {type(error).__name__}: {error}")
+            pause = 1.0
+    tell("stopped")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,240 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the keeper knows of one ROS graph and its parameters, and what follows from each look. Pure: time is told to it,
+by a clock that nobody sets.
+
+It brings back a registration only if its node lives and has it by its own word, and takes one away only of a node that
+is gone for certain; see `registrations`.
+"""
+
+from __future__ import annotations
+
+import xmlrpc.client
+from dataclasses import dataclass, field
+from typing import Any, Iterator, Mapping
+
+from .._ros import registrations
+from .._ros.bodies import loads
+from .._ros.registrations import Entry, Liveness, Plan
+from .hung import Silence
+
+AGAIN = 5.0  # seconds between two looks at a node, at least
+PERIOD = 10.0  # seconds between looks at a node that answered
+MEMORY = 86400.0  # seconds that a removed node is remembered
+REMEMBERED = 200
+# The master's own: roscore sets them anew, and they name the run.
+OWN = frozenset({"run_id", "rosversion", "rosdistro"})
+
+
+@dataclass
+class Memory:
+    """Nodes and their registrations: of those that are there, and of those that were removed."""
+
+    master: tuple[Any, ...] = ()  # what tells this run of the master from another
+    nodes: dict[str, Entry] = field(default_factory=dict)
+    removed: dict[str, tuple[Entry, float]] = field(default_factory=dict)  # with the time
+    missed: dict[str, float] = field(default_factory=dict)  # node -> since when something of it is missing
+    asked: dict[str, float] = field(default_factory=dict)  # node -> when it was last asked for what is missing
+    suspects: dict[str, float] = field(default_factory=dict)  # node -> when it was first found gone
+    seen: dict[str, float] = field(default_factory=dict)  # node -> when it was last looked at
+    silent: dict[str, tuple[float, float]] = field(default_factory=dict)  # node -> first and last look in vain
+
+    # ---- what is there
+
+    def unknown(self, present: Mapping[str, Entry]) -> dict[str, Entry]:
+        """Nodes whose process id is not known yet."""
+        return {
+            node: entry
+            for node, entry in present.items()
+            if node not in self.nodes or self.nodes[node].uri != entry.uri or self.nodes[node].pid is None
+        }
+
+    def learn(self, present: Mapping[str, Entry], pids: Mapping[str, int | None]) -> None:
+        """Add what the master has. What it has not stays: only its node can say that it is over."""
+        for node, entry in present.items():
+            known = self.nodes.get(node)
+            if known is None or known.uri != entry.uri:
+                self.forget(node)
+                known = Entry(entry.uri)
+            self.nodes[node] = Entry(
+                entry.uri,
+                pids.get(node) if known.pid is None else known.pid,
+                {**known.publications, **entry.publications},
+                {**known.subscriptions, **entry.subscriptions},
+                {**known.services, **entry.services},
+            )
+            if node in self.removed and self.removed[node][0].uri != entry.uri:
+                del self.removed[node]  # a newer process has the name
+
+    def forget(self, node: str) -> None:
+        self.nodes.pop(node, None)
+        for table in (self.missed, self.asked, self.suspects, self.seen, self.silent):
+            table.pop(node, None)
+
+    # ---- what the master has lost
+
+    def lost(self, present: Mapping[str, Entry], now: float, at_once: bool = False) -> dict[str, Entry]:
+        """What is missing at the master and due to be asked for. A node that is just leaving misses something, too:
+        except after a restart of the master, only what is missing in two looks counts.
+        """
+        need = registrations.missing(self.nodes, present)
+        self.missed = {node: self.missed.get(node, now) for node in need}
+        due = {}
+        for node, entry in need.items():
+            there = present.get(node)
+            if there is not None and there.uri != entry.uri:
+                continue  # a newer process has the name; learn() takes it up
+            waited = at_once or (self.missed[node] < now and now - self.asked.get(node, -AGAIN) >= AGAIN)
+            if waited:
+                due[node] = entry
+                self.asked[node] = now
+        return due
+
+    def settle(
+        self,
+        need: Mapping[str, Entry],
+        present: Mapping[str, Entry],
+        answers: Mapping[str, Liveness],
+        restarted: float = 0,
+    ) -> Plan:
+        """The calls that bring back what was lost. What a node says it no longer has is over, and what the dead had.
+
+        Unless the master was `restarted` just then: the dead did not leave, so they are remembered as removed.
+        """
+        plan = registrations.restore(need, present, answers)
+        restored = {(call.kind, call.node, call.name) for call in plan.calls}
+        for node, entry in need.items():
+            answer = answers.get(node)
+            if answer is None or answer.verdict == registrations.UNKNOWN or node not in self.nodes:
+                continue
+            if restarted and answer.verdict == registrations.DEAD:
+                self.bury(node, restarted)
+                continue
+            known = self.nodes[node]
+            kept = (
+                {
+                    name: detail
+                    for name, detail in known.part(kind).items()
+                    if name not in entry.part(kind) or (kind, node, name) in restored
+                }
+                for kind in (registrations.PUBLISHER, registrations.SUBSCRIBER, registrations.SERVICE)
+            )
+            self.nodes[node] = Entry(known.uri, known.pid, *kept)
+            if self.nodes[node].empty:
+                self.forget(node)
+        return plan
+
+    # ---- who is gone
+
+    def due(self, present: Mapping[str, Entry], now: float) -> dict[str, Entry]:
+        """Nodes to look at now: registered ones, and removed ones that might come back."""
+        for node in [node for node, (_entry, at) in self.removed.items() if now - at > MEMORY]:
+            del self.removed[node]
+        everyone = {node: entry for node, (entry, _at) in self.removed.items()}
+        everyone.update({node: self.nodes[node] for node in present if node in self.nodes})
+        found = {}
+        for node, entry in everyone.items():
+            period = AGAIN if node in self.suspects else PERIOD
+            if node in self.removed:  # the longer it is gone, the less it is worth
+                period = max(PERIOD, (now - self.removed[node][1]) / 5)
+            if now - self.seen.get(node, now - PERIOD) >= period:
+                found[node] = entry
+        return found
+
+    def judge(
+        self, asked: Mapping[str, Entry], answers: Mapping[str, Liveness], now: float
+    ) -> tuple[list[str], list[str]]:
+        """Nodes to remove, having been gone twice, and removed ones that are back."""
+        gone, back = [], []
+        for node, entry in asked.items():
+            self.seen[node] = now
+            if node in self.removed:
+                if not registrations.alive(self.removed[node][0], answers[node]):
+                    back.append(node)
+                continue
+            known = self.nodes.get(node)
+            if known is None or known.uri != entry.uri:
+                continue  # a newer process took the name while we asked
+            if answers[node].verdict == registrations.UNKNOWN:
+                self.silent[node] = (self.silent.get(node, (now, now))[0], now)
+            else:
+                self.silent.pop(node, None)
+            if not registrations.gone(entry, answers[node]):
+                self.suspects.pop(node, None)
+            elif node not in self.suspects:
+                self.suspects[node] = now
+            elif now - self.suspects[node] >= AGAIN:
+                gone.append(node)
+        return gone, back
+
+    def silence(self) -> Silence:
+        """Who does not answer, and who did when that was seen last. Only looks count: none was made meanwhile."""
+        silent = {node: (self.nodes[node].uri, last - first) for node, (first, last) in self.silent.items()}
+        since = max((last for _first, last in self.silent.values()), default=0.0) - 2 * PERIOD
+        answered = [node for node, at in self.seen.items() if node in self.nodes and at >= since]
+        unsure = {*self.silent, *self.suspects}
+        return Silence(silent, frozenset(self.nodes[node].uri for node in answered if node not in unsure))
+
+    def bury(self, node: str, now: float) -> None:
+        """It was removed; should the very same process answer again, it gets everything back."""
+        self.removed[node] = (self.nodes[node], now)
+        while len(self.removed) > REMEMBERED:
+            del self.removed[next(iter(self.removed))]
+        self.forget(node)
+        self.seen[node] = now
+
+    def revive(self, node: str) -> Entry:
+        entry, _at = self.removed.pop(node)
+        self.nodes[node] = entry
+        return entry
+
+    # ---- as it is kept
+
+    def as_dict(self) -> dict[str, object]:
+        return {
+            "master": list(self.master),
+            "nodes": {node: entry.as_dict() for node, entry in sorted(self.nodes.items())},
+            # without the times: no clock that nobody sets outlives a reboot
+            "removed": {node: [entry.as_dict()] for node, (entry, _at) in sorted(self.removed.items())},
+        }
+
+
+def from_dict(data: Any, now: float) -> Memory:
+    """The reverse of Memory.as_dict(), what was removed as if just now; an empty one of anything else."""
+    try:
+        return Memory(
+            tuple(data["master"]),
+            {node: registrations.from_dict(entry) for node, entry in data["nodes"].items()},
+            {node: (registrations.from_dict(entry), now) for node, (entry, *_at) in data["removed"].items()},
+        )
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return Memory()
+
+
+# ---- parameters
+
+
+def parameters_text(tree: Any) -> str:
+    """The parameter tree as XML-RPC's own text: JSON has neither its dates nor its binary data."""
+    kept = {key: value for key, value in tree.items() if key not in OWN} if isinstance(tree, Mapping) else {}
+    return xmlrpc.client.dumps((kept,), allow_none=True)
+
+
+def parameters_of(text: str) -> dict[str, object]:
+    """The reverse of parameters_text()."""
+    tree = loads(text.encode())[0][0] if text else {}
+    return dict(tree) if isinstance(tree, Mapping) else {}
+
+
+def absent_parameters(wanted: Mapping[str, object], present: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """(name, value) of what `present` does not have. A value that is there is left as it is."""
+    there = present if isinstance(present, Mapping) else {}
+    for key, value in sorted(wanted.items()):
+        if not path and key in OWN:
+            continue
+        name = f"{path}/{key}"
+        if key not in there:
+            yield name, value
+        elif isinstance(value, Mapping) and isinstance(there[key], Mapping):
+            yield from absent_parameters(value, there[key], name)

@@ -1,0 +1,139 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The soak: for a while after its run has found a version good, its containers must not end, nor its graph get worse.
+
+A run sees a version work for some seconds. One that crashes, loses a connection or sends less after half a minute is
+seen here, and goes back; the others are proven. Pure but for the look at the graph.
+
+Time counts only while all can be seen. What cannot be seen says nothing: a host that is away or starts anew, a peer
+that is gone, a master that is silent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Mapping, Sequence
+
+from .._ros import contract as ros_contract
+from .._ros.backend import Backend
+from .._ros.checks import Check
+from .._ros.conditions import conditions_from
+from .._ros.gate import Look, look
+from .._ros.silence import Silence
+from .._step.objects import Object, crashes, ends_by_container, error_of, was_out_of_memory
+from .._step.words import MASTER
+from .way_back import Step
+
+LOOKS = 3  # one after the other that find the graph worse than it was
+RATED = 3  # one in so many looks counts messages: streams are opened for that
+LISTS = ("nodes", "topics", "services", "actions", "edges")
+
+
+@dataclass
+class Soaking:
+    """What was seen of one step."""
+
+    seconds: float = 0.0  # for which it could be seen
+    looks: int = 0
+    bad: int = 0  # looks that found it so, one after the other
+    counted: bool = False  # messages were, when they were asked for last, and there were enough
+    with_host: dict[str, int] = field(default_factory=dict)  # container -> its ends, when the last one was its host's
+    why: str = ""
+
+    @property
+    def counts_messages(self) -> bool:
+        """Nobody is proven by a rate that nobody has counted."""
+        return self.bad > 0 or self.looks % RATED == RATED - 1
+
+
+@dataclass
+class Soak:
+    """The steps of one namespace that soak."""
+
+    silence: Silence = field(default_factory=Silence)
+    steps: dict[str, Soaking] = field(default_factory=dict)
+
+    def look(self, steps: Sequence[Step], passed: float, ros: Backend) -> None:
+        """Once at each; `passed` are the seconds since the last look."""
+        self.steps = {step.key: self.steps.get(step.key) or Soaking() for step in steps}
+        for step in steps:
+            self._look(step, self.steps[step.key], passed, ros)
+
+    def _look(self, step: Step, found: Soaking, passed: float, ros: Backend) -> None:
+        for member in step.members:
+            found.with_host.update(ends_by_container(member.pods, with_host=True))
+        found.why = "others of its step went back" if step.begun else ended(step, found.with_host)
+        if found.why or not step.rolled_out:
+            return
+        counts = found.counts_messages
+        seen = look(ros, conditions_from(conditions(step, counts)), self.silence)
+        verdict = worse(seen)
+        if verdict is None:
+            return
+        found.counted = (counts or found.counted) and not verdict
+        found.seconds, found.looks = found.seconds + passed, found.looks + 1
+        found.bad = found.bad + 1 if verdict else 0
+        found.why = verdict if found.bad >= LOOKS else ""
+
+    def bad(self, step: Step) -> str:
+        """Why it goes back; empty: it does not."""
+        return self.steps[step.key].why if step.key in self.steps else ""
+
+    def good(self, step: Step) -> bool:
+        """Whether it is proven by now."""
+        found = self.steps.get(step.key, Soaking())
+        return found.seconds >= step.soak and found.counted and not found.why
+
+
+def conditions(step: Step, rates: bool) -> dict[str, list[Any]]:
+    """Options of ros_ready: what the step's apps owe. A master owes nothing: nodes come to it, and go."""
+    parts = [
+        ros_contract.conditions(part)
+        for member in step.members
+        if member.name != MASTER
+        for part in member.record.contract.parts
+    ]
+    found: dict[str, list[Any]] = {key: [item for part in parts for item in part[key]] for key in LISTS}
+    if not rates:
+        found["topics"] = ros_contract.unstreamed(found["topics"])
+    return found
+
+
+def ended(step: Step, with_host: Mapping[str, int]) -> str:
+    """Which container has ended since the run found it good, by its own fault.
+
+    A host that starts anew begins each container once more, however often. Whatever one did until then is forgiven:
+    the keeper would have seen it. `with_host`: container -> how many ends that were.
+    """
+    for member in step.members:
+        code, ends = next(filter(None, map(_fault, member.pods)), ""), ends_by_container(member.pods)
+        times = sum(ends.values()) - max(member.record.ends, sum(with_host.get(one, 0) for one in ends))
+        if times > 0 and (code or times > 1):  # somebody may have ended it once
+            return f"{member.name} ended {_times(times)}{f' with exit code {code}' if code else ''}"
+        if any(map(crashes, member.pods)):
+            return f"{member.name} crashes again and again"
+    return ""
+
+
+def _fault(pod: Object) -> str:
+    return error_of(pod) or ("137 (out of memory)" if was_out_of_memory(pod) else "")
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def worse(seen: Look) -> str | None:
+    """What of the graph is not as it was, in words; None: it cannot be seen."""
+    # a peer that does not answer says nothing of this version
+    unmet = [check for check in seen.unmet if not check.observed.get("silent")]
+    own = [check for check in unmet if check.kind == "node"]
+    if any(check.kind == "master" for check in unmet) or any(_is_silent(check) for check in own):
+        return None
+    return "; ".join(map(str, unmet))
+
+
+def _is_silent(check: Check) -> bool:
+    """Registered, and no answer, neither a refusal: its host may be away."""
+    return bool(check.observed) and not check.observed.get("refused")

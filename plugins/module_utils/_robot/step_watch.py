@@ -1,0 +1,319 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper beside steps of updates: it takes back what `way_back` says, as the run would have that is gone, and what
+does not stay good in its `soak`.
+
+A look costs one request, for the Leases of all robots. Only where one has changed, and nobody has it, the Deployments
+are looked at, and what the run left open in the record of updates is closed.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Callable, Collection, Iterable, Mapping
+
+from .._common.errors import FleetError, RosError
+from .._ros.backend import Backend
+from .._step import update_record
+from .._step.lease import version_of
+from .._step.objects import Object, name_of, node_of, rolled_out
+from .._step.record import mark_of, record_of, soaks
+from .._step.words import SOAKING, UPDATING
+from .claim import Claim, LostError
+from .cluster_api import FLEET, ApiError, Cluster, read_records
+from .hung import Hung, Silence
+from .kept_files import KeptFiles
+from .open_goals import Goals, open_goals
+from .soak import Soak
+from .watchdog import Watchdog, left
+from .way_back import Observed, Step, member_of, restored, steps_of
+
+LOOK = 10.0  # seconds between two looks
+HOLD = 300.0  # for the old server to come back: goals are held so long
+CLUSTER = "the cluster"
+AGAIN = 0.5  # between "idle" and "idle still"
+UNREADABLE = 2.0  # times the time to get ready: after that, goals of a node that cannot be read keep nobody waiting
+STEPS = "steps"  # of the kept files: namespace -> steps that were seen rolled out
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the keeper does for the robot's graph meanwhile: its own calls."""
+
+    hold: Callable[[str, str, float], list[Any]]  # action, server, seconds
+    release: Callable[[str], list[Any]]
+    take_back: Callable[[Iterable[str]], None]  # services, by these nodes where they live
+    silence: Callable[[], Silence]  # which nodes do not answer
+
+
+@dataclass(frozen=True)
+class Due:
+    """A step that is to go back, by which mark it is known, and why.
+
+    `patient`: one that came up once is not bad for goals that cannot be read. `still` is asked again under the Lease.
+    """
+
+    step: Step
+    key: str
+    reason: str
+    patient: bool = True
+    still: Callable[[Step], bool] = lambda _step: True
+
+    def waits(self, goals: Goals) -> str:
+        """What keeps it from going back."""
+        return ", ".join([*goals.busy, *(goals.unknown if self.patient else ())])
+
+
+class StepWatch:
+    """Looks at all namespaces, and longer where something is due."""
+
+    def __init__(  # noqa: PLR0913 - the clocks are the price of tests that never wait
+        self,
+        cluster: Cluster,
+        ros: Backend,
+        robot: Robot,
+        kept: KeptFiles,
+        log: Callable[[str], None],
+        now: Callable[[], float] = time.monotonic,
+        wall: Callable[[], float] = time.time,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.cluster, self.ros, self.robot, self.kept, self.log = cluster, ros, robot, kept, log
+        self.watchdog = Watchdog(cluster, ros, robot.silence, now)
+        self.now, self.wall, self.sleep = now, wall, sleep
+        self.came_up = _texts(kept.load(STEPS))
+        self.observed: dict[str, Observed] = {}
+        self.soaks: dict[str, Soak] = {}
+        self.said: dict[str, str] = {}
+
+    def run(self) -> None:
+        while True:
+            try:
+                pause = self.look()
+            except Exception as error:  # whatever one look brings, the next one may be better
+                self.log(f"error: {type(error).__name__}: {error}")
+                pause = LOOK
+            self.sleep(pause)
+
+    def look(self) -> float:
+        """At all namespaces; seconds until the next look. An API that is away is looked for again later."""
+        try:
+            leases = self.cluster.leases()
+            self._tell(CLUSTER, "")
+        except FleetError as error:
+            self._away(CLUSTER, error)
+            return LOOK
+        began = self.now()
+        known = {name: self.observed.get(name) or Observed(self.came_up.get(name, ())) for name in leases}
+        self.observed = known
+        for namespace, seen in known.items():
+            seen.lease(leases[namespace], began)
+        for namespace, seen in known.items():
+            try:
+                self._look(namespace, seen)
+                self._tell(namespace, "")
+            except FleetError as error:
+                if not (isinstance(error, ApiError) and error.status):
+                    self._away(namespace, error)
+                    break
+                # what answers with a refusal is not away: a robot that may not be read keeps nobody from the others
+                seen.away()
+                self._tell(namespace, str(error))
+        return LOOK
+
+    def _away(self, where: str, error: FleetError) -> None:
+        for seen in self.observed.values():
+            seen.away()
+        self._tell(where, str(error))
+
+    def rests(self) -> bool:
+        """Whether, as far as was seen, nobody takes a step, and none has been left."""
+        return bool(self.observed) and all(seen.free and seen.nothing is not None for seen in self.observed.values())
+
+    def _tell(self, about: str, text: str) -> None:
+        """What is so now; once, and not again before it changes."""
+        if text != self.said.get(about, ""):
+            self.log(f"{about}: {text or 'the Kubernetes API answers'}")
+            self.said[about] = text
+
+    # ---- the look
+
+    def _look(self, namespace: str, seen: Observed) -> None:
+        """What is the whole fleet's has a Lease of its own, too."""
+        if not seen.free:
+            self.soaks.pop(namespace, None)  # what is to come may be another version
+            return
+        if seen.version != seen.nothing:
+            self._steps_left(namespace, seen)
+        self._wake(namespace, seen)
+
+    def _steps_left(self, namespace: str, seen: Observed) -> None:
+        there = self.cluster.deployments(namespace)
+        steps = self._steps(namespace, there)
+        due = seen.due(steps)
+        self._remember(namespace, seen)
+        for step in due:
+            patient = seen.up(step) or seen.waited[step.key] < UNREADABLE * step.ready_timeout
+            reason = f"{seen.why(step)} after the run that began it had gone"
+            self._due(namespace, seen, Due(step, UPDATING, reason, patient, seen.failing))
+        soaking = self._soak(namespace, seen, there)
+        if seen.recorded != seen.version and self._record(namespace, there):
+            seen.recorded = seen.version
+        seen.nothing = None if steps or soaking or seen.recorded != seen.version else seen.version
+
+    def _steps(self, namespace: str, there: list[Object], key: str = UPDATING) -> list[Step]:
+        """Those whose Deployments are marked; with SOAKING those that soak."""
+        marked = [item for item in there if mark_of(item, key) is not None]
+        pods = [] if key == UPDATING and all(map(rolled_out, marked)) else self.cluster.pods(namespace)
+        records = read_records(self.cluster, namespace, map(name_of, marked))
+        chosen = marked if key == UPDATING else [item for item in marked if soaks(item, records)]
+        return steps_of([member_of(item, records, pods) for item in chosen], there)
+
+    def _soak(self, namespace: str, seen: Observed, there: list[Object]) -> bool:
+        """Look at what soaks; whether anything does still."""
+        steps = self._steps(namespace, there, SOAKING) if any(mark_of(one, SOAKING) for one in there) else []
+        soak = self.soaks.setdefault(namespace, Soak())
+        soak.look(steps, seen.passed, self.ros)
+        for step in steps:
+            why = soak.bad(step)
+            if why:
+                self._due(namespace, seen, Due(step, SOAKING, f"{why}, within {step.soak:.0f} s of the update"))
+        good = {step.key: step.name for step in steps if soak.good(step)}
+        if good:
+            about = f"{namespace}/{next(iter(good.values()))}"
+            self._with_lease(namespace, seen, about, "is not proven yet: {}", partial(self._prove, good))
+        return bool(steps)
+
+    def _prove(self, good: Collection[str], claim: Claim) -> None:
+        """They were good for long enough. The record says so first; only then the mark comes off."""
+        for step in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), SOAKING):
+            if step.key not in good:
+                continue
+            claim.renew()
+            for member in step.members:
+                found = self.cluster.config_map(claim.namespace, f"{member.name}-update")
+                if found and record_of(found) == member.record:
+                    self.cluster.apply(claim.namespace, update_record.anew(found, member.record.fulfilled().data()))
+            for member in step.members:
+                self.cluster.unmark(claim.namespace, member.deployment, SOAKING)
+            self.log(f"{claim.namespace}: {step.name} was good for {step.soak:.0f} s: proven")
+
+    def _remember(self, namespace: str, seen: Observed) -> None:
+        """What was rolled out once is not failing because its robot starts anew, and the keeper with it."""
+        known = {**self.came_up, namespace: sorted(seen.came_up)}
+        known = {space: keys for space, keys in known.items() if keys}
+        if known != self.came_up:
+            self.kept.save(STEPS, known)
+            self.came_up = known
+
+    def _record(self, namespace: str, there: list[Object]) -> bool:
+        """Say in the robot's record of updates what became of its steps; False: it is to be tried again."""
+        found = self.cluster.config_map(namespace, update_record.NAME)
+        shared = self.cluster.deployments(FLEET) if found and namespace != self.cluster.home == FLEET else []
+        body = update_record.ended(found, [*there, *shared]) if found else None
+        try:
+            if body:
+                self.cluster.apply(namespace, body)
+        except ApiError as error:
+            if error.status in (0, 409):  # somebody wrote it just now
+                return False
+            self._tell(f"{namespace}/{update_record.NAME}", str(error))
+        return True
+
+    def _wake(self, namespace: str, seen: Observed) -> None:
+        """Begin a pod anew whose node hangs, one at a look; meanwhile nobody else may begin a step."""
+        for one in self.watchdog.hung(namespace):
+            about, waiting = f"{namespace}/{one.app}", self.watchdog.waits(namespace, one)
+            if waiting:
+                self._tell(about, waiting)
+                continue
+            self._with_lease(namespace, seen, about, left(one, "{}"), partial(self._begin_anew, one))
+            return
+
+    def _begin_anew(self, one: Hung, claim: Claim) -> None:
+        said = self.watchdog.begin_anew(claim.namespace, one, self._time())
+        self._tell(f"{claim.namespace}/{one.app}", said)
+
+    def _with_lease(self, namespace: str, seen: Observed, about: str, lost: str, work: Callable[[Claim], None]) -> None:
+        """Do it with the Lease, unless somebody else has that by now. `lost` is said where another one takes it."""
+        found = self.cluster.lease(namespace)
+        if version_of(found) != seen.version:
+            return
+        claim = Claim(self.cluster, namespace, found, self._time)
+        try:
+            claim.renew()  # from here on nobody else changes the robot
+            work(claim)
+        except LostError as error:
+            self._tell(about, lost.format(error))
+        finally:
+            claim.release()
+
+    # ---- the way back
+
+    def _due(self, namespace: str, seen: Observed, due: Due) -> None:
+        step = due.step
+        about = f"{namespace}/{step.name}"
+        waiting = due.waits(open_goals(self.ros, step))
+        if waiting:
+            self._tell(about, f"is taken back when it rests: {waiting}")
+            return
+        # goals that are held when somebody takes the Lease may be held for that one
+        self._with_lease(namespace, seen, about, "is not taken back any further: {}", partial(self._still_due, due))
+
+    def _still_due(self, due: Due, claim: Claim) -> None:
+        """What was due may be over by now."""
+        for again in self._steps(claim.namespace, self.cluster.deployments(claim.namespace), due.key):
+            if again.key == due.step.key and due.still(again):
+                self._go_back(claim, replace(due, step=again))
+
+    def _go_back(self, claim: Claim, due: Due) -> None:
+        """The Lease is renewed before all that may take its time, and before all that is written."""
+        step = due.step
+        held = self._hold(claim, open_goals(self.ros, step))
+        self.sleep(AGAIN)
+        claim.renew()
+        if due.waits(open_goals(self.ros, step)):
+            for action in held:
+                self.robot.release(action)
+            return
+        claim.renew()
+        self._give_services_back(step)
+        for member in step.going_back:
+            claim.renew()
+            self.cluster.apply(claim.namespace, restored(member, due.reason, self._time()))
+            self.log(f"{claim.namespace}: {member.name} was taken back: {due.reason}")
+        if claim.namespace == FLEET:  # the records are those of the robots that took the step
+            for other in self.observed.values():
+                other.recorded = other.nothing = None
+
+    def _hold(self, claim: Claim, goals: Goals) -> list[str]:
+        """Goals that come now are for the old server."""
+        held = []
+        for action, server in (goals.servers or {}).items():
+            claim.renew()
+            if self.robot.hold(action, server, HOLD)[0]:
+                held.append(action)
+        return held
+
+    def _give_services_back(self, step: Step) -> None:
+        """First, so that a service never points to nothing while its old server lives."""
+        new = {node_of(member.deployment) for member in step.going_back}
+        old = {node for member in step.going_back for node in member.nodes_before}
+        try:
+            self.robot.take_back(old - new - {""})
+        except RosError as error:
+            self.log(f"{step.name}: services were not given back: {error}")
+
+    def _time(self) -> str:
+        seconds = self.wall()
+        whole = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
+        return f"{whole}.{int(seconds % 1 * 1e6):06d}Z"
+
+
+def _texts(saved: Any) -> Mapping[str, list[str]]:
+    """A kept file that is namespace -> texts; what is something else is left out."""
+    found = saved if isinstance(saved, dict) else {}
+    return {space: list(map(str, keys)) for space, keys in found.items() if isinstance(keys, list)}

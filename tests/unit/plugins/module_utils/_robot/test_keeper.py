@@ -1,0 +1,401 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper at work, on a fake clock, with a master and nodes that are dictionaries."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._robot import memory
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.keeper import (
+    ADDRESSES,
+    AWAY,
+    LOOK,
+    PARAMETERS,
+    QUIET,
+    REST,
+    Keeper,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.kept_files import KeptFiles
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.memory import AGAIN
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import MasterState
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.registrations import (
+    ALIVE,
+    DEAD,
+    UNKNOWN,
+    Call,
+    Entry,
+    Liveness,
+    after,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import master_state
+
+TALKER = Entry("http://t:1/", 7, {"/chatter": "std_msgs/String"}, {}, {"/talker/get": "rosrpc://t:2"})
+LISTENER = Entry("http://l:1/", 8, {}, {"/chatter": "std_msgs/String"}, {})
+
+
+class Ros:
+    """What the keeper asks of a registrar. `entries` is what the master has, `nodes` what the nodes have themselves."""
+
+    caller = "/ros_keeper"
+
+    def __init__(self) -> None:
+        self.pid, self.up = 100, True
+        self.nodes = {"/talker": TALKER, "/listener": LISTENER}
+        self.entries: dict[str, Entry] = dict(self.nodes)
+        self.params: dict[str, Any] = {"run_id": "first", "robot": {"wheels": 4}}
+        self.verdicts: dict[str, Liveness] = {}
+        self.snapshots = 0
+        self.subscribed: list[tuple[Any, ...]] = []
+        self.seconds, self.took = 0.0, 0.0  # for the master to say all that is registered, once and so far
+        self.looks = 0
+
+    def restart(self) -> None:
+        self.pid += 1
+        self.entries, self.params = {}, {"run_id": f"run {self.pid}"}
+
+    # ---- the registrar
+
+    def _raw(self) -> list[Any]:
+        kinds = ("publications", "subscriptions", "services")
+        found: list[dict[str, list[str]]] = [{}, {}, {}]
+        for node, entry in self.entries.items():
+            for part, kind in zip(found, kinds):
+                for name in getattr(entry, kind):
+                    part.setdefault(name, []).append(node)
+        return [list(map(list, part.items())) for part in found]
+
+    def calls(self, requests: Sequence[tuple[Any, ...]]) -> list[Any]:
+        if not self.up:
+            raise RosError("the ROS master does not answer: nothing listens")
+        if "getSystemState" in [method for method, *_more in requests]:
+            self.looks += 1
+            self.took += self.seconds
+        return [self._answer(method, *more) for method, _caller, *more in requests]
+
+    def state_of(self, system: Any, types: Any = None) -> MasterState:
+        return master_state(system, types)
+
+    def _answer(self, method: str, *more: Any) -> Any:
+        if method == "setParam":
+            *path, last = more[0].strip("/").split("/")
+            tree = self.params
+            for name in path:
+                tree = tree.setdefault(name, {})
+            tree[last] = more[1]
+            return 0
+        if method == "subscribeParam":
+            self.subscribed.append(more)
+            return self.params
+        if method == "getParam":
+            return self.params if more[0] == "/" else self.params[more[0].strip("/")]
+        return {"getPid": self.pid, "getUri": "http://m:1/", "getSystemState": self._raw(), "getTopicTypes": []}[method]
+
+    def snapshot(self, _state: MasterState | None = None) -> dict[str, Entry]:
+        self.snapshots += 1
+        return {
+            node: Entry(entry.uri, None, entry.publications, entry.subscriptions, entry.services)
+            for node, entry in self.entries.items()
+        }
+
+    def ask(self, entries: Mapping[str, Entry], _timeout: float, own_word: bool = True) -> dict[str, Liveness]:
+        return {node: self._says(node, own_word) for node in entries}
+
+    def _says(self, node: str, own_word: bool) -> Liveness:
+        if node in self.verdicts:
+            return self.verdicts[node]
+        entry = self.nodes[node]
+        if not own_word:
+            return Liveness(ALIVE, "", entry.pid)
+        topics = (frozenset(entry.publications), frozenset(entry.subscriptions), frozenset(entry.services))
+        return Liveness(ALIVE, "", entry.pid, *topics)
+
+    def apply(self, calls: Sequence[Call]) -> None:
+        self.entries = after(self.entries, calls)
+
+
+class Bench:
+    """A keeper on a clock that a test turns."""
+
+    def __init__(self, directory: Path) -> None:
+        self.ros, self.directory, self.at = Ros(), directory, 1000.0
+        self.said: list[str] = []
+        self.keeper = self.start()
+
+    def start(self) -> Keeper:
+        self.keeper = Keeper(
+            self.ros,  # type: ignore[arg-type]
+            KeptFiles(str(self.directory)),
+            self.said.append,
+            lambda: self.at + self.ros.took,
+        )
+        return self.keeper
+
+    def step(self, seconds: float = LOOK) -> float:
+        """One look, and what it had others look at beside it."""
+        pause = self.keeper.step()
+        if self.keeper.probing is not None:
+            self.keeper.probing.join(10)
+        self.at += seconds
+        return pause
+
+    def steps(self, seconds: float) -> None:
+        end = self.at + seconds
+        while self.at < end:
+            self.step()
+
+    def registered(self) -> dict[str, Entry]:
+        return {node: Entry(one.uri, None, one.publications, one.subscriptions, one.services)
+                for node, one in self.ros.entries.items()}  # fmt: skip
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def test_what_is_registered_goes_on_record_with_process_ids(bench: Bench) -> None:
+    assert bench.step() == LOOK
+    content = json.loads((bench.directory / "registrations.json").read_text())
+    assert {node: entry["pid"] for node, entry in content["nodes"].items()} == {"/talker": 7, "/listener": 8}
+    assert content["nodes"]["/talker"]["publications"] == {"/chatter": "std_msgs/String"}
+    assert bench.said == []
+
+
+def test_its_clock_is_one_that_nobody_sets(tmp_path: Path) -> None:
+    """One that is set back would keep it from looking at parameters and nodes until it has caught up."""
+    assert Keeper(Ros(), KeptFiles(str(tmp_path)), print).now is time.monotonic  # type: ignore[arg-type]
+
+
+def test_it_is_ready_once_it_knows_all_that_a_new_master_would_lack(bench: Bench) -> None:
+    """A master may be replaced as soon as its keeper is ready: nobody else knows the parameters then."""
+    answer = bench.ros._answer
+    bench.ros.up = False
+    bench.step()
+    assert not bench.keeper.complete  # it has seen nothing yet
+    bench.ros.up = True
+    lost = RosError("the parameters did not come")
+    bench.ros._answer = lambda method, *more: lost if more == ("/",) else answer(method, *more)  # type: ignore[method-assign]
+    bench.step()
+    assert not bench.keeper.complete
+    bench.ros._answer = answer  # type: ignore[method-assign]
+    bench.step()
+    assert bench.keeper.complete
+    bench.ros.up = False
+    bench.step()
+    assert bench.keeper.complete  # what it knows is worth the more
+    again = bench.start()
+    assert again.complete  # the record outlives its container
+    bench.ros.up = True
+    bench.ros.restart()
+    bench.step()
+    assert bench.ros.params["robot"] == {"wheels": 4}
+    assert bench.registered() == {node: entry for node, entry in bench.registered().items() if node in bench.ros.nodes}
+    assert set(bench.registered()) == {"/talker", "/listener"}
+
+
+def test_a_parameter_that_changes_is_on_record_within_seconds(bench: Bench) -> None:
+    """A master that goes a moment later would take it with it."""
+    bench.keeper.uri = "http://keeper/"
+    bench.step()
+    assert bench.ros.subscribed == [("http://keeper/", "/")]
+    bench.ros.params["robot"] = {"wheels": 6}
+    bench.steps(10.0)  # nobody told
+    assert memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 4}}
+    assert bench.keeper.parameter_changed("/master", "/robot/wheels/", 6) == [1, "", 0]
+    bench.step()
+    assert memory.parameters_of(bench.keeper.params) == {"robot": {"wheels": 6}}
+    bench.ros.restart()
+    bench.steps(3.0)
+    assert bench.ros.subscribed == [("http://keeper/", "/")] * 2  # the new master knows of nobody
+    assert bench.ros.params["robot"] == {"wheels": 6}
+
+
+def test_services_are_given_back_before_whoever_has_them_goes(bench: Bench) -> None:
+    bench.step()
+    canary = Entry("http://c:1/", 9, {}, {}, {"/talker/get": "rosrpc://c:2"})
+    bench.ros.nodes["/canary"] = canary
+    bench.ros.entries["/talker"] = Entry(TALKER.uri, 7, TALKER.publications)
+    bench.ros.entries["/canary"] = canary
+    bench.steps(20.0)
+    assert bench.ros.entries["/canary"].services  # the newer one has it, as the master says
+    bench.keeper.take_back(["/talker", "/nobody"])
+    assert bench.ros.entries["/talker"].services == TALKER.services
+    assert bench.said[-1] == "gave back /talker service /talker/get"
+    said = len(bench.said)
+    bench.keeper.take_back(["/talker"])
+    bench.keeper.take_back([])
+    assert len(bench.said) == said
+
+
+def test_at_rest_it_looks_seldom_as_long_as_it_would_notice_the_masters_end(bench: Bench) -> None:
+    held = [True]
+    bench.keeper.held = lambda: held[0]
+    while bench.at - 1000 < QUIET:
+        assert bench.step() == LOOK
+    assert bench.step(REST) == REST
+    held[0] = False
+    assert bench.step() == LOOK
+    held[0] = True
+    bench.ros.entries["/third"] = bench.ros.nodes["/third"] = Entry("http://x:1/", 9, {"/more": "std_msgs/String"})
+    assert [bench.step() for _look in range(2)] == [LOOK, LOOK]
+    bench.steps(QUIET)
+    assert bench.step(REST) == REST
+    del bench.ros.entries["/third"]  # its registrations are lost: that is looked into at once
+    assert bench.step() == LOOK
+    bench.ros.up = False
+    assert bench.step() == AWAY
+
+
+def test_addresses_are_looked_up_where_names_changed_or_now_and_then(bench: Bench) -> None:
+    for _look in range(int(ADDRESSES)):
+        bench.step()
+    assert bench.ros.snapshots == 1
+    bench.step()
+    assert bench.ros.snapshots == 2  # so many seconds are over
+    bench.ros.nodes["/new"] = bench.ros.entries["/new"] = Entry("http://n:1/", 9, {"/n": "x/N"})
+    bench.step()
+    assert bench.ros.snapshots == 3
+
+
+def test_a_graph_that_stays_as_it_is_is_not_gone_through_again(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With 100 robots on one master, that is most of what a look costs."""
+    gone_through: list[str] = []
+    for owner, name in ((memory.Memory, "as_dict"), (memory.registrations, "missing")):
+        real = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *given, real=real, name=name: gone_through.append(name) or real(*given))
+    bench.step()
+    assert gone_through == ["missing", "as_dict"]
+    bench.steps(ADDRESSES - 2)
+    assert gone_through == ["missing", "as_dict"]
+    del bench.ros.entries["/listener"]
+    bench.step()
+    bench.step()  # it comes back at the second look
+    assert set(bench.registered()) == {"/talker", "/listener"}
+    assert gone_through == ["missing", "as_dict"] * 3
+
+
+def test_a_large_graph_is_looked_at_less_often(bench: Bench) -> None:
+    bench.step()
+    bench.ros.looks = 0
+    bench.steps(20)
+    assert bench.ros.looks == 20
+    bench.ros.seconds, bench.ros.looks = 0.5, 0  # a fleet of a hundred robots
+    bench.steps(20)
+    assert 3 <= bench.ros.looks <= 5
+
+
+def test_a_restart_is_seen_at_once_all_the_same(bench: Bench) -> None:
+    bench.ros.seconds = 2.0
+    bench.step()
+    bench.step()
+    bench.ros.restart()
+    bench.step()
+    assert bench.registered().keys() == {"/talker", "/listener"}
+
+
+def test_a_master_that_is_away_is_said_once(bench: Bench) -> None:
+    bench.step()
+    bench.ros.up = False
+    assert [bench.step(), bench.step()] == [AWAY, AWAY]
+    bench.ros.up = True
+    assert bench.step() == LOOK
+    assert bench.said == ["the master is away: the ROS master does not answer: nothing listens", "the master is back"]
+
+
+def test_a_restarted_master_gets_everything_back(bench: Bench) -> None:
+    bench.steps(2)
+    before = bench.registered()
+    bench.ros.restart()
+    bench.step()
+    assert bench.registered() == before
+    assert bench.ros.params == {"run_id": "run 101", "robot": {"wheels": 4}}  # the run's own name is not the old one
+    assert "3 registrations of 2 nodes and 1 parameters restored" in bench.said[-1]
+
+
+def test_what_died_with_the_master_or_was_set_since_is_left_alone(bench: Bench) -> None:
+    bench.steps(2)
+    bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens")
+    bench.ros.restart()
+    bench.ros.params["robot"] = {"wheels": 6}
+    bench.step()
+    assert (set(bench.registered()), set(bench.keeper.memory.removed)) == ({"/listener"}, {"/talker"})
+    assert bench.ros.params["robot"] == {"wheels": 6}
+
+
+def test_parameters_are_read_again_now_and_then(bench: Bench) -> None:
+    bench.step()
+    bench.ros.params["robot"] = {"wheels": 5}
+    bench.steps(PARAMETERS + 1)
+    bench.ros.restart()
+    bench.step()
+    assert bench.ros.params["robot"] == {"wheels": 5}
+
+
+def test_what_the_master_lost_by_itself_comes_back_at_the_second_look(bench: Bench) -> None:
+    """A service whose last provider left, while an earlier one lives."""
+    bench.step()
+    talker = bench.ros.entries["/talker"]
+    bench.ros.entries["/talker"] = Entry(talker.uri, 7, talker.publications)
+    bench.step()
+    assert not bench.ros.entries["/talker"].services
+    bench.step()
+    assert bench.ros.entries["/talker"].services == TALKER.services
+    assert bench.said == ["restored /talker service /talker/get"]
+
+
+def test_a_dead_node_goes_once_it_was_gone_twice(bench: Bench) -> None:
+    bench.step()
+    bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens at http://t:1/")
+    bench.steps(AGAIN)
+    assert "/talker" in bench.registered()
+    bench.steps(20)
+    assert "/talker" not in bench.registered()
+    [line] = bench.said
+    assert line.startswith("removed /talker service /talker/get, /talker publisher /chatter: nothing listens at")
+
+
+def test_one_that_only_hangs_stays(bench: Bench) -> None:
+    bench.step()
+    bench.ros.verdicts["/talker"] = Liveness(UNKNOWN, "no answer within 5 s")
+    bench.steps(120)
+    assert "/talker" in bench.registered()
+    ((node, (_uri, seconds)),) = bench.keeper.silence.silent.items()
+    assert (node, bench.keeper.silence.answering) == ("/talker", {bench.ros.entries["/listener"].uri})
+    assert 90 <= seconds <= 120
+
+
+def test_a_name_that_a_newer_process_has_is_its_own(bench: Bench) -> None:
+    bench.step()
+    bench.ros.verdicts["/talker"] = Liveness(DEAD, "nothing listens")
+    bench.steps(AGAIN + 1)
+    newer = Entry("http://t:9/", 70, TALKER.publications)
+    bench.ros.nodes["/talker"] = bench.ros.entries["/talker"] = newer
+    del bench.ros.verdicts["/talker"]
+    bench.steps(40)
+    assert bench.registered()["/talker"].uri == newer.uri
+
+
+def test_the_very_same_process_gets_everything_back(bench: Bench) -> None:
+    """Its host was cut off for longer than it takes to be removed."""
+    bench.step()
+    before = bench.registered()
+    bench.ros.verdicts["/talker"] = Liveness(DEAD, "no route to host")
+    bench.steps(30)
+    assert "/talker" not in bench.registered()
+    del bench.ros.verdicts["/talker"]
+    bench.steps(40)
+    assert bench.registered() == before
+    assert "/talker is back, process 7: restored /talker publisher /chatter, /talker service /talker/get" in bench.said
+
+
+def test_its_own_registrations_are_none_of_its_business(bench: Bench) -> None:
+    bench.ros.nodes["/ros_keeper"] = bench.ros.entries["/ros_keeper"] = Entry("http://k:1/", 1, {"/work/goal": "x"})
+    bench.steps(3)
+    assert "/ros_keeper" not in bench.keeper.memory.nodes

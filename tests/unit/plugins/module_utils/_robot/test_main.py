@@ -1,0 +1,33 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files that the keeper was begun from, laid out as the kubelet does it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.main import Code
+
+
+def volume(directory: Path, version: str) -> None:
+    """A ConfigMap's volume with this version of its files."""
+    (directory / version).mkdir()
+    (directory / version / "run.py").write_text(version)
+    (directory / "..data_tmp").symlink_to(version)
+    (directory / "..data_tmp").rename(directory / "..data")
+    if not (directory / "run.py").exists():
+        (directory / "run.py").symlink_to("..data/run.py")
+
+
+def test_other_files_than_it_was_begun_from_are_noticed(tmp_path: Path) -> None:
+    volume(tmp_path, "..2026_01_01")
+    code = Code(str(tmp_path / "run.py"))
+    assert not code.changed()
+    volume(tmp_path, "..2026_01_02")
+    assert code.changed()
+    assert not Code(str(tmp_path / "run.py")).changed()
+
+
+def test_files_that_no_kubelet_brought_do_not_change(tmp_path: Path) -> None:
+    (tmp_path / "run.py").write_text("")
+    assert not Code(str(tmp_path / "run.py")).changed()

@@ -1,0 +1,774 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The keeper takes back what a run left that has gone: a simulated cluster, graph and clock."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError, RosError
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.cluster_api import ApiError
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.hung import Silence
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.staying import Staying
+from ansible_collections.rosops.fleet.plugins.module_utils._robot.step_watch import LOOK, Robot, StepWatch
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
+    Graph,
+    MasterState,
+    Node,
+    Questions,
+    StatusReading,
+)
+from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_gate
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import (
+    NAMESPACE,
+    UPDATING,
+    WENT_BACK,
+    lease,
+    left,
+    live,
+    pod,
+    version,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import (
+    launch_graph,
+    launch_step,
+)
+from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.test_step import pod as engine_pod
+
+ACTIVE, SUCCEEDED = 1, 3
+AWAY = KubeError("nothing listens")
+
+
+class World:
+    """A cluster and a ROS graph; whoever applies something finds it there, not ready yet."""
+
+    def __init__(self, *namespaces: str) -> None:
+        self.at = 5000.0
+        self.spaces = list(namespaces or [NAMESPACE])
+        self.there: dict[tuple[str, str], dict[str, Any]] = {}
+        self.maps: dict[tuple[str, str], dict[str, Any]] = {}
+        self.leases_now: dict[str, dict[str, Any]] = {}
+        self.number = 10
+        self.away = False
+        self.requests: list[str] = []
+        self.done: list[str] = []
+        self.fails: dict[str, Any] = {}  # a Deployment's name -> called when it is applied
+        # the graph
+        self.state_now = MasterState()
+        self.goals: dict[str, StatusReading] = {}
+        self.refused: set[str] = set()
+        self.master_away = False
+        self.held: list[tuple[str, str]] = []
+        self.on_hold: Any = lambda: None
+        self.said: list[str] = []
+        self.refuses_holds = False
+        self.pods_now: list[dict[str, Any]] = []
+        self.uris: dict[str, str] = {}
+        self.answering: set[str] = set()
+        self.silence = Silence()
+        self.unevictable: list[ApiError] = []  # what an eviction is answered with
+        self.record: dict[str, Any] = {}
+        self.home = self.spaces[0]
+        self.watch = self.start()
+
+    def start(self) -> StepWatch:
+        robot = Robot(self.hold, self.release, self.take_back, lambda: self.silence)
+        return StepWatch(self, self, robot, self, self.said.append, lambda: self.at, lambda: 0.0, self.sleep)  # type: ignore[arg-type]
+
+    def sleep(self, seconds: float) -> None:
+        self.at += seconds
+
+    # ---- the record
+
+    def load(self, part: str) -> Any:
+        return self.record.get(part)
+
+    def save(self, part: str, content: Any) -> None:
+        self.record[part] = json.loads(json.dumps(content))
+
+    def put(self, deployment: dict[str, Any], record: dict[str, Any], namespace: str = NAMESPACE) -> None:
+        name = deployment["metadata"]["name"]
+        self.there[namespace, name], self.maps[namespace, name] = deployment, record
+
+    def run(self, seconds: float) -> None:
+        end = self.at + seconds
+        while self.at < end:
+            self.at += self.watch.look()
+
+    def revision(self, name: str, namespace: str = NAMESPACE) -> str:
+        template = self.there[namespace, name]["spec"]["template"]
+        return str(template["metadata"]["labels"]["rosops.fleet/revision"])
+
+    # ---- the API
+
+    def _ask(self, what: str) -> None:
+        self.requests.append(what)
+        if self.away:
+            raise AWAY
+
+    def namespaces(self) -> list[str]:
+        return self.spaces
+
+    def leases(self) -> dict[str, dict[str, Any] | None]:
+        self._ask("leases")
+        return {name: self.leases_now.get(name) for name in self.spaces}
+
+    def lease(self, namespace: str) -> dict[str, Any] | None:
+        self._ask("lease")
+        return self.leases_now.get(namespace)
+
+    def write_lease(self, namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        self._ask("write lease")
+        there = self.leases_now.get(namespace)
+        if (there or {"metadata": {}})["metadata"].get("resourceVersion") != body["metadata"].get("resourceVersion"):
+            return None
+        self.number += 1
+        body = {**body, "metadata": {**body["metadata"], "resourceVersion": str(self.number)}}
+        self.leases_now[namespace] = body
+        self.done.append(f"lease {body['spec']['holderIdentity'] or 'free'}")
+        return body
+
+    def deployments(self, namespace: str) -> list[dict[str, Any]]:
+        self._ask("deployments")
+        return [item for (space, _name), item in self.there.items() if space == namespace]
+
+    def deployment(self, namespace: str, name: str) -> dict[str, Any] | None:
+        self._ask("deployment")
+        return self.there.get((namespace, name))
+
+    def pods(self, _namespace: str) -> list[dict[str, Any]]:
+        self._ask("pods")
+        return self.pods_now
+
+    def config_map(self, namespace: str, name: str) -> dict[str, Any] | None:
+        self._ask(name if name == "robot-updates" else "map")
+        return self.maps.get((namespace, name.removesuffix("-update")))
+
+    def apply(self, namespace: str, body: dict[str, Any]) -> None:
+        self._ask("apply")
+        name = body["metadata"]["name"]
+        if body["kind"] == "ConfigMap":
+            if body["metadata"]["resourceVersion"] != self.maps[namespace, name]["metadata"]["resourceVersion"]:
+                raise ApiError("it has been modified", 409)
+            self.maps[namespace, name] = body
+            return
+        self.fails.pop(name, lambda: None)()
+        generation = self.there[namespace, name]["metadata"]["generation"] + 1
+        self.there[namespace, name] = live(body, marked=False, generation=generation)
+        self.done.append(f"apply {name} {self.revision(name, namespace)}")
+
+    def evict(self, namespace: str, item: dict[str, Any], seconds: int | None) -> None:
+        self._ask("evict")
+        for error in self.unevictable:
+            raise error
+        grace = "its own time" if seconds is None else f"{seconds} s"
+        self.done.append(f"evict {namespace}/{item['metadata']['name']} in {grace}")
+
+    def tell(self, namespace: str, item: dict[str, Any], reason: str, message: str, _at: str) -> None:
+        self._ask("tell")
+        self.done.append(f"{reason} {namespace}/{item['metadata']['name']}: {message}")
+
+    # ---- the graph
+
+    def state(self) -> MasterState:
+        if self.master_away:
+            raise RosError("the ROS master does not answer")
+        return self.state_now
+
+    def ask(self, state: MasterState, wanted: Questions) -> Graph:
+        nodes = [
+            Node(
+                name, self.uris.get(name, ""), pid=77 if name in self.answering else None, refused=name in self.refused
+            )
+            for name in wanted.nodes
+        ]
+        graph = state.graph.answered(nodes)
+        statuses = {node.key: self.goals.get(node.name, StatusReading(error="mute")) for node in nodes}
+        return replace(graph, actions={name: replace(graph.action(name), statuses=statuses) for name in wanted.actions})
+
+    def serve(self, action: str, *nodes: str) -> None:
+        self.state_now = MasterState(
+            {**self.state_now.publishers, f"{action}/status": nodes},
+            {**self.state_now.subscribers, f"{action}/goal": nodes, f"{action}/cancel": nodes},
+        )
+
+    # ---- the keeper
+
+    def hold(self, action: str, server: str, _seconds: float) -> list[Any]:
+        self.on_hold()
+        if not self.refuses_holds:
+            self.held.append((action, server))
+        return [int(not self.refuses_holds), "", 0]
+
+    def release(self, action: str) -> list[Any]:
+        self.held = [one for one in self.held if one[0] != action]
+        return [1, "", 0]
+
+    def take_back(self, nodes: Iterable[str]) -> None:
+        self.done.append(f"services of {', '.join(sorted(nodes)) or 'nobody'}")
+
+
+def busy(*states: int) -> StatusReading:
+    return StatusReading((states, states))
+
+
+def left_alone(node: str | None = None, **contract: Any) -> World:
+    """A world whose run has gone in the middle of a step that does not get ready."""
+    world = World()
+    world.put(live(version("camera", 2, node=node)), left(version("camera", 1, node=node), **contract))
+    world.leases_now[NAMESPACE] = lease("host 77")
+    return world
+
+
+def test_a_version_that_does_not_get_ready_is_taken_back() -> None:
+    world = left_alone(ready_timeout=120)
+    world.run(130)  # 15 s for the Lease, which were 20
+    assert world.revision("camera") == "rev2"
+    world.run(40)
+    assert [done for done in world.done if done != "lease ros-keeper"] == [
+        "services of /camera_1",
+        "apply camera rev1",
+        "lease free",
+    ]
+    there = world.there[NAMESPACE, "camera"]["metadata"]["annotations"]
+    assert UPDATING not in there
+    told = json.loads(there[WENT_BACK])
+    assert (told["from"], told["to"], told["at"]) == ("rev2", "rev1", "1970-01-01T00:00:00.000000Z")
+    assert told["reason"] == "not ready 120 s after the run that began it had gone"
+    assert world.said == [f"{NAMESPACE}: camera was taken back: {told['reason']}"]
+    world.run(3600)
+    assert world.done[-1] == "lease free"  # and that was it
+
+
+def test_a_version_that_gets_ready_stays_for_the_next_run() -> None:
+    world = left_alone()
+    world.run(100)
+    world.there[NAMESPACE, "camera"]["status"]["readyReplicas"] = 1
+    world.run(3600)
+    assert (world.revision("camera"), world.done) == ("rev2", [])
+    assert UPDATING in world.there[NAMESPACE, "camera"]["metadata"]["annotations"]
+
+
+def test_a_run_at_work_is_let_alone() -> None:
+    world = left_alone(ready_timeout=30)
+    for number in range(200):
+        world.leases_now[NAMESPACE] = lease("host 77", number)
+        world.run(10)
+    assert world.done == []
+    assert set(world.requests) == {"leases"}
+
+
+def test_at_rest_a_look_is_one_small_request() -> None:
+    world = World()
+    world.put(live(version("camera", 2), marked=False, ready=True), left())
+    world.run(10 * LOOK)
+    assert world.requests.count("deployments") == 1
+    assert len(world.requests) == 12  # and one look at the record of updates
+    world.leases_now[NAMESPACE] = lease("", 2)  # a run came and went
+    world.run(10 * LOOK)
+    assert world.requests.count("deployments") == 2
+
+
+def test_an_api_that_is_away_is_weather() -> None:
+    world = left_alone(ready_timeout=120)
+    world.run(60)
+    world.away = True
+    world.run(600)
+    asked = len(world.requests)
+    assert asked < 80
+    world.away = False
+    world.run(80)
+    assert world.revision("camera") == "rev2"
+    world.run(60)
+    assert world.revision("camera") == "rev1"
+    assert world.said[:2] == ["the cluster: nothing listens", "the cluster: the Kubernetes API answers"]
+
+
+def test_it_rests_where_nobody_takes_a_step_and_none_is_left() -> None:
+    world = World()
+    assert not world.watch.rests()  # nothing was seen yet
+    world.leases_now[NAMESPACE] = lease("host 77")
+    world.run(LOOK)
+    assert not world.watch.rests()
+    world.leases_now[NAMESPACE] = lease("", 2)
+    world.run(LOOK)
+    assert world.watch.rests()
+    world.put(live(version("camera", 2)), left(version("camera", 1)))
+    world.leases_now[NAMESPACE] = lease("", 3)  # a run that has come and gone
+    world.run(LOOK)
+    assert not world.watch.rests()
+
+
+def test_a_keeper_started_anew_begins_anew() -> None:
+    world = left_alone(ready_timeout=120)
+    world.run(130)
+    world.watch = world.start()
+    world.run(130)
+    assert world.revision("camera") == "rev2"
+    world.run(40)
+    assert world.revision("camera") == "rev1"
+
+
+def test_a_run_that_takes_the_lease_meanwhile_has_it() -> None:
+    world = left_alone(ready_timeout=30)
+    find = world.lease
+
+    def taken(namespace: str) -> dict[str, Any] | None:
+        found = find(namespace)
+        world.number += 1
+        world.leases_now[NAMESPACE] = lease("host 99", world.number)  # right after every look
+        return found
+
+    world.lease = taken  # type: ignore[method-assign]
+    world.leases_now[NAMESPACE] = lease("")
+    world.run(300)
+    assert not [done for done in world.done if done.startswith("apply")]
+
+
+def test_the_apps_of_a_step_go_back_together_though_the_api_goes_in_between() -> None:
+    world = World()
+    apps = {"apps": ["lidar", "camera"], "ready_timeout": 60}
+    for app, ready in (("camera", True), ("lidar", False)):
+        world.put(live(version(app, 2), ready=ready), left(version(app, 1), **apps))
+
+    def goes() -> None:
+        world.away = True
+        raise AWAY
+
+    world.fails["camera"] = goes
+    world.run(100)
+    assert (world.revision("lidar"), world.revision("camera")) == ("rev1", "rev2")
+    world.away = False
+    world.run(20)
+    assert (world.revision("lidar"), world.revision("camera")) == ("rev1", "rev1")
+    assert world.leases_now[NAMESPACE]["spec"]["holderIdentity"] == ""
+
+
+# ---- goals
+
+
+def drained(world: World) -> World:
+    """The action's server has the same name in every version."""
+    world.serve("/dock", "/camera")
+    return world
+
+
+def test_a_goal_on_the_new_node_is_waited_for() -> None:
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.goals["/camera"] = busy(ACTIVE)
+    world.run(3600)
+    assert world.done == []
+    assert world.said == [f"{NAMESPACE}/camera: is taken back when it rests: /dock ACTIVE"]
+    world.goals["/camera"] = busy(SUCCEEDED)
+    world.run(20)
+    assert world.revision("camera") == "rev1"
+    assert world.held == [("/dock", "/camera")]  # goals that came meanwhile are for the old one
+
+
+@pytest.mark.parametrize("refuses", [False, True])
+def test_a_goal_that_comes_just_then_is_waited_for_too(refuses: bool) -> None:
+    """Where nothing can be held it is looked twice all the same."""
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.goals["/camera"], world.refuses_holds = busy(), refuses
+
+    def comes() -> None:
+        world.goals["/camera"] = busy(ACTIVE)
+
+    world.on_hold = comes
+    world.run(200)
+    assert not [done for done in world.done if done.startswith(("apply", "services"))]
+    assert world.held == []
+    assert world.leases_now[NAMESPACE]["spec"]["holderIdentity"] == ""
+    world.goals["/camera"], world.on_hold = busy(), lambda: None
+    world.run(20)
+    assert world.revision("camera") == "rev1"
+
+
+@pytest.mark.parametrize(
+    ("seen", "seconds"),
+    [
+        ({"refused": {"/camera"}}, 100),  # a dead node has no goals
+        ({}, 160),  # one that cannot be read keeps nobody waiting for ever
+        ({"master_away": True}, 160),
+    ],
+)
+def test_whose_goals_cannot_be_read(seen: dict[str, Any], seconds: int) -> None:
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    vars(world).update(seen)
+    world.run(seconds - 30)
+    assert world.revision("camera") == "rev2"
+    world.run(30)
+    assert world.revision("camera") == "rev1"
+
+
+def test_the_old_nodes_goals_are_its_own() -> None:
+    """Overlapping: the old one works on, and is not touched."""
+    world = left_alone(ready_timeout=60)
+    world.serve("/dock", "/camera_1", "/camera_2")
+    world.goals = {"/camera_1": busy(ACTIVE), "/camera_2": busy()}
+    world.run(100)
+    assert (world.revision("camera"), world.held) == ("rev1", [])
+
+
+@pytest.mark.parametrize(("address", "back"), [("10.42.0.7", True), ("10.42.0.8", False)])
+def test_a_version_that_only_waits_beside_the_old_one_has_no_goals(address: str, back: bool) -> None:
+    """It has the same node name; the old one works on, and its goals are not held for nobody."""
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.pods_now = [pod("camera", 2, "10.42.0.8"), pod("camera", 1, "10.42.0.7")]
+    world.uris, world.goals = {"/camera": f"http://{address}:4000/"}, {"/camera": busy(ACTIVE)}
+    world.run(100)
+    assert (world.revision("camera"), world.held) == ("rev1" if back else "rev2", [])
+
+
+def launch_contract() -> dict[str, Any]:
+    """What the engine leaves of an app that is a launch file, whose nodes it found by their pod's address."""
+    contracts = step_gate(
+        launch_step(), Graph.from_dict(launch_graph()), Live(pods=[engine_pod("nav", "10.42.0.8")])
+    ).contracts
+    assert contracts["nav"].actions == ("/move_base",)
+    return contracts["nav"].as_dict()
+
+
+@pytest.mark.parametrize("node", ["", "/nav"])
+def test_a_launch_files_goals_are_found_by_their_actions_name(node: str) -> None:
+    world = World()
+    contract = {**launch_contract(), "ready_timeout": 60, "revision": "rev2"}
+    world.put(live(version("nav", 2, node=node)), left(version("nav", 1, node=node), **contract))
+    world.serve("/move_base", "/move_base")
+    world.serve("/dock", "/nav")
+    world.goals = {"/move_base": busy(ACTIVE), "/nav": busy()}
+    world.run(300)
+    assert world.done == []
+    assert world.said == [f"{NAMESPACE}/nav: is taken back when it rests: /move_base ACTIVE"]
+
+
+def test_an_action_that_only_the_new_version_has_is_found_by_its_pods_address() -> None:
+    world = World()
+    world.put(live(version("nav", 2, node="")), left(version("nav", 1, node=""), ready_timeout=60))
+    world.pods_now = [pod("nav", 2, "10.42.0.8"), pod("nav", 1, "10.42.0.7")]
+    world.serve("/dock", "/docking")
+    world.serve("/plan", "/planner")
+    world.uris = {"/docking": "http://10.42.0.8:4001/", "/planner": "http://10.42.0.7:4001/"}
+    world.goals = {"/docking": busy(ACTIVE), "/planner": busy(ACTIVE)}
+    world.run(300)
+    assert world.said == [f"{NAMESPACE}/nav: is taken back when it rests: /dock ACTIVE"]
+    world.pods_now[0]["spec"]["hostNetwork"] = True  # then the address is anybody's
+    world.run(30)
+    assert world.revision("nav") == "rev1"
+
+
+def test_the_master_goes_back_without_a_graph() -> None:
+    world = World()
+    world.put(live(version("ros-master", 2, node="")), left(version("ros-master", 1, node=""), actions=["/dock"]))
+    world.master_away = True
+    world.run(200)
+    assert world.revision("ros-master") == "rev1"
+
+
+# ---- a shared master
+
+
+def shared() -> World:
+    world = World("fleet", "robot-r1", "robot-r2")
+    world.put(live(version("map", 2, "fleet")), left(version("map", 1, "fleet"), ready_timeout=60), "fleet")
+    return world
+
+
+def test_what_is_the_whole_fleets_has_a_lease_of_its_own() -> None:
+    """Whoever changes it has that one, too; runs on robots alone do not keep it from going back."""
+    world = shared()
+    for number in range(50):
+        world.leases_now["robot-r1"], world.leases_now["fleet"] = lease("host 77", number), lease("host 77", number)
+        world.run(4)
+    assert world.revision("map", "fleet") == "rev2"
+    for number in range(50, 100):
+        world.leases_now["robot-r1"] = lease("host 77", number)
+        world.run(4)
+    assert world.revision("map", "fleet") == "rev1"
+
+
+@pytest.mark.parametrize(("error", "goes_back"), [(ApiError("answered 403", 403), True), (AWAY, False)])
+def test_a_robot_that_may_not_be_read_keeps_nobody_from_the_others(error: KubeError, goes_back: bool) -> None:
+    """Its namespace may be gone, and what it told of itself still be there. An API that is away is so for all."""
+    world = shared()
+    find = world.deployments
+
+    def refused(namespace: str) -> list[dict[str, Any]]:
+        if namespace == "robot-r1":
+            raise error
+        return find(namespace)
+
+    world.deployments = refused  # type: ignore[method-assign]
+    world.run(380)
+    assert (world.revision("map", "fleet") == "rev1") is goes_back
+    assert [line for line in world.said if "robot-r1" in line] == [f"robot-r1: {error}"]
+
+
+def test_a_thousand_robots_cost_a_request_each_look_and_a_bad_step_is_seen_as_soon_as_of_one() -> None:
+    world, bad = World("fleet", *(f"robot-r{number}" for number in range(1000))), "robot-r777"
+    world.run(100)
+    assert world.requests.count("leases") == 10
+    assert world.requests.count("deployments") == 1001
+    world.put(live(version("camera", 2, bad)), left(version("camera", 1, bad), ready_timeout=120), bad)
+    world.leases_now[bad] = lease("host 77", 2)
+    world.run(15 + 120 + 2 * LOOK)
+    assert world.revision("camera", bad) == "rev1"
+    assert world.requests.count("deployments") < 1001 + 20
+
+
+# ---- what came up once
+
+
+def came_up() -> World:
+    world = left_alone(ready_timeout=60)
+    world.there[NAMESPACE, "camera"] = live(version("camera", 2), ready=True)
+    world.run(60)
+    return world
+
+
+def falls(world: World, *, crashes: bool = False) -> None:
+    world.there[NAMESPACE, "camera"]["status"]["readyReplicas"] = 0
+    world.pods_now = [pod("camera", 2, crashes=crashes)]
+
+
+def test_a_robot_that_is_rebooted_proves_nothing_against_its_version() -> None:
+    """Also not when the keeper is started anew with it, or the node is away for a day."""
+    world = came_up()
+    falls(world)
+    world.watch = world.start()
+    world.run(86400)
+    assert (world.revision("camera"), world.done) == ("rev2", [])
+
+
+def test_what_cannot_be_read_is_no_fault_of_a_version_that_came_up() -> None:
+    """Apps that nobody has wait for their master crash for as long as it is away."""
+    world = came_up()
+    falls(world, crashes=True)
+    world.master_away = True
+    world.run(86400)
+    assert world.revision("camera") == "rev2"
+    world.master_away = False
+    world.run(20)
+    assert world.revision("camera") == "rev1"
+
+
+def test_what_is_not_marked_any_more_is_forgotten() -> None:
+    world = came_up()
+    assert list(world.record["steps"]) == [NAMESPACE]
+    world.there[NAMESPACE, "camera"] = live(version("camera", 2), marked=False)
+    world.run(20)
+    assert world.record["steps"] == {}
+
+
+@pytest.mark.parametrize("spoilt", [[], {NAMESPACE: 3}, "x", None])
+def test_a_record_that_somebody_spoilt_is_none(spoilt: Any) -> None:
+    world = left_alone(ready_timeout=60)
+    world.record["steps"] = spoilt
+    world.watch = world.start()
+    world.run(100)
+    assert world.revision("camera") == "rev1"
+
+
+# ---- the Lease while it goes back
+
+
+def group(world: World) -> World:
+    apps = {"apps": ["lidar", "camera", "fusion"], "ready_timeout": 60}
+    for app in apps["apps"]:  # type: ignore[attr-defined]
+        world.put(live(version(app, 2)), left(version(app, 1), **apps))
+    return world
+
+
+def test_a_group_that_takes_its_time_keeps_the_lease() -> None:
+    world = group(World())
+    written: list[float] = []
+    write, apply = world.write_lease, world.apply
+
+    def renewed(namespace: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        written.append(world.at)
+        return write(namespace, body)
+
+    def slow(namespace: str, body: dict[str, Any]) -> None:
+        world.at += 9.0
+        apply(namespace, body)
+
+    world.write_lease, world.apply = renewed, slow  # type: ignore[method-assign]
+    world.run(120)
+    assert [world.revision(app) for app in ("lidar", "camera", "fusion")] == ["rev1"] * 3
+    assert max(later - one for one, later in pairwise(written)) < 15.0
+
+
+def test_a_keeper_that_lost_its_lease_stops_at_once() -> None:
+    world = group(World())
+
+    def another() -> None:
+        world.leases_now[NAMESPACE] = lease("host 99", 4711)
+
+    world.fails["lidar"] = another  # while this one is applied
+    world.run(65)
+    assert [world.revision(app) for app in ("lidar", "camera", "fusion")] == ["rev1", "rev2", "rev2"]
+    assert world.leases_now[NAMESPACE] == lease("host 99", 4711)
+    where = f"{NAMESPACE}/lidar, camera, fusion"
+    assert world.said[-1] == f"{where}: is not taken back any further: somebody else changes it now"
+
+
+def test_goals_that_are_held_when_the_lease_is_lost_are_the_other_ones_affair() -> None:
+    world = drained(left_alone(node="/camera", ready_timeout=60))
+    world.goals["/camera"] = busy()
+
+    def another() -> None:
+        world.leases_now[NAMESPACE] = lease("host 99", 4711)
+
+    world.on_hold = another
+    world.run(100)
+    assert not [done for done in world.done if done.startswith(("apply", "services"))]
+    assert world.held == [("/dock", "/camera")]
+
+
+# ---- the record of updates
+
+
+def recorded(world: World, app: str = "camera", outcome: str = "running", namespace: str = NAMESPACE) -> World:
+    """As the engine writes it, when the step is applied."""
+    result = StepResult(
+        "abc", app, (app,), "overlap", {app: {"image": "a:1", "revision": "rev1"}},
+        {app: {"image": "a:2", "revision": "rev2"}}, 1000.0, {"apply": 2.0}, "" if outcome == "running" else outcome,
+    )  # fmt: skip
+    robot = namespace.partition("-")[2]
+    made = events_map([], robot, running=result)
+    made["metadata"]["resourceVersion"] = "5"
+    world.maps[namespace, "robot-updates"] = made
+    return world
+
+
+def event(world: World, namespace: str = NAMESPACE) -> dict[str, Any]:
+    (found,) = json.loads(world.maps[namespace, "robot-updates"]["data"]["updates.json"])["updates"]
+    return dict(found)
+
+
+def test_the_record_says_that_the_keeper_went_back() -> None:
+    world = recorded(left_alone(ready_timeout=60))
+    labels = world.maps[NAMESPACE, "robot-updates"]["metadata"]["labels"]
+    assert event(world)["outcome"] == "running"
+    world.run(150)
+    told = event(world)
+    assert (told["outcome"], told["from"], told["to"], told["id"]) == ("rolled-back", "rev1", "rev2", "abc")
+    assert told["reason"].startswith("the keeper went back from rev2 to rev1 at 1970-01-01T00:00:00.000000Z: not ready")
+    assert world.maps[NAMESPACE, "robot-updates"]["metadata"]["labels"] == labels
+    shown = status_rows({"updates": kept_steps([world.maps[NAMESPACE, "robot-updates"]])}, {}, {})["steps"]
+    assert [(row["robot"], row["outcome"], row["note"]) for row in shown] == [("r1", "rolled-back", told["reason"])]
+
+
+def test_no_run_that_is_gone_is_said_to_be_running() -> None:
+    """Whatever became of its version: this one is Ready, and waits for the next run."""
+    world = recorded(left_alone())
+    world.there[NAMESPACE, "camera"] = live(version("camera", 2), ready=True)
+    for number in range(10):
+        world.leases_now[NAMESPACE] = lease("host 77", number)
+        world.run(10)
+    assert event(world)["outcome"] == "running"
+    world.run(30)
+    assert (event(world)["outcome"], event(world)["reason"]) == ("failed", CUT_OFF)
+
+
+def test_a_run_that_waits_for_a_busy_robot_has_let_go_of_its_lease() -> None:
+    world = recorded(World(), outcome="waiting")
+    world.run(300)
+    assert event(world)["outcome"] == "waiting"
+
+
+def test_a_record_that_a_run_writes_just_then_is_the_runs() -> None:
+    world = recorded(left_alone())
+    find, first = world.config_map, [True]
+
+    def overtaken(namespace: str, name: str) -> dict[str, Any] | None:
+        found = find(namespace, name)
+        if name == "robot-updates" and first.pop():
+            first.append(False)
+            newer = json.loads(json.dumps(found))
+            newer["metadata"]["resourceVersion"] = "6"
+            world.maps[namespace, name] = newer
+        return found
+
+    world.config_map = overtaken  # type: ignore[method-assign]
+    world.run(30)
+    assert event(world)["outcome"] == "running"
+    world.run(20)
+    assert event(world)["outcome"] == "failed"
+
+
+def test_a_record_that_may_not_be_written_keeps_no_step_from_going_back() -> None:
+    world = recorded(left_alone(ready_timeout=60))
+    apply = world.apply
+
+    def refused(namespace: str, body: dict[str, Any]) -> None:
+        if body["kind"] == "ConfigMap":
+            raise ApiError("answered 403", 403)
+        apply(namespace, body)
+
+    world.apply = refused  # type: ignore[method-assign]
+    world.run(150)
+    assert world.revision("camera") == "rev1"
+    assert f"{NAMESPACE}/robot-updates: answered 403" in world.said
+
+
+def test_what_is_the_whole_fleets_is_in_the_record_of_the_robot_that_changed_it() -> None:
+    world = recorded(shared(), "map", namespace="robot-r1")
+    world.run(20)
+    assert event(world, "robot-r1")["outcome"] == "failed"
+    world.run(100)
+    assert world.revision("map", "fleet") == "rev1"
+    assert event(world, "robot-r1")["outcome"] == "rolled-back"
+
+
+# ---- whether a server stays
+
+
+@pytest.mark.parametrize(
+    ("deployment", "stays"),
+    [
+        (live(version("camera", 2, node="/camera")), False),
+        (live(version("camera", 2, node="/camera"), ready=True), True),  # it kept its contract
+        (live(version("camera", 2, node="/camera"), marked=False), True),  # started again, not replaced
+        (live(version("other", 2)), True),  # nobody's that we know
+    ],
+)
+def test_a_server_stays_unless_its_version_may_go_back(deployment: dict[str, Any], stays: bool) -> None:
+    world = World()
+    world.put(deployment, left())
+    assert Staying(world, lambda: world.at)("/dock", "/camera") is stays  # type: ignore[arg-type]
+
+
+def test_a_launch_files_server_is_known_by_its_action() -> None:
+    world = World()
+    world.put(live(version("nav", 2, node="/nav")), left(**launch_contract()))
+    stays = Staying(world, lambda: world.at)  # type: ignore[arg-type]
+    assert not stays("/move_base", "/move_base")
+    world.there[NAMESPACE, "nav"]["status"]["readyReplicas"] = 1
+    asked = len(world.requests)
+    assert stays("/move_base", "/move_base")
+    assert world.requests[asked:] == ["deployment"]
+
+
+def test_while_nobody_can_say_it_nobody_can_take_it_back_either() -> None:
+    world = left_alone(node="/camera")
+    world.away = True
+    stays = Staying(world, lambda: world.at)  # type: ignore[arg-type]
+    answers = []
+    for _look in range(3):
+        answers.append(stays("/dock", "/camera"))
+        world.at += 5.0
+    assert answers == [False, False, True]
+    world.away = False
+    assert not stays("/dock", "/camera")
