@@ -151,6 +151,7 @@ class Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
+    disable_nagle_algorithm = True  # head and body are two packets: the second one would wait 40 ms for an answer
     server: Server
 
     def log_message(self, *unused: object) -> None:
