@@ -64,14 +64,14 @@ status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes,
 HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-go test-browser test-ros
 
 .PHONY: test
-test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
-	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
+test: ## What needs no host, and on hosts one case for each promise; FRESH=1: also what passed before with the same files
+	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py $(if $(FRESH),--fresh) --first setup-tests \
 	    --lane artifacts molecule-update molecule-default \
 	    --lane $(HOSTLESS)
 
 .PHONY: test-all
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
-	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
+	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py $(if $(FRESH),--fresh) --first setup-tests \
 	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
 	    --lane $(subst sanity,sanity-all,$(HOSTLESS)) units-all
 
