@@ -156,11 +156,11 @@ ee: package ## The execution environment's image (podman; needs the registries o
 
 .PHONY: test-unit
 test-unit: ## Unit tests but for those of playbooks (TESTS="--lf": those that failed last)
-	python -m pytest -n 2 --durations 20 $(or $(TESTS),--ignore tests/unit/playbooks tests/unit)
+	python -m pytest -n 3 --dist worksteal --durations 20 $(or $(TESTS),--ignore tests/unit/playbooks tests/unit)
 
 .PHONY: test-playbooks
 test-playbooks: ## The collection's playbooks, run against stand-ins of hosts, clusters and AWX
-	python -m pytest -n 2 --durations 20 tests/unit/playbooks
+	python -m pytest -n 4 --dist worksteal --durations 20 tests/unit/playbooks
 
 .PHONY: test-bad-input
 test-bad-input: ## Every malformed input through site.yml: refused before a host is touched

@@ -22,7 +22,7 @@ PLURALS = {resource.plural for resource in RESOURCES.values()}
 END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
 
 
-SERVICE_ADDRESS = "192.0.2.200"  # which a Service gets that names none
+SERVICE_ADDRESS = "127.0.0.200"  # nothing listens there, which is known at once; which a Service gets that names none
 
 
 class Clock:
