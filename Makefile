@@ -64,14 +64,14 @@ status: ## How the demo's fleet stands (TABLES=yes: with tables of hosts, nodes,
 HOSTLESS := lint docs test-unit test-playbooks sanity dist test-bad-input test-go test-browser test-ros
 
 .PHONY: test
-test: ## What CI runs: everything that needs no host, and on hosts one case for each promise
-	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
+test: ## What needs no host, and on hosts one case for each promise; FRESH=1: also what passed before with the same files
+	@ROSOPS_TEST_CASES=promises "$$(tests/lab/find_python)" tests/run_stages.py $(if $(FRESH),--fresh) --first setup-tests \
 	    --lane artifacts molecule-update molecule-default \
 	    --lane $(HOSTLESS)
 
 .PHONY: test-all
 test-all: ## Every case of every scenario, but for those that take hours (test-faults)
-	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py --first setup-tests \
+	@ROSOPS_TEST_ALL=1 "$$(tests/lab/find_python)" tests/run_stages.py $(if $(FRESH),--fresh) --first setup-tests \
 	    --lane artifacts molecule-default molecule-fleet molecule-update molecule-observability \
 	    --lane $(subst sanity,sanity-all,$(HOSTLESS)) units-all
 
@@ -156,11 +156,11 @@ ee: package ## The execution environment's image (podman; needs the registries o
 
 .PHONY: test-unit
 test-unit: ## Unit tests but for those of playbooks (TESTS="--lf": those that failed last)
-	python -m pytest -n 2 --durations 20 $(or $(TESTS),--ignore tests/unit/playbooks tests/unit)
+	python -m pytest -n 3 --dist worksteal --durations 20 $(or $(TESTS),--ignore tests/unit/playbooks tests/unit)
 
 .PHONY: test-playbooks
 test-playbooks: ## The collection's playbooks, run against stand-ins of hosts, clusters and AWX
-	python -m pytest -n 2 --durations 20 tests/unit/playbooks
+	python -m pytest -n 4 --dist worksteal --durations 20 tests/unit/playbooks
 
 .PHONY: test-bad-input
 test-bad-input: ## Every malformed input through site.yml: refused before a host is touched

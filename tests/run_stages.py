@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs make targets and says at the end which passed.
 
-    run_stages.py --first NAMES --lane NAMES --lane NAMES
+    run_stages.py [--fresh] --first NAMES --lane NAMES --lane NAMES
 
 Lanes run side by side, the stages of one after each other; those after `--first` come before all lanes. A failed stage
 does not stop the later ones: one run shows all that is broken. Only those that prepare what their lane needs do.
@@ -12,6 +12,8 @@ at the end: of a long log often only that is at hand.
 
 The first lane is the one that works on hosts, and hosts have clocks: the others leave it half of the machine's cores.
 Once it is through, their next stages have all of them, and it takes stages from the end of the others' own.
+
+A stage that passed with the same files (tests/tools/inputs.py) is not run again: `--fresh` runs everything.
 
 What a stage starts ends with it. What the run finds at its end that is still there (tests/tools/remains.py), it takes
 away, says, and counts as a failed stage. How long the stages took is written to reports/stages/times.json.
@@ -30,18 +32,21 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 CHECKOUT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(CHECKOUT / "tests" / "tools"))
+sys.path[:0] = [str(CHECKOUT / "tests" / name) for name in ("tools", "lab")]
 
-from remains import PATIENCE, Watched  # noqa: E402 - found through the line above
+from inputs import Passed, contents  # noqa: E402 - found through the line above
+from lablib.paths import cache_dir  # noqa: E402 - as above
+from remains import PATIENCE, Watched  # noqa: E402 - as above
 
 PREPARING = ("setup-tests", "artifacts")
 NOTHING_LEFT = "nothing-left"
+BEFORE = "passed before, with the same files"
 LOGS = CHECKOUT / "reports" / "stages"
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # pytest's, also where another tool prints it within its own lines
@@ -53,16 +58,20 @@ class Result(NamedTuple):
     """What became of a stage."""
 
     name: str
-    verdict: str  # passed, FAILED, not run
+    verdict: str  # passed, FAILED, not run, BEFORE
     seconds: float = 0.0
     why: tuple[str, ...] = ()  # lines of its output
+
+    @property
+    def good(self) -> bool:
+        return self.verdict in ("passed", BEFORE)
 
 
 class Stages:
     """Runs stages; `command` is what a stage's name is given to."""
 
-    def __init__(self, command: list[str], logs: Path, environment: dict[str, str]) -> None:
-        self._command, self._logs, self._environment = command, logs, environment
+    def __init__(self, command: list[str], logs: Path, environment: dict[str, str], passed: Passed) -> None:
+        self._command, self._logs, self._environment, self._passed = command, logs, environment, passed
         self._printing = threading.Lock()
         self._running: list[subprocess.Popen[bytes]] = []
         self._ended = False
@@ -72,12 +81,20 @@ class Stages:
         """One after the other, each on the cores that are to be had as it begins."""
         results: list[Result] = []
         for name in names:
-            if self._ended or any(one.verdict != "passed" and one.name in PREPARING for one in results):
+            if self._ended or any(not one.good and one.name in PREPARING for one in results):
                 results.append(Result(name, "not run"))
+                continue
+            # what prepares looks by itself for what is missing
+            now = "" if name in PREPARING else self._passed.digest(name)
+            if self._passed.before(name, now):
+                self._say(f"=== {name} {BEFORE}")
+                results.append(Result(name, BEFORE))
                 continue
             if cores:
                 os.sched_setaffinity(0, cores())  # of this thread, and of what it starts
             results.append(self._stage(name))
+            if results[-1].good:
+                self._passed.keep(name, now)
         return results
 
     def _stage(self, name: str) -> Result:
@@ -120,7 +137,7 @@ class Stages:
 def run(stages: Stages, first: list[str], lanes: list[list[str]]) -> list[Result]:
     """All stages. Without its preparation no lane begins."""
     results = stages.lane(first)
-    if any(one.verdict != "passed" for one in results if one.name in PREPARING):
+    if any(not one.good for one in results if one.name in PREPARING):
         return results + [Result(name, "not run") for lane in lanes for name in lane]
     cores = sorted(os.sched_getaffinity(0))
     first_lane, others = lanes[0], [deque(lane) for lane in lanes[1:]]
@@ -165,26 +182,35 @@ def summary(results: list[Result], seconds: float) -> str:
     """Why stages failed, the table, and the line that counts."""
     whys = [line for one in results if one.why for line in (f"=== {one.name}: why it failed", *one.why)]
     lines = [f"{one.name:<22} {one.verdict:<8} {one.seconds:7.1f} s" for one in results]
-    passed = sum(one.verdict == "passed" for one in results)
-    ending = [f"stages took {seconds:.0f} s", f"{passed} passed, {len(results) - passed} failed"]
+    before, good = sum(one.verdict == BEFORE for one in results), sum(one.good for one in results)
+    counts = f"{good - before} passed, {len(results) - good} failed" + (f", {before} passed before" if before else "")
+    ending = [f"stages took {seconds:.0f} s", counts]
     return "\n".join([*whys, "=== stages", *lines, *ending])
 
 
 def times(results: list[Result], seconds: float) -> dict[str, object]:
-    """What tests/tools/times.py keeps: seconds of each stage that passed, and of the whole run if all did."""
+    """What tests/tools/times.py keeps: seconds of each stage that ran and passed, and of the whole run if all did."""
     passed = {one.name: round(one.seconds) for one in results if one.verdict == "passed" and one.name != NOTHING_LEFT}
     whole = round(seconds) if all(one.verdict == "passed" for one in results) else None
     return {"stages": passed, "whole": whole, "cores": len(os.sched_getaffinity(0))}
 
 
-def main(words: list[str], command: tuple[str, ...] = ("make",), logs: Path = LOGS, patience: float = PATIENCE) -> int:
-    """The command line."""
+def main(
+    words: list[str],
+    command: tuple[str, ...] = ("make",),
+    logs: Path = LOGS,
+    patience: float = PATIENCE,
+    read: Callable[[], Mapping[str, str]] = lambda: contents(CHECKOUT),
+) -> int:
+    """The command line; `read` tells the files of the checkout."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fresh", action="store_true", help="run what passed before with the same files, too")
     parser.add_argument("--first", nargs="+", default=[], metavar="STAGE")
     parser.add_argument("--lane", nargs="+", action="append", required=True, metavar="STAGE")
     options = parser.parse_args(words)
     watched = Watched()
-    stages = Stages(list(command), logs, watched.environment)
+    passed = Passed(cache_dir() / "passed", read, options.fresh)
+    stages = Stages(list(command), logs, watched.environment, passed)
 
     def stop(number: int, _frame: object) -> NoReturn:
         stages.end()
@@ -201,7 +227,7 @@ def main(words: list[str], command: tuple[str, ...] = ("make",), logs: Path = LO
     (logs / "times.json").write_text(json.dumps(times(results, seconds), indent=2) + "\n", "utf-8")
     results.append(left)
     print(summary(results, seconds), flush=True)
-    return 0 if all(one.verdict == "passed" for one in results) else 1
+    return 0 if all(one.good for one in results) else 1
 
 
 if __name__ == "__main__":

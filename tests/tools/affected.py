@@ -35,7 +35,7 @@ def near(changed: Iterable[str], files: Mapping[str, str]) -> list[str]:
 
     A test that was changed is at distance 0.
     """
-    graph = {name: set(_needs(PurePosixPath(name), text, files)) for name, text in files.items()}
+    graph = {name: set(needs(PurePosixPath(name), text, files)) for name, text in files.items()}
     changed = list(changed)
     distance = {name: 0 for name in changed if name in files}
     for name in changed:
@@ -60,7 +60,7 @@ def _is_test(name: str) -> bool:
     return _is_unit(name) and PurePosixPath(name).name.startswith("test_")
 
 
-def _needs(file: PurePosixPath, text: str, files: Mapping[str, str]) -> Iterator[str]:
+def needs(file: PurePosixPath, text: str, files: Mapping[str, str]) -> Iterator[str]:
     """Files that a file imports, and the conftest.py of its directories."""
     for name in imported(file, text):
         for start in ("", f"{file.parent}/", *(f"{root}/" for root in ROOTS)):

@@ -8,26 +8,19 @@ A block that is none of commands has `<!-- not commands -->`, or a fence with an
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterable
-from pathlib import Path
 
 import pytest
-import yaml
 from doc_blocks import CHECKOUT, PAGES, Block, blocks, blocks_of
 
-TREE = str(CHECKOUT / ".ansible" / "collections")
-HOSTS = {"edge": "192.0.2.10", "robots": "192.0.2.21"}
 SITE = "tests/unit/playbooks/test_site_robots.py"
 REHEARSAL = "tests/update/test_5_rehearsal.py::test_rehearsal_and_reality_agree"
 COLLECT = "tests/unit/playbooks/test_collect.py::test_results_come_once_and_links_stay_there"
 UPDATE = "tests/update/test_1_fleet.py"
 # A command, its options and what stands for a name as a regular expression -> the test that runs it.
 RUN = {
-    r"PLAY validate": "tests/unit/test_doc_commands.py::test_a_fleet_is_validated_without_a_host",
+    r"PLAY validate": "tests/unit/playbooks/test_new.py::test_it_is_valid_at_once_under_the_name_of_its_directory",
     r"PLAY site": f"{UPDATE}::test_what_site_brought_is_unchanged",
     r"PLAY site LIMIT": f"{SITE}::test_who_runs_nothing_comes_first_and_who_works_in_waves",
     r"PLAY site --check --diff": f"{SITE}::test_check_mode_shows_what_a_robot_would_get_and_what_its_gate_says",
@@ -78,20 +71,6 @@ def test_what_runs_them_is_there(pattern: str, by: str) -> None:
     assert f"def {name}(" in text
     playbooks = re.findall(r"\w+", pattern.partition("PLAY ")[2].split(" ")[0])
     assert [one for one in playbooks if not re.search(rf"\b{one}\b", text)] == []
-
-
-def test_a_fleet_is_validated_without_a_host(tmp_path: Path) -> None:
-    groups = {name: {"hosts": {f"{name}1": {"ansible_host": host}}} for name, host in HOSTS.items()}
-    (tmp_path / "inventory").mkdir()
-    (tmp_path / "inventory" / "hosts.yml").write_text(yaml.safe_dump({"all": {"children": groups}}))
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("ANSIBLE_")}
-    run = subprocess.run(  # noqa: S603 - our own
-        [sys.executable, "-m", "ansible", "playbook", "-i", "inventory", "rosops.fleet.validate"],
-        env={**kept, "ANSIBLE_COLLECTIONS_PATH": TREE, "ANSIBLE_HOME": str(tmp_path / "home")},
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert re.search(r"^edge1 +: ok=\d+ +changed=0 +unreachable=0 +failed=0", run.stdout, re.MULTILINE), run.stdout
 
 
 # A program -> how every page writes it; `my-lab` is the rehearsal's second inventory, secrets.yml the user's own.

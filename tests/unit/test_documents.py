@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import re
@@ -94,6 +95,7 @@ def test_plays_and_tasks_are_ansible_s(tmp_path: Path) -> None:
 # --- commands ---------------------------------------------------------------------------------------------------------
 
 
+@functools.cache
 def _declared() -> str:
     """Where whatever can be given with -e stands: in a role's specification or in a playbook."""
     files = [*CHECKOUT.glob("roles/*/meta/argument_specs.yml"), *CHECKOUT.glob("playbooks/**/*.yml")]
@@ -107,6 +109,12 @@ def _tags(value: Any) -> Iterator[str]:
         value = list(value.values())
     for item in value if isinstance(value, list) else ():
         yield from _tags(item)
+
+
+@functools.cache
+def _known_tags() -> frozenset[str]:
+    plays = [yaml.safe_load(path.read_text("utf-8")) for path in CHECKOUT.glob("playbooks/**/*.yml")]
+    return frozenset({*PARTS, *(tag for play in plays for tag in _tags(play))})
 
 
 def _options(words: list[str], *names: str) -> list[str]:
@@ -123,9 +131,7 @@ def test_playbooks_tags_and_variables_of_commands_are_there(command: Block) -> N
     [named] = [word for word in words[1:] if re.fullmatch(r"rosops\.fleet\.\w+|\w+\.yml", word)]
     ours = CHECKOUT / "playbooks" / f"{named.removeprefix('rosops.fleet.')}.yml"
     assert ours.is_file() or (EXAMPLE / named).is_file()
-    plays = [yaml.safe_load(path.read_text("utf-8")) for path in CHECKOUT.glob("playbooks/**/*.yml")]
-    there = {*PARTS, *(tag for play in plays for tag in _tags(play))}
-    assert {tag for given in _options(words, "--tags", "-t") for tag in given.split(",")} <= there
+    assert {tag for given in _options(words, "--tags", "-t") for tag in given.split(",")} <= _known_tags()
     declared = _declared()
     for given in [one for one in _options(words, "-e") if not one.startswith("@")]:  # a file of somebody's own
         names = yaml.safe_load(given) if given.startswith("{") else [given.partition("=")[0]]

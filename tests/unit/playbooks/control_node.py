@@ -62,6 +62,7 @@ class Control:
             "fleet_name": "production",
             "k3s_api_endpoint": "127.0.0.1",
             "ansible_ssh_executable": str(folder / "ssh"),
+            "ansible_ssh_transfer_method": "piped",  # others begin with sftp, which has a way to hosts of its own
             "ansible_become_exe": str(folder / "sudo"),
             "ansible_user": "robot",
             "ansible_python_interpreter": sys.executable,

@@ -74,9 +74,9 @@ def test_it_is_valid_at_once_under_the_name_of_its_directory(repository: Path) -
 
 
 def test_its_yaml_is_clean(repository: Path) -> None:
-    for program, *arguments in (["yamllint", "--strict", "."], ["ansible-lint", "--offline"]):
-        done = run(repository, program, *arguments)
-        assert done.returncode == 0, done.stdout + done.stderr
+    """ansible-lint, which takes its time, reads the other example, which has all files of this one."""
+    done = run(repository, "yamllint", "--strict", ".")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_example_with_a_launch_file_is_valid_and_clean_at_once(tmp_path: Path) -> None:

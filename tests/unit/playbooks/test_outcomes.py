@@ -76,8 +76,8 @@ def test_facts_neither_hide_nor_invent_outcomes(
     assert (again.status, again.output.count("take the robot's steps")) == (0, 1)  # no wave
 
 
-def test_a_host_on_which_ansible_cannot_work_fails_alone(server: Server, control: Control) -> None:
-    """It is the only one of the first wave, and sudo does not take its password."""
+def test_a_host_that_is_off_or_on_which_ansible_cannot_work_ends_no_waves(server: Server, control: Control) -> None:
+    """Each is the only one of its wave; sudo does not take the password of the first."""
     for name in ("robot2", "robot5"):
         runs(server, name)
     control.write("sudo-asks", ASKS, 0o755)
@@ -85,9 +85,10 @@ def test_a_host_on_which_ansible_cannot_work_fails_alone(server: Server, control
     asked = {"ansible_become_exe": str(control.folder / "sudo-asks"), "ansible_become_password": "wrong"}
     inventory["all"]["children"]["robots"]["hosts"]["robot2"].update(asked)
     control.write("hosts.yml", yaml.safe_dump(inventory))
-    run = Run(control, "robot2,robot5", playbook="update")
+    run = Run(control, "robot2,robot3,robot5", playbook="update", update_waves=[1])
     assert run.outcome("robot2")[0] == "failed"
     assert "Incorrect sudo password" in run.outcome("robot2")[1]
+    assert run.outcome("robot3")[0] == "deferred-offline"
     assert "the ROS master does not answer" in run.outcome("robot5")[1]
     assert "What became of every host" in run.plays
 

@@ -11,7 +11,9 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 
@@ -48,16 +50,24 @@ pathlib.Path(sys.argv[1]).write_text(tempfile.mkdtemp())
 """
 
 
-def staged(tmp_path: Path, *words: str) -> int:
+@pytest.fixture(autouse=True)
+def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the user's cache, and from podman, which takes its time to say what there is."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("remains._podman", lambda _words: [])
+
+
+def staged(tmp_path: Path, *words: str, files: Mapping[str, str] = MappingProxyType({})) -> int:
     here = tmp_path / "seen"
-    here.mkdir()
+    here.mkdir(exist_ok=True)
     command = (sys.executable, "-c", STAGE, str(here))
-    return int(run_stages.main(list(words), command, tmp_path / "logs"))
+    return int(run_stages.main(list(words), command, tmp_path / "logs", read=lambda: files))
 
 
 def table(output: str) -> dict[str, str]:
     lines = output.partition("=== stages\n")[2].splitlines()[:-2]
-    return {line.split()[0]: line[23:31].strip() for line in lines if line.split()[0] != "nothing-left"}
+    found = re.findall(r"^(\S+) +(.+?) +[0-9.]+ s$", "\n".join(lines), re.MULTILINE)
+    return {name: verdict for name, verdict in found if name != "nothing-left"}
 
 
 def test_lanes_run_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -79,7 +89,12 @@ def test_the_first_lane_helps_when_it_is_through(tmp_path: Path, capsys: pytest.
 def test_a_stage_runs_on_the_cores_that_are_to_be_had_as_it_begins(tmp_path: Path) -> None:
     own = os.sched_getaffinity(0)
     told = iter([{min(own)}, own])
-    stages = run_stages.Stages([sys.executable, "-c", "import os; print(os.sched_getaffinity(0))"], tmp_path, {})
+    stages = run_stages.Stages(
+        [sys.executable, "-c", "import os; print(os.sched_getaffinity(0))"],
+        tmp_path,
+        {},
+        run_stages.Passed(tmp_path, dict),
+    )
     try:
         assert [one.verdict for one in stages.lane(["a", "b"], lambda: next(told))] == ["passed", "passed"]
     finally:
@@ -109,6 +124,35 @@ def test_what_a_stage_leaves_is_taken_away_and_makes_the_run_red(
     assert "=== nothing-left: why it failed\n" in printed
     assert printed.splitlines()[-1] == "1 passed, 1 failed"
     assert not Path(place.read_text()).parent.exists()
+
+
+def test_a_stage_is_not_run_again_with_the_files_with_which_it_passed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {"docs/a.md": "1", "plugins/b.py": "1"}
+
+    def verdicts(*words: str) -> dict[str, str]:
+        staged(tmp_path, *words, "--lane", "artifacts", "docs", "test-ros", "bad", "lint", files=files)
+        return table(capsys.readouterr().out)
+
+    ran = {"artifacts": "passed", "docs": "passed", "test-ros": "passed", "bad": "FAILED", "lint": "passed"}
+    before = dict.fromkeys(["docs", "test-ros", "lint"], run_stages.BEFORE)
+    assert verdicts() == ran
+    assert verdicts() == {**ran, **before}
+    files["docs/a.md"] = "2"  # which the nodes of test-ros know nothing of
+    assert verdicts() == {**ran, "test-ros": run_stages.BEFORE}
+    assert verdicts("--fresh") == ran
+    assert verdicts() == {**ran, **before}
+    files.clear()  # nobody can tell
+    assert verdicts() == ran
+
+
+def test_what_was_changed_while_it_ran_is_run_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    states = iter([{"a": "1"}, {"a": "2"}, {"a": "2"}])
+    command = (sys.executable, "-c", "")
+    for _run in range(2):
+        run_stages.main(["--lane", "lint"], command, tmp_path / "logs", read=lambda: next(states, {"a": "2"}))
+        assert table(capsys.readouterr().out) == {"lint": "passed"}
 
 
 def test_times_are_those_of_what_passed(tmp_path: Path) -> None:

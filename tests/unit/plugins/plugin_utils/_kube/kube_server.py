@@ -22,7 +22,7 @@ PLURALS = {resource.plural for resource in RESOURCES.values()}
 END, CUT, GONE = "end", "cut", "gone"  # how a watch stream ends, instead of an event
 
 
-SERVICE_ADDRESS = "192.0.2.200"  # which a Service gets that names none
+SERVICE_ADDRESS = "127.0.0.200"  # nothing listens there, which is known at once; which a Service gets that names none
 
 
 class Clock:
@@ -150,6 +150,7 @@ class Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
+    disable_nagle_algorithm = True  # head and body are two packets: the second one would wait 40 ms for an answer
     server: Server
 
     def log_message(self, *unused: object) -> None:

@@ -27,7 +27,7 @@ from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._update.up
 from ansible_collections.rosops.fleet.tests.unit.robots import robot
 
 GOOD, BETTER, BAD = image("good", 0), image("good", 1), image("never-connects")
-SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 5
+SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 15
 NAMESPACE = "robot-robot1"
 VOLUME = {"name": "logs"}
 

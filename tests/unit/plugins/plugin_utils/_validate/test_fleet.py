@@ -7,6 +7,7 @@ from __future__ import annotations
 import copy
 import datetime
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from ansible_collections.rosops.fleet.tests.unit.bad_input import table
 
 GOLDEN = Path(__file__).resolve().parents[3] / "golden" / "cases"
 CASES: list[dict[str, Any]] = table.load_cases()
+SHARE = 1 if os.environ.get("ROSOPS_TEST_ALL") else 5  # of what is made up, one of so many
 
 
 def lines(report: Report) -> str:
@@ -52,12 +54,7 @@ def test_bad_input(case: dict[str, Any]) -> None:
     assert report.fleet is None
     assert all(problem.path and problem.problem and problem.allowed for problem in report.problems)
     assert "hush" not in lines(report)
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
-def test_bad_input_reports_little_beside_the_point(case: dict[str, Any]) -> None:
-    """One mistake is not reported as a dozen."""
-    assert len(check_fleet(table.fleet_of(case)).problems) <= 3
+    assert len(report.problems) <= 3  # one mistake is not reported as a dozen
 
 
 def test_the_good_app_is_good() -> None:
@@ -214,8 +211,10 @@ def test_no_value_anywhere_makes_it_crash(oddity: Any) -> None:
     check_fleet({**good, "hosts": {"robot1": oddity}})
     for variable in variables():
         check_fleet({**good, "hosts": {"robot1": {**good["hosts"]["robot1"], variable: oddity}}})
-    for key in keys(App):
-        for value in (oddity, [oddity], {"spec": oddity}, {"topics": oddity}, {"requests": oddity}):
+    for number, key in enumerate(keys(App), list(map(id, ODDITIES)).index(id(oddity))):
+        for value in (oddity, [oddity], {"spec": oddity}, {"topics": oddity}, {"requests": oddity})[
+            number % SHARE :: SHARE
+        ]:
             check(copy.deepcopy({key: value}) if not isinstance(oddity, type(object())) else {key: value})
 
 
@@ -232,7 +231,7 @@ def test_mutated_cases_are_refused_or_can_be_built() -> None:
     for path in sorted(GOLDEN.glob("*.yml")):
         case = yaml.safe_load(path.read_text("utf-8"))
         for number in range(len(_places(case["variables"]))):
-            for mutant in mutants:
+            for mutant in mutants[number % SHARE :: SHARE]:
                 mutated = copy.deepcopy(case)
                 place, key = _places(mutated["variables"])[number]
                 place[key] = mutant
@@ -252,8 +251,8 @@ def test_mutated_cases_are_refused_or_can_be_built() -> None:
                     *app_objects(made),
                 ]
                 assert json.loads(json.dumps(objects)) == objects
-    assert accepted > 100
-    assert refused > 1000
+    assert accepted > 100 / SHARE
+    assert refused > 1000 / SHARE
 
 
 def test_overrides_of_any_shape_do_not_crash() -> None:
