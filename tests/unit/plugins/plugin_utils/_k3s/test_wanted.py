@@ -102,14 +102,26 @@ def test_an_ipv6_address_is_one_in_the_certificate() -> None:
     assert found.url == "https://[2001:db8::1]:6443"
 
 
-def test_only_the_first_server_gives_a_kubeconfig() -> None:
+def test_what_is_not_asked_for_is_not_to_be_there() -> None:
+    empty = [file.path for file in part("robot1").files if not file.content]
+    assert empty == ["/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment"]
     assert [part(host).kubeconfig for host in HOSTVARS] == ["/kube/edge.yaml", "", ""]
     assert part("edge1", k3s_kubeconfig_path="").kubeconfig == ""
 
 
-def test_files_that_nobody_asked_for_are_not_to_be_there() -> None:
-    empty = [file.path for file in part("robot1").files if not file.content]
-    assert empty == ["/etc/rancher/k3s/registries.yaml", "/etc/rancher/k3s/environment"]
+@pytest.mark.parametrize(
+    ("host", "given", "limits"),
+    [
+        # beside the pods, or not at all; an agent has a small one by itself
+        ("edge1", {"k3s_cpu_weight": "30"}, ["Slice=-.slice", "CPUWeight=30", "LimitNOFILE=1048576"]),
+        ("robot1", {}, ["Slice=-.slice", "CPUWeight=10", "LimitNOFILE=1048576"]),
+        ("robot1", {"k3s_cpu_weight": ""}, ["LimitNOFILE=1048576", "LimitNPROC=infinity", "LimitCORE=infinity"]),
+        ("edge1", {}, ["LimitNOFILE=1048576", "LimitNPROC=infinity", "LimitCORE=infinity"]),
+    ],
+)
+def test_the_weight_of_k3s(host: str, given: dict[str, str], limits: list[str]) -> None:
+    lines = part(host, **given).files[1].content.splitlines()
+    assert lines[lines.index("Delegate=yes") + 1 :][:3] == limits
 
 
 def test_the_environment_is_sorted_and_quoted_and_secret() -> None:
@@ -127,26 +139,7 @@ def test_the_unit_records_what_it_starts_with() -> None:
         "/etc/systemd/system/k3s-agent.service /etc/rancher/k3s/registries.yaml /etc/rancher/k3s/environment "
         "/etc/rancher/k3s/agent-token /usr/local/bin/k3s >/run/rosops-fleet-k3s-agent.started 2>/dev/null'"
     )
-    lines = unit.content.splitlines()
-    assert record in lines
-    assert lines[lines.index("Delegate=yes") + 1 :][:5] == [
-        "LimitNOFILE=1048576",
-        "LimitNPROC=infinity",
-        "LimitCORE=infinity",
-        "TasksMax=infinity",
-        "# A robot that boots without its server's network goes on trying; the role has a time limit of its own.",
-    ]
-
-
-def test_the_weight_counts_beside_the_pods_or_not_at_all() -> None:
-    lines = part("edge1", k3s_cpu_weight="30").files[1].content.splitlines()
-    assert lines[lines.index("Delegate=yes") + 1 :][:2] == ["Slice=-.slice", "CPUWeight=30"]
-    assert "Slice" not in part("robot1", k3s_cpu_weight="").files[1].content
-
-
-def test_agents_have_a_small_weight_by_themselves() -> None:
-    assert "CPUWeight=10\n" in part("robot1").files[1].content
-    assert "CPUWeight" not in part("edge1").files[1].content
+    assert record in unit.content.splitlines()
 
 
 NEW = {"data": False, "server_url": "", "answering": []}
@@ -169,11 +162,6 @@ NEW = {"data": False, "server_url": "", "answering": []}
 def test_a_member_joins_a_server_that_lives_and_stays_with_it(now: dict[str, Any], url: str) -> None:
     known = variables("robot1")
     assert join_url(known, HOSTVARS, now) == url
+    assert join_url({**known, "k3s_api_endpoint": "api.lan"}, HOSTVARS, now) == "https://api.lan:6443"
     config_file = wanted(known, "robot1", HOSTVARS, url).files[0]
     assert yaml.safe_load(config_file.content)["server"] == url
-
-
-def test_an_endpoint_is_joined_whoever_answers() -> None:
-    known = variables("robot1", k3s_api_endpoint="api.lan")
-    now = {"data": True, "server_url": "https://edge2:6443", "answering": ["edge2:6443"]}
-    assert join_url(known, HOSTVARS, now) == "https://api.lan:6443"

@@ -4,11 +4,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import socket
 from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import Any
 
 import pytest
@@ -130,31 +128,6 @@ def test_a_server_that_restarts_is_waited_for_and_told_about(server: Server, clo
             kube.within(3).nodes()
         assert clock.time - began == pytest.approx(3)
         assert len(said) == 2  # nobody is told of what is over by then
-
-
-def test_ten_robots_while_the_server_is_away(server: Server) -> None:
-    """Nothing listens, and then another one at its place with what the first one had stored."""
-    with Kube({"host": server.url, "api_key": "t"}) as kube:
-        kube.apply([NAMESPACE])
-    port, lists, others = server.server_address[1], server.lists, list[Server]()
-    server.shutdown()
-    server.server_close()
-
-    def robot(number: int) -> list[bool]:
-        with Kube({"host": server.url, "api_key": "t"}) as kube:
-            return [one.changed for one in kube.apply([config_map(f"r{number}-{part}", k="v") for part in range(5)])]
-
-    with ThreadPoolExecutor(10) as pool:
-        running = [pool.submit(robot, number) for number in range(10)]
-        with contextlib.suppress(FutureTimeoutError):
-            running[0].result(timeout=1)
-        assert not any(one.done() for one in running)  # none has failed
-        others.append(Server(port))
-        others[0].lists = lists
-        written = [one.result(timeout=60) for one in running]
-    others[0].stop()
-    assert written == [[True] * 5] * 10
-    assert len(lists[MAPS]) == 50
 
 
 # --- writes ---------------------------------------------------------------------------------------------------------

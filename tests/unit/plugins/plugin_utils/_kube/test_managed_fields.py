@@ -18,77 +18,48 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields 
 US = "rosops.fleet"
 APP, SIDECAR, EXTRA = 'k:{"name":"app"}', 'k:{"name":"shell"}', 'k:{"name":"DEBUG"}'
 PORT = 'k:{"containerPort":80,"protocol":"TCP"}'
+CONTAINER = {"name": "app", "image": "i:1", "env": [{"name": "A", "value": "1"}], "ports": [{"containerPort": 80}]}
 WANTED: dict[str, Any] = {
     "apiVersion": "apps/v1",
     "kind": "Deployment",
     "metadata": {"name": "a", "namespace": "r"},
-    "spec": {
-        "replicas": 1,
-        "template": {
-            "spec": {
-                "containers": [
-                    {
-                        "name": "app",
-                        "image": "i:1",
-                        "env": [{"name": "A", "value": "1"}],
-                        "ports": [{"containerPort": 80}],
-                    }
-                ],
-                "nodeSelector": {"kind": "robot"},
-            }
-        },
-    },
-}
-OURS = {
-    "manager": US,
-    "operation": "Apply",
-    "apiVersion": "apps/v1",
-    "fieldsType": "FieldsV1",
-    "fieldsV1": {
-        "f:spec": {
-            "f:replicas": {},
-            "f:template": {
-                "f:spec": {
-                    "f:containers": {
-                        APP: {
-                            ".": {}, "f:name": {}, "f:image": {},
-                            "f:env": {'k:{"name":"A"}': {".": {}, "f:name": {}, "f:value": {}}},
-                            "f:ports": {PORT: {".": {}, "f:containerPort": {}}},
-                        }
-                    },
-                    "f:nodeSelector": {},
-                }
-            },
-        }
-    },
-}  # fmt: skip
-STATUS = {
-    "manager": "k3s",
-    "operation": "Update",
-    "subresource": "status",
-    "fieldsV1": {"f:status": {"f:replicas": {}}},
+    "spec": {"replicas": 1, "template": {"spec": {"containers": [CONTAINER], "nodeSelector": {"kind": "robot"}}}},
 }
 
 
-def there(*entries: dict[str, Any], **spec: Any) -> dict[str, Any]:
-    """The object with defaults, one more container and variable, and who owns what."""
-    found = copy.deepcopy(WANTED)
-    found["metadata"] |= {"managedFields": [OURS, STATUS, *entries], "resourceVersion": "7"}
-    pod = found["spec"]["template"]["spec"]
-    pod["dnsPolicy"] = "ClusterFirst"
-    pod["containers"][0] |= {"env": [{"name": "A", "value": "1"}, {"name": "DEBUG", "value": "1"}]}
-    pod["containers"][0]["ports"] = [{"containerPort": 80, "protocol": "TCP"}]
-    pod["containers"].append({"name": "shell", "image": "busybox", "terminationMessagePath": "/dev/termination-log"})
-    found["spec"] |= spec
-    return found
+def pod(fields: dict[str, Any]) -> dict[str, Any]:
+    return {"f:template": {"f:spec": fields}}
 
 
 def update(manager: str, spec: dict[str, Any], **more: Any) -> dict[str, Any]:
     return {"manager": manager, "operation": "Update", "fieldsV1": {"f:spec": spec}, **more}
 
 
-def pod(fields: dict[str, Any]) -> dict[str, Any]:
-    return {"f:template": {"f:spec": fields}}
+OWN = {
+    APP: {
+        ".": {}, "f:name": {}, "f:image": {},
+        "f:env": {'k:{"name":"A"}': {".": {}, "f:name": {}, "f:value": {}}},
+        "f:ports": {PORT: {".": {}, "f:containerPort": {}}},
+    }
+}  # fmt: skip
+OURS = update(US, {"f:replicas": {}, **pod({"f:containers": OWN, "f:nodeSelector": {}})}, operation="Apply")
+OURS |= {"apiVersion": "apps/v1", "fieldsType": "FieldsV1"}
+STATUS = {
+    "manager": "k3s", "operation": "Update", "subresource": "status", "fieldsV1": {"f:status": {"f:replicas": {}}},
+}  # fmt: skip
+
+
+def there(*entries: dict[str, Any], **spec: Any) -> dict[str, Any]:
+    """The object with defaults, one more container and variable, and who owns what."""
+    found = copy.deepcopy(WANTED)
+    found["metadata"] |= {"managedFields": [OURS, STATUS, *entries], "resourceVersion": "7"}
+    inner = found["spec"]["template"]["spec"]
+    inner["dnsPolicy"] = "ClusterFirst"
+    inner["containers"][0] |= {"env": [{"name": "A", "value": "1"}, {"name": "DEBUG", "value": "1"}]}
+    inner["containers"][0]["ports"] = [{"containerPort": 80, "protocol": "TCP"}]
+    inner["containers"].append({"name": "shell", "image": "busybox", "terminationMessagePath": "/dev/termination-log"})
+    found["spec"] |= spec
+    return found
 
 
 VARIABLE = {EXTRA: {".": {}, "f:name": {}, "f:value": {}}}

@@ -103,22 +103,6 @@ def objects(**changes: Any) -> list[dict[str, Any]]:
     return [*code_maps(one, CODE), *app_objects(one)]
 
 
-@pytest.mark.parametrize("scope", ["robot", "fleet"])
-def test_a_pod_mounts_its_code_and_its_contract(scope: str) -> None:
-    made = objects(scope=scope)
-    pod = made[-1]["spec"]["template"]["spec"]
-    sources = [source["configMap"] for source in pod["volumes"][0]["projected"]["sources"]]
-    assert [source["name"] for source in sources] == ["rosops-code", "a-update"]
-    assert [source.get("optional", False) for source in sources] == [False, True]
-    assert sources[-1]["items"] == [{"key": "contract.json", "path": "contract.json"}]
-    needed = {source["name"] for source in sources[:-1]}
-    namespace = made[-1]["metadata"]["namespace"]
-    there = {
-        o["metadata"]["name"] for o in made if o["kind"] == "ConfigMap" and o["metadata"]["namespace"] == namespace
-    }
-    assert needed <= there
-
-
 def template(**changes: Any) -> dict[str, Any]:
     found: dict[str, Any] = app_objects(robot(app(**changes)))[-1]["spec"]["template"]
     return found
@@ -135,19 +119,6 @@ def test_settings_belong_to_the_revision_that_they_came_with() -> None:
         readiness={"command": "echo $(HOME) > /x"}, name="a",
     )  # fmt: skip
     assert "$$(HOME)" in environment["ROSOPS_SETTINGS"]
-
-
-@pytest.mark.parametrize("hooks", ["app", "sidecar", "none"])
-def test_a_readiness_command_goes_on_by_itself_and_seldom(hooks: str) -> None:
-    made = objects(readiness={"command": "test -f /tmp/ready"}, hooks=hooks)
-    container = made[-1]["spec"]["template"]["spec"]["containers"][0]
-    probe = container["readinessProbe"]
-    assert probe["exec"]["command"] == ["/bin/sh", "-c", "test -f /tmp/ready"]
-    assert (probe["periodSeconds"], probe["timeoutSeconds"], probe["failureThreshold"]) == (10, 5, 3)
-    # until it has passed it is asked every second, by `started` or by itself
-    assert container["startupProbe"]["periodSeconds"] == 1
-    assert ("run.py" in str(container["startupProbe"].get("exec"))) is (hooks == "app")
-    assert ("/started" in str(container["startupProbe"].get("httpGet"))) is (hooks == "sidecar")
 
 
 def test_overrides_come_last() -> None:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import base64
 import copy
 import importlib.util
 import json
@@ -23,10 +22,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import master
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
     namespace_objects,
-    pull_secret_objects,
     storage_objects,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import check_fleet
@@ -195,22 +192,6 @@ def test_hooks_beside_the_app_are_told_what_they_are_told_within_it() -> None:
     assert beside["securityContext"]["capabilities"] == {"drop": ["ALL"]}
 
 
-@pytest.mark.parametrize(("pattern", "handoff"), [("action", None), (None, None), ("pubsub", "replace")])
-def test_other_handoffs_keep_one_name_and_recreate(pattern: str | None, handoff: str | None) -> None:
-    item = deployment(pattern=pattern, handoff=handoff, private_names=["status"])
-    assert container(item)["args"] == ["talk", "__name:=talker"]
-    assert item["spec"]["strategy"] == {"type": "Recreate"}
-
-
-@pytest.mark.parametrize(
-    ("placement", "selector"), [("local", {"rosops.fleet/robot": "robot1"}), ("remote", {"deploymentType": "remote"})]
-)
-def test_placement_selects_nodes(placement: str, selector: dict[str, str]) -> None:
-    assert pod(deployment(placement=placement))["nodeSelector"] == selector
-    found = master.ros_core_objects(robot(master={"placement": placement}))[0]
-    assert pod(found)["nodeSelector"] == selector
-
-
 @pytest.mark.parametrize(
     "env",
     [
@@ -316,20 +297,6 @@ def test_mount_path_defaults_to_the_volumes_then_to_the_usual_one() -> None:
     assert [mount["mountPath"] for mount in container(item)["volumeMounts"][:3]] == ["/mnt/data/a", "/b", "/c"]
 
 
-def test_pull_secrets_become_docker_config() -> None:
-    secret = {"name": "login", "registry": "example.org", "username": "u", "password": "p:w"}
-    found = robot(pull_secrets=[secret, {"name": "other"}])
-    made = pull_secret_objects(found, [secret, {"name": "other"}])
-    assert "p:w" not in str(found)
-    assert [item["metadata"]["name"] for item in made] == ["login"]
-    config = json.loads(base64.b64decode(made[0]["data"][".dockerconfigjson"]))
-    assert base64.b64decode(config["auths"]["example.org"]["auth"]) == b"u:p:w"
-    names = [
-        item["name"] for item in pod(deployment(of={"pull_secrets": [secret, {"name": "other"}]}))["imagePullSecrets"]
-    ]
-    assert names == ["login", "other"]
-
-
 def test_conditions_unite_all_apps() -> None:
     conditions = graph_conditions(
         robot(
@@ -351,32 +318,6 @@ def test_conditions_unite_all_apps() -> None:
         "interval": 0.2,
         "consecutive": 3,
     }
-
-
-def test_conditions_of_a_shared_master_are_in_the_robots_namespace() -> None:
-    item = app(
-        pattern="pubsub",
-        private_names=["kept"],
-        readiness={"topics": [{"name": n} for n in ("t", "/g", "~kept", "~p")]},
-    )
-    full = robot(item, name="robot-1", master={"mode": "shared"})
-    node = f"/robot_1/talker_{revision(app_objects(full)[0])}"
-    conditions = graph_conditions(full)
-    assert conditions["nodes"] == [node]
-    assert [topic["name"] for topic in conditions["topics"]] == [
-        "/robot_1/t",
-        "/g",
-        "/robot_1/talker/kept",
-        f"{node}/p",
-    ]
-
-
-def test_images_by_placement() -> None:
-    init = {"spec": {"template": {"spec": {"initContainers": [{"name": "i", "image": "init:1"}]}}}}
-    full = robot(app(name="a", image="a:1", placement="local"), app(name="b", image="b:1", overrides=init))
-    assert images(full) == ["a:1", "b:1", "init:1", "ros:noetic-ros-core"]
-    assert images(full, "local") == ["a:1", "ros:noetic-ros-core"]
-    assert images(full, "remote") == ["b:1", "init:1"]
 
 
 @pytest.mark.parametrize("name", CASES)
