@@ -21,7 +21,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import nodes_off
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import nodes_off
 
 Files = Mapping[str, Any]
 

@@ -1,81 +1,195 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Of a ROS graph: which node runs where, who hears whom on what, and who should but does not. Pure.
+"""ROS graphs as ros_graph_info returns them -> rows: which node runs where, who hears whom and who should but does not,
+and which processes of launch files have ended. Pure.
 
-The five topics of an action are one link, and a topic that nobody listens to is none.
+The five topics of an action are one link, and a topic that nobody listens to is none. A process that crashed is a
+problem. One that has ended nobody knows how may have done its work: a row, for a person to judge.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import apps_of, owners_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
+    SHARED,
+    Promise,
+    Trouble,
+    Workload,
+    logs_of,
+)
 
-Row = dict[str, Any]
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
 ACTION_TOPICS = ("goal", "cancel", "status", "feedback", "result")
+Owner = tuple[str, str]  # robot, app
+
+
+@dataclass(frozen=True)
+class Node:
+    uri: str = ""
+    reachable: bool = False
+    error: str = ""
+    publications: tuple[str, ...] = ()
+    subscriptions: tuple[str, ...] = ()
+    services: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Connection:
+    """By the publisher's own word."""
+
+    publisher: str = ""
+    subscriber: str = ""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """`rate` in Hz; None where nobody can tell, with the reason in `rate_error`."""
+
+    type: str = ""
+    publishers: tuple[str, ...] = ()
+    subscribers: tuple[str, ...] = ()
+    connections: tuple[Connection, ...] = ()
+    rate: float | None = None
+    rate_error: str = ""
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process of a launch file, in the pod of this address; `crash` says in words what is wrong with it."""
+
+    node: str = ""
+    host: str = ""
+    alive: bool = False
+    exit_code: int | None = None
+    crash: str = ""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A graph by names. `read` makes it of what ros_graph_info returns."""
+
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+    topics: Mapping[str, Topic] = field(default_factory=dict)
+    actions: Mapping[str, object] = field(default_factory=dict)
+    launched: tuple[Process, ...] = ()
+
+
+Graphs = Mapping[str, Graph]  # by robot, or SHARED
+Promises = Mapping[str, Mapping[str, Promise]]  # by graph and topic
+
+
+def apps_of(graph: str, apps: Iterable[Workload]) -> list[Workload]:
+    """Those whose nodes may be in the graph of a robot, or in the shared one, which is all robots'."""
+    return [row for row in apps if graph == SHARED or row.robot in (graph, SHARED)]
+
+
+def owners_of(apps: Iterable[Workload]) -> dict[str, Owner]:
+    """Address -> whose it is. One that several apps have (that of the host, where they share its network) tells
+    nothing."""
+    found: dict[str, set[Owner]] = {}
+    for row in apps:
+        for address in row.addresses:
+            found.setdefault(address, set()).add((row.robot, row.name))
+    return {address: owners.pop() for address, owners in found.items() if len(owners) == 1}
 
 
 class Places:
     """Where ROS nodes run, and for which app, by the addresses that they are registered with. `apps`: masters, too."""
 
-    def __init__(self, apps: Iterable[Row], nodes: Iterable[Row]) -> None:
+    def __init__(self, apps: Iterable[Workload], nodes: Iterable[rows.Node]) -> None:
         self._apps = list(apps)
-        self._nodes = {str(row["address"]): str(row["name"]) for row in nodes if row.get("address")}
+        self._nodes = {row.address: row.name for row in nodes if row.address}
 
-    def of(self, graph: str, node: Mapping[str, Any]) -> dict[str, str]:
-        """`at`: the host, or the bare address of a process that no pod of ours has. `app`: empty where nobody knows."""
-        address = host_of(str(node.get("uri") or ""))
-        here = [row for row in apps_of(graph, self._apps) if address in row.get("addresses", ())]
+    def of(self, graph: str, uri: str) -> tuple[str, str]:
+        """Of a node with this URI: `rows.RosNode.at` and `rows.RosNode.app`."""
+        address = host_of(uri)
+        here = [row for row in apps_of(graph, self._apps) if address in row.addresses]
         if len(_hosts(here)) > 1:  # pods of two clusters may have it: then the robot's own is meant
-            here = [row for row in here if row["robot"] == graph]
+            here = [row for row in here if row.robot == graph]
         hosts = _hosts(here)
         at = hosts.pop() if len(hosts) == 1 else self._nodes.get(address, address)
-        return {"at": at, "app": owners_of(here).get(address, ("", ""))[1]}
+        return at, owners_of(here).get(address, ("", ""))[1]
 
 
-def _hosts(rows: Iterable[Row]) -> set[str]:
-    return {host for row in rows for host in row["nodes"]}
+def _hosts(workloads: Iterable[Workload]) -> set[str]:
+    return {host for row in workloads for host in row.nodes}
 
 
-def links(robot: str, graph: Mapping[str, Any]) -> list[Row]:
-    """Who hears whom: robot, name, action, publishers, subscribers, and as `broken` the pairs of these that are
-    registered, alive and not connected."""
-    topics = {name: one for name, one in (graph.get("topics") or {}).items() if name not in PLUMBING_TOPICS}
-    up = {name for name, node in (graph.get("nodes") or {}).items() if node.get("reachable")}
-    actions = graph.get("actions") or {}
-    of_actions = {f"{name}/{part}" for name in actions for part in ACTION_TOPICS}
-    found = [_action_link(name, topics, up) for name in sorted(actions)]
-    found += [_link(name, topic, up) for name, topic in sorted(topics.items()) if name not in of_actions]
-    return [{"robot": robot, **link} for link in found if link["subscribers"]]
+def node_rows(graphs: Graphs, places: Places) -> Iterator[rows.RosNode]:
+    for robot, graph in sorted(graphs.items()):
+        for name, node in sorted(graph.nodes.items()):
+            at, app = places.of(robot, node.uri)
+            yield rows.RosNode(
+                robot, name, at, app, node.reachable, node.error,
+                len(node.publications), len(node.subscriptions), node.services,
+            )  # fmt: skip
 
 
-def _link(name: str, topic: Mapping[str, Any], up: set[str]) -> Row:
-    return {
-        "name": name,
-        "action": False,
-        "publishers": list(topic.get("publishers") or []),
-        "subscribers": list(topic.get("subscribers") or []),
-        "broken": list(_broken(topic, up)),
-    }
+def topic_rows(graphs: Graphs, promises: Promises) -> Iterator[rows.Topic]:
+    """What is there, and what is promised."""
+    for robot, graph in sorted(graphs.items()):
+        promised = promises.get(robot, {})
+        for name, topic in sorted({**dict.fromkeys(promised, Topic()), **graph.topics}.items()):
+            if name not in PLUMBING_TOPICS:
+                yield rows.Topic(
+                    robot, name, topic.type, len(topic.publishers), len(topic.subscribers), len(topic.connections),
+                    topic.rate, promised.get(name), topic.rate_error,
+                )  # fmt: skip
 
 
-def _broken(topic: Mapping[str, Any], up: set[str]) -> Iterator[list[str]]:
+def links(graphs: Graphs) -> list[rows.Link]:
+    return [link for robot, graph in sorted(graphs.items()) for link in _links(robot, graph) if link.subscribers]
+
+
+def _links(robot: str, graph: Graph) -> Iterator[rows.Link]:
+    topics = {name: one for name, one in graph.topics.items() if name not in PLUMBING_TOPICS}
+    up = {name for name, node in graph.nodes.items() if node.reachable}
+    for name in sorted(graph.actions):
+        yield _action_link(rows.Link(robot, name, action=True), topics, up)
+    of_actions = {f"{name}/{part}" for name in graph.actions for part in ACTION_TOPICS}
+    for name, topic in sorted(topics.items()):
+        if name not in of_actions:
+            yield replace(_ends(rows.Link(robot, name), topic), broken=tuple(_broken(topic, up)))
+
+
+def _ends(link: rows.Link, topic: Topic) -> rows.Link:
+    return replace(link, publishers=topic.publishers, subscribers=topic.subscribers)
+
+
+def _broken(topic: Topic, up: set[str]) -> Iterator[tuple[str, str]]:
     """By the publishers' own word. What a node that does not answer is connected to, nobody knows."""
-    there = {(one.get("publisher"), one.get("subscriber")) for one in topic.get("connections") or []}
-    for publisher in topic.get("publishers") or []:
-        for subscriber in topic.get("subscribers") or []:
-            if publisher in up and subscriber in up and (publisher, subscriber) not in there:
-                yield [publisher, subscriber]
+    there = set(topic.connections)
+    for publisher in topic.publishers:
+        for subscriber in topic.subscribers:
+            if publisher in up and subscriber in up and Connection(publisher, subscriber) not in there:
+                yield publisher, subscriber
 
 
-def _action_link(name: str, topics: Mapping[str, Mapping[str, Any]], up: set[str]) -> Row:
+def _action_link(link: rows.Link, topics: Mapping[str, Topic], up: set[str]) -> rows.Link:
     """From its clients to its server; goals have to get there, results have to come back."""
-    goal, result = (topics.get(f"{name}/{part}", {}) for part in ("goal", "result"))
-    back = [[client, server] for server, client in _broken(result, up)]
-    broken = [*_broken(goal, up), *(pair for pair in back if pair[0] in (goal.get("publishers") or []))]
-    pairs = [list(pair) for pair in dict.fromkeys(map(tuple, broken))]
-    return {**_link(name, goal, up), "action": True, "broken": pairs}
+    goal, result = (topics.get(f"{link.name}/{part}", Topic()) for part in ("goal", "result"))
+    back = ((client, server) for server, client in _broken(result, up) if client in goal.publishers)
+    return replace(_ends(link, goal), broken=tuple(dict.fromkeys((*_broken(goal, up), *back))))
+
+
+def launched_rows(apps: Iterable[Workload], graphs: Graphs) -> tuple[list[Trouble], list[rows.Ended]]:
+    """Problems, and processes that have ended nobody knows how."""
+    known = list(apps)
+    problems: list[Trouble] = []
+    ended: list[rows.Ended] = []
+    for robot, graph in sorted(graphs.items()):
+        owners = owners_of(apps_of(robot, known))
+        for process in graph.launched:
+            of, app = owners.get(process.host, (robot, ""))
+            if process.crash:
+                where = f"app {app} of {of}" if app else f"launch file at {process.host} of {of}"
+                todo = logs_of(of, app) if app else ""
+                problems.append(Trouble(where, f"{process.node} {process.crash}", todo))
+            elif not process.alive and process.exit_code is None:
+                ended.append(rows.Ended(of, app, process.node, process.host))
+    return problems, ended

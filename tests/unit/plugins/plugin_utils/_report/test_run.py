@@ -7,13 +7,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
-    RunReport,
-    TaskInfo,
-    message_of,
-    note_of,
-    screen,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
@@ -38,7 +34,7 @@ def started(*hosts: str, **info: Any) -> RunReport:
 
 
 def row(report: RunReport, host: str = "robot1", **stats: Any) -> dict[str, Any]:
-    rows: list[dict[str, Any]] = report.finish(stats or {host: OK}, 9.0)["hosts"]
+    rows: list[dict[str, Any]] = report.finish(stats or {host: OK}, 9.0).as_dict()["hosts"]
     return next(one for one in rows if one["host"] == host)
 
 
@@ -106,7 +102,7 @@ def test_what_ended_the_run_is_told_of_those_for_whom_there_was_more_to_do(how: 
     getattr(report, how)("t1", "edge1", {"msg": "no such host"}, 3.0)
     counts = {"edge1": FAILED if how == "failed" else DARK, "robot1": OK}
     report.cut_short()
-    found = {host["host"]: host for host in report.finish(counts, 4.0)["hosts"]}
+    found = {host["host"]: host for host in report.finish(counts, 4.0).as_dict()["hosts"]}
     told = "Apply failed" if how == "failed" else "the connection was lost"
     assert found["robot1"]["outcome"] == "failed"
     assert found["robot1"]["reason"] == f"not carried on: the run ended on edge1: {told}: no such host"
@@ -204,7 +200,7 @@ def test_durations_of_tasks_stages_and_plays() -> None:
     report.play("Second", ["a"], 6.0)
     report.task("t1", TaskInfo("Install", "k3s", stage="k3s"), 7.0)  # the same task in a further batch of hosts
     report.ok("t1", "a", {}, 8.0)
-    done = report.finish({"a": OK, "b": CHANGED}, 10.0, check_mode=False)
+    done = report.finish({"a": OK, "b": CHANGED}, 10.0).as_dict()
     assert done["plays"] == [{"name": "First", "seconds": 5.0}, {"name": "Second", "seconds": 4.0}]
     assert done["stages"] == [{"name": "k3s", "seconds": 4.5}, {"name": "First", "seconds": 0.5}]
     assert done["slowest_tasks"][0] == {
@@ -225,16 +221,16 @@ def test_ten_slowest_tasks() -> None:
     for number in range(15):
         report.task(f"t{number}", TaskInfo(f"task {number}", "command"), number * 100.0)
         report.ok(f"t{number}", "a", {}, number * 100.0 + number)
-    names = [task["name"] for task in report.finish({"a": OK}, 2000.0)["slowest_tasks"]]
+    names = [task["name"] for task in report.finish({"a": OK}, 2000.0).as_dict()["slowest_tasks"]]
     assert names == [f"task {number}" for number in range(14, 4, -1)]
 
 
 def test_localhost_is_no_robot() -> None:
     report = started("robot1", "localhost")
     report.ok("t1", "localhost", {}, 2.0)
-    assert [host["host"] for host in report.finish({"robot1": OK, "localhost": OK}, 3.0)["hosts"]] == ["robot1"]
+    assert [host.host for host in report.finish({"robot1": OK, "localhost": OK}, 3.0).hosts] == ["robot1"]
     alone = started("localhost")
-    assert [host["host"] for host in alone.finish({"localhost": OK}, 3.0)["hosts"]] == ["localhost"]
+    assert [host.host for host in alone.finish({"localhost": OK}, 3.0).hosts] == ["localhost"]
 
 
 def test_an_unknown_task_does_no_harm() -> None:
@@ -248,8 +244,8 @@ def test_what_a_host_left_the_run_for_comes_without_the_task() -> None:
     report = started()
     report.task("t9", TaskInfo("Leave the run", "rosops.fleet._leave"), 2.0)
     report.failed("t9", "robot1", {"msg": "bringup: rate /imu: 45.4 Hz of 90 Hz"}, 2.0)
-    found = row(report, robot1=FAILED)
-    assert (found["failed_task"], note_of(found)) == (None, "bringup: rate /imu: 45.4 Hz of 90 Hz")
+    [found] = report.finish({"robot1": FAILED}, 9.0).hosts
+    assert (found.as_dict()["failed_task"], found.note) == (None, "bringup: rate /imu: 45.4 Hz of 90 Hz")
 
 
 def test_the_screen_says_a_cause_to_its_end() -> None:
@@ -262,7 +258,7 @@ def test_the_screen_says_a_cause_to_its_end() -> None:
     assert said == f"{cause} (task: Apply)"
 
 
-def example(check_mode: bool = False) -> dict[str, Any]:
+def example(check_mode: bool = False) -> Report:
     report = started("edge1", "robot1", "robot2", "robot3")
     report.ok("t1", "robot1", {"changed": True, "verdict": "pass", "elapsed": 3.21, "checks": []}, 4.0)
     report.failed("t1", "robot2", {"msg": "no\nsuch image"}, 4.0)
