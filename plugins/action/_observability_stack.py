@@ -16,14 +16,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster impor
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import Settings, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files, stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import nodes_off
-
-Files = Mapping[str, Any]
 
 
 class ActionModule(ClusterAction):
@@ -56,7 +55,7 @@ class ActionModule(ClusterAction):
         base = str(known.get("inventory_dir") or "")
         return spec, stack_files(spec["dashboards"], base, spec["grafana"]["default_dashboards"])
 
-    def _wait(self, kube: Kube, objects: list[dict[str, Any]], settings: Settings) -> None:
+    def _wait(self, kube: Kube, objects: list[Object], settings: Settings) -> None:
         off = nodes_off(kube.nodes())
         if off:
             settings.say(
