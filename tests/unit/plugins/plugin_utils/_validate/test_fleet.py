@@ -52,12 +52,7 @@ def test_bad_input(case: dict[str, Any]) -> None:
     assert report.fleet is None
     assert all(problem.path and problem.problem and problem.allowed for problem in report.problems)
     assert "hush" not in lines(report)
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["id"]))
-def test_bad_input_reports_little_beside_the_point(case: dict[str, Any]) -> None:
-    """One mistake is not reported as a dozen."""
-    assert len(check_fleet(table.fleet_of(case)).problems) <= 3
+    assert len(report.problems) <= 3  # one mistake is not reported as a dozen
 
 
 def test_the_good_app_is_good() -> None:
@@ -292,7 +287,7 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         (
             "image",
             ["ros", "ros:noetic", "example.org:5000/a/b_c:1.0", "a@sha256:" + "0" * 64, "localhost/x:1"],
-            ["", "A", "a:", "a@", "http://a", "a//b", "a b", ":1"],
+            ["", "A", "a:", "a@", "a@sha256:0123", "http://a", "a//b", "a b", ":1"],
         ),
         ("app-name", ["a", "a-1"], ["", "1a", "-a", "a-", "A", "a_b", "a.b", "a" * 41]),
         ("robot-name", ["robot1", "7", "a-b"], ["", "a.b", "a_b", "A", "a" * 58, "robot1\n"]),
@@ -300,7 +295,10 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         (
             "host-path",
             ["/data", "/data/x", "/dev/input", "/home/a"],
-            ["/home", "/dev", "/", "/datax", "/data//x", "/data/./x"],
+            [
+                *("/home", "/dev", "/", "/datax", "/data-x", "/data//x", "/data/./x", "data/x", "/etc/ssh", "/proc"),
+                *("/sys/class/gpio", "/run/k3s/containerd/containerd.sock", "/var/lib/rancher/k3s", "/var/lib/kubelet"),
+            ],
         ),
         ("device", ["/dev/ttyUSB0", "/dev/bus/usb/"], ["/dev", "/dev/..", "/devices", "dev/x", "/dev/mem"]),
         ("mount-path", ["/a", "/a/b/"], ["", "/", "a", "/a:b", "/a/../b", "/a b"]),
@@ -310,7 +308,7 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         (
             "master-uri",
             ["http://a:1", "http://1.2.3.4:11311/"],
-            ["a:1", "http://a", "http://1.2.3:1", "http://a:0", "http://:1"],
+            ["a:1", "http://a", "http://1.2.3:1", "http://a:0", "http://a:113110", "https://a:1", "http://:1"],
         ),
         ("env-name", ["A", "_a1"], ["", "1A", "A-B", "A B"]),
         ("unicode", ["", "a: ä\n"], ["\ud800"]),  # half of a surrogate pair
