@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The status page in a browser: it renders, quietly, without fetching anything, and fits a phone.
 
-`fleet.json` are rows of the lab's fleet: hosts to claims from one run of status.yml, outcomes and steps from the report
+`fleet.yml` are rows of the lab's fleet: hosts to claims from one run of status.yml, outcomes and steps from the report
 of one of update.yml. What robot2 shows when it is off was put in by hand. Screenshots: tests/output/browser/.
 """
 
 from __future__ import annotations
 
-import json
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import chromium
 import pytest
+import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
@@ -66,7 +66,7 @@ LINKS = a_robot.rows(broken=(("/merger", "/amcl"),))
 
 
 def recorded() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((HERE / "fleet.json").read_text("utf-8"))
+    found: dict[str, Any] = yaml.safe_load((HERE / "fleet.yml").read_text("utf-8"))
     return {**found, "links": plain(LINKS)}
 
 

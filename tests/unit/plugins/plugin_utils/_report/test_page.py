@@ -10,7 +10,6 @@ import re
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
-import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import UNFOLDED, status_page
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
     Claim,
@@ -93,6 +92,7 @@ def test_the_page_is_whole_and_needs_nothing_else() -> None:
     assert ("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}) in found.attributes
     assert found.texts.count("Fleet status") == 2  # title and heading
     assert page(name="my <fleet>").texts.count("my <fleet>: fleet status") == 2
+    assert "<code>robot1:&amp;x</code>" in status_page(STATUS, MADE, limit="robot1:&x")
 
 
 def test_the_check_of_this_test_finds_what_is_wrong() -> None:
@@ -148,31 +148,24 @@ def test_an_empty_fleet() -> None:
     assert {"Nothing was found.", "No update has been reported yet.", "None."} <= {*found.texts}
 
 
-def test_a_robot_that_is_off() -> None:
-    text = status_page(STATUS, MADE)
-    wants = section(text, "problems")
-    assert "<strong>host robot2</strong>: offline: timed out" in wants
-    assert "NodeStatusUnknown" not in wants  # told with its host
-    assert '<tr role="row" class="warn">' in section(text, "nodes")
-    assert 'class="bad"' not in text
-
-
-def test_what_is_wrong_comes_first() -> None:
+def test_what_is_wrong_comes_first_and_a_robot_that_is_off_last() -> None:
     status = replace(
         STATUS,
         apps=(DOWN,),
         outcomes=(LastRun("robot1", "rolled-back", "update.yml", note="half the rate"),),
         problems=(Trouble("cluster edge", "does not answer"),),
     )
-    items = re.findall(
-        '<li class="(bad|warn)">.*?<strong>(.*?)</strong>', section(status_page(status, MADE), "problems")
-    )
-    assert items == [
+    text = status_page(status, MADE)
+    wants = section(text, "problems")
+    assert re.findall('<li class="(bad|warn)">.*?<strong>(.*?)</strong>', wants) == [
         ("bad", "cluster edge"),
         ("bad", "app sensor of robot1"),
         ("bad", "last update.yml on robot1"),
         ("warn", "host robot2"),
     ]
+    assert "<strong>host robot2</strong>: offline: timed out" in wants
+    assert "NodeStatusUnknown" not in wants  # told with its host
+    assert '<tr role="row" class="warn">' in section(text, "nodes")
 
 
 def test_a_large_fleets_tables_are_folded() -> None:
@@ -184,23 +177,11 @@ def test_a_large_fleets_tables_are_folded() -> None:
     assert "<details open><summary><h2>Apps</h2>" in text
 
 
-def test_a_new_time_alone_makes_no_new_page() -> None:
-    first = status_page(STATUS, MADE)
-    assert status_page(STATUS, "2026-11-21T10:00:00Z", first) == first
-    second = status_page(replace(STATUS, apps=(DOWN,)), "2026-11-21T10:00:00Z", first)
-    assert second != first and "2026-11-21 10:00:00 UTC" in second
-
-
-def test_a_rate_that_trembles_makes_no_new_page() -> None:
+def test_a_new_time_or_a_rate_that_trembles_makes_no_new_page() -> None:
     trembles = (replace(STATUS.topics[0], rate=499.9), *STATUS.topics[1:])
     first = status_page(STATUS, MADE)
-    assert status_page(replace(STATUS, topics=trembles), "2026-11-21T10:00:00Z", first) == first
-
-
-@pytest.mark.parametrize("previous", ["", "something else", '<time id="made">'])
-def test_a_page_of_another_make_is_replaced(previous: str) -> None:
-    assert status_page(STATUS, MADE, previous).startswith("<!DOCTYPE html>")
-
-
-def test_a_limited_run_says_so() -> None:
-    assert "<code>robot1:&amp;x</code>" in status_page(STATUS, MADE, limit="robot1:&x")
+    for status in (STATUS, replace(STATUS, topics=trembles)):
+        assert status_page(status, "2026-11-21T10:00:00Z", first) == first
+    assert status_page(STATUS, MADE, '<time id="made">').startswith("<!DOCTYPE html>")  # a page of another make
+    second = status_page(replace(STATUS, apps=(DOWN,)), "2026-11-21T10:00:00Z", first)
+    assert second != first and "2026-11-21 10:00:00 UTC" in second

@@ -15,7 +15,6 @@ OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
 FAILED = {**OK, "failures": 1}
 DARK = {"ok": 0, "unreachable": 1}
-BUSY_FACT = {"ansible_facts": {"fleet_outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE"}}}
 UNMET = {
     "verdict": "wait",
     "elapsed": 60.02,
@@ -43,47 +42,56 @@ def outcome(report: RunReport, counts: dict[str, int]) -> tuple[str, str]:
     return found["outcome"], found["reason"]
 
 
-def test_unchanged() -> None:
+def declared(word: Any) -> tuple[str, dict[str, Any]]:
+    return "ok", {"ansible_facts": {"fleet_outcome": word}}
+
+
+CHANGES, LOST = ("ok", {"changed": True}), ("unreachable", {"msg": "no route"})
+BUSY = {"outcome": "deferred-busy", "reason": "goal ACTIVE"}
+
+
+@pytest.mark.parametrize(
+    ("events", "counts", "expected"),
+    [
+        ([("ok", {"changed": False})], OK, ("unchanged", "")),
+        ([CHANGES], CHANGED, ("updated", "")),
+        ([("failed", {"failed": True, "msg": "Task failed: no such image"})], FAILED, ("failed", "no such image")),
+        ([("failed", {"msg": "oh"})], {**OK, "rescued": 1}, ("unchanged", "")),
+        ([CHANGES, LOST], {**DARK, "changed": 1}, ("deferred-offline", "no route")),
+        ([CHANGES, LOST], OK, ("deferred-offline", "no route")),  # the play goes on without the host
+        ([declared(BUSY)], CHANGED, ("deferred-busy", "goal ACTIVE")),
+        ([declared(BUSY)], FAILED, ("deferred-busy", "goal ACTIVE")),
+        ([declared({**BUSY, "steps": ["of another shape"]})], OK, ("deferred-busy", "goal ACTIVE")),
+        ([declared("rolled-back")], FAILED, ("rolled-back", "")),
+        ([declared("updated")], FAILED, ("failed", "")),
+        ([declared("updated")], OK, ("updated", "")),
+        ([declared("unchanged")], OK, ("unchanged", "")),
+        ([("ok", {"ansible_facts": {"fleet_k3s_outcome": "rolled-back"}})], FAILED, ("rolled-back", "")),
+        ([declared("unchanged")], {**OK, "changed": 2}, ("updated", "")),
+        ([declared("splendid")], OK, ("unchanged", "")),
+        ([declared({"outcome": "updated"})], DARK, ("deferred-offline", "")),
+        ([("ok", {"ansible_facts": "nonsense"})], OK, ("unchanged", "")),
+    ],
+)
+def test_what_becomes_of_a_host(
+    events: list[tuple[str, dict[str, Any]]], counts: dict[str, int], expected: tuple[str, str]
+) -> None:
     report = started()
-    report.ok("t1", "robot1", {"changed": False}, 2.0)
-    assert outcome(report, OK) == ("unchanged", "")
+    for at, (what, result) in enumerate(events):
+        getattr(report, what)("t1", "robot1", result, 2.0 + at)
+    assert outcome(report, counts) == expected
 
 
-def test_changed_tasks_are_named_once() -> None:
+def test_changed_tasks_are_named_once_and_the_one_that_failed() -> None:
     report = started()
     report.ok("t1", "robot1", {"changed": True}, 2.0)
     report.ok("t1", "robot1", {"changed": True}, 3.0)
-    found = row(report, robot1=CHANGED)
-    assert (found["outcome"], found["changed"]) == ("updated", ["Apply"])
-
-
-def test_a_failure_has_its_task_and_message() -> None:
-    report = started()
-    report.failed("t1", "robot1", {"failed": True, "msg": "Task failed: no such image"}, 2.0)
-    found = row(report, robot1=FAILED)
-    assert (found["outcome"], found["failed_task"], found["reason"]) == ("failed", "Apply", "no such image")
-
-
-@pytest.mark.parametrize("ignored", [True, False])
-def test_a_failure_that_was_ignored_or_rescued_is_none(ignored: bool) -> None:
-    report = started()
-    report.failed("t1", "robot1", {"msg": "oh"}, 2.0, ignored=ignored)
-    found = row(report, robot1={**OK, "rescued": 1})
-    assert (found["outcome"], found["failed_task"], found["reason"]) == ("unchanged", None, "")
-
-
-def test_unreachable_is_deferred_even_after_changes() -> None:
-    report = started()
-    report.ok("t1", "robot1", {"changed": True}, 2.0)
-    report.unreachable("t1", "robot1", {"unreachable": True, "msg": "no route"}, 3.0)
-    assert outcome(report, {**DARK, "changed": 1}) == ("deferred-offline", "no route")
-
-
-def test_unreachable_is_deferred_where_the_play_goes_on_without_the_host() -> None:
-    report = started()
-    report.ok("t1", "robot1", {"changed": True}, 2.0)
-    report.unreachable("t1", "robot1", {"unreachable": True, "msg": "no route"}, 3.0)
-    assert outcome(report, OK) == ("deferred-offline", "no route")
+    report.failed("t1", "robot1", {"msg": "oh"}, 4.0)
+    assert (row(report, robot1=FAILED)["changed"], row(report, robot1=FAILED)["failed_task"]) == (["Apply"], "Apply")
+    assert row(report, robot1=OK)["failed_task"] is None
+    ignored = started()
+    ignored.failed("t1", "robot1", {"msg": "oh"}, 2.0, ignored=True)
+    assert row(ignored, robot1=FAILED)["reason"] == ""
 
 
 def test_a_run_once_failure_ends_the_run_for_all() -> None:
@@ -114,53 +122,22 @@ def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
     assert (found["outcome"], found["reason"]) == ("unchanged", "no task ran for it")
 
 
-@pytest.mark.parametrize(
-    ("fact", "counts", "expected"),
-    [
-        (BUSY_FACT, CHANGED, ("deferred-busy", "goal ACTIVE")),
-        (BUSY_FACT, FAILED, ("deferred-busy", "goal ACTIVE")),
-        ({"ansible_facts": {"fleet_outcome": "rolled-back"}}, FAILED, ("rolled-back", "")),
-        ({"ansible_facts": {"fleet_outcome": "updated"}}, FAILED, ("failed", "")),
-        ({"ansible_facts": {"fleet_outcome": "updated"}}, OK, ("updated", "")),
-        ({"ansible_facts": {"fleet_outcome": "unchanged"}}, OK, ("unchanged", "")),
-        ({"ansible_facts": {"fleet_k3s_outcome": "rolled-back"}}, FAILED, ("rolled-back", "")),
-        ({"ansible_facts": {"fleet_outcome": "unchanged"}}, {**OK, "changed": 2}, ("updated", "")),
-        ({"ansible_facts": {"fleet_outcome": "splendid"}}, OK, ("unchanged", "")),
-        ({"ansible_facts": {"fleet_outcome": {"outcome": "updated"}}}, DARK, ("deferred-offline", "")),
-        ({"ansible_facts": "nonsense"}, OK, ("unchanged", "")),
-    ],
-)
-def test_declared_outcomes(fact: dict[str, Any], counts: dict[str, int], expected: tuple[str, str]) -> None:
+@pytest.mark.parametrize("action", ["_robot_update", "_update_trial", "_guarded", "other"])
+def test_an_update_says_its_outcome_itself(action: str) -> None:
+    said = {"outcome": {**BUSY, "steps": [{"name": "dock"}]}, "ansible_facts": {"fleet_outcome": "splendid"}}
     report = started()
-    report.ok("t1", "robot1", fact, 2.0)
-    assert outcome(report, counts) == expected
+    report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)
+    report.ok("t2", "robot1", said, 2.0)
+    assert outcome(report, OK)[0] == ("unchanged" if action == "other" else "deferred-busy")
+    assert [step["name"] for step in row(report)["steps"]] == ([] if action == "other" else ["dock"])
 
 
-def test_an_update_says_its_outcome_itself() -> None:
-    busy = {"outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE", "steps": [{"name": "dock"}]}}
-    ours = ("_robot_update", "_update_trial", "_guarded")
-    for action in (*ours, "other"):
-        report = started()
-        report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)
-        report.ok("t2", "robot1", {**busy, "ansible_facts": {"fleet_outcome": "splendid"}}, 2.0)
-        word = "deferred-busy" if action in ours else "unchanged"
-        assert outcome(report, OK)[0] == word
-        assert bool(row(report)["steps"]) == (action in ours)
-
-
-def test_the_verdict_of_ros_ready() -> None:
+def test_the_verdicts_of_our_own_waits() -> None:
     report = started()
     report.failed("t1", "robot1", UNMET, 2.0)
-    assert row(report)["ready"] == {
-        "verdict": "wait",
-        "elapsed": 60.02,
-        "checks": 2,
-        "unmet": ["topic /chatter: no publisher"],
-    }
-
-
-def test_the_verdicts_of_rollout_ready() -> None:
-    report = started()
+    unmet = ["topic /chatter: no publisher"]
+    assert row(report)["ready"] == {"verdict": "wait", "elapsed": 60.02, "checks": 2, "unmet": unmet}
+    assert row(report)["rollout"] is None
     report.task("t2", TaskInfo("Wait", "rollout_ready"), 2.0)
     rows = [
         {"kind": "Pod", "namespace": "n", "name": "a", "verdict": "fail", "reason": "ErrImagePull"},
@@ -168,7 +145,6 @@ def test_the_verdicts_of_rollout_ready() -> None:
     ]
     report.failed("t2", "robot1", {"objects": rows, "elapsed": 2.5}, 3.0)
     assert row(report)["rollout"] == {"elapsed": 2.5, "objects": 2, "unmet": ["Pod n/a: ErrImagePull"]}
-    assert row(report)["ready"] is None
 
 
 MESSAGES = [
@@ -267,22 +243,20 @@ def example(check_mode: bool = False) -> Report:
     return report.finish(stats, 9.5, check_mode=check_mode)
 
 
-def test_the_screen() -> None:
-    assert screen(example()) == [
+@pytest.mark.parametrize(
+    ("check", "words"), [(False, ("unchanged", "updated")), (True, ("would not change", "would change"))]
+)
+def test_the_screen(check: bool, words: tuple[str, str]) -> None:
+    """In check mode in the conditional."""
+    same, other = (word.ljust(16) for word in words)
+    assert screen(example(check)) == [
         "host    outcome           ros graph   changed  note",
-        "edge1   unchanged         -           0        -",
-        "robot1  updated           pass 3.2 s  1        -",
+        f"edge1   {same}  -           0        -",
+        f"robot1  {other}  pass 3.2 s  1        -",
         "robot2  failed            -           0        no such image (task: Apply)",
         "robot3  deferred-offline  -           0        Connection timed out",
         "9.5 s: Robots 3.0 s",
     ]
-
-
-def test_check_mode_speaks_in_the_conditional() -> None:
-    lines = screen(example(check_mode=True))
-    assert lines[1].startswith("edge1   would not change  ")
-    assert "would change" in lines[2]
-    assert "failed" in lines[3]
 
 
 def test_no_hosts() -> None:
