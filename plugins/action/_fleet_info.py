@@ -10,6 +10,7 @@ of the directories of its volumes, and what `k3s crictl images -o json` did.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import ClassVar
@@ -23,6 +24,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import ask
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows, outdated_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
     cluster_problems,
     clusters_of,
@@ -32,7 +34,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     unmeasured,
     usage_of,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import cluster_rows, outdated_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look
 
 
 class ActionModule(ClusterAction):
@@ -45,7 +47,8 @@ class ActionModule(ClusterAction):
         fleet, hostvars = Fleet.from_vars(known), HostVariables(known["hostvars"])
         variables = {host: hostvars[host] for host in known["ansible_play_hosts_all"]}
         results = {host: own.get(params["volumes"], {}) for host, own in variables.items()}
-        hosts = members(fleet, variables, results)
+        addresses = {host: str(own.get("ansible_host", host)) for host, own in variables.items()}
+        hosts = members(fleet, addresses, results)
         asked, silent = clusters_of(hosts)
 
         def connect(host: str) -> Kube:
@@ -54,25 +57,20 @@ class ActionModule(ClusterAction):
             return self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, patience=0)
 
         answers = ask({cluster: partial(connect, host) for cluster, host in asked.items()})
-        problems = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
-        rows = cluster_rows([one.objects for one in answers.values()], usage_of(results.values()), time.time())
+        mute = {**silent, **{cluster: answer.problem for cluster, answer in answers.items() if answer.problem}}
+        found = cluster_rows([one.objects for one in answers.values()], usage_of(results.values()), time.time())
         pods = chain(*(one.objects.get("Pod", ()) for one in answers.values()))
         services = {name: one.objects.get("Service", ()) for name, one in answers.items()}
-        return {
-            "changed": False,
-            "name": fleet.name,
-            "hosts": [host.row() for host in hosts],
-            "graphs": graphs_to_read(hosts, services, rows["apps"]),
-            "promised": promised_rates(hosts),
-            "problems": [
-                *cluster_problems(problems, hosts),
-                *unmeasured(results),
-                *outdated_rows(outdated(pods, _known(fleet, variables, params["images"]))),
-            ],
-            "runs": [run for answer in answers.values() for run in answer.runs],
-            "updates": [run for answer in answers.values() for run in answer.updates],
-            **rows,
-        }
+        old = outdated_rows(outdated(pods, _known(fleet, variables, params["images"])))
+        problems = (*cluster_problems(mute, hosts), *unmeasured(results), *old)
+        look = Look(
+            replace(found, hosts=tuple(host.row for host in hosts), problems=problems),
+            graphs_to_read(hosts, services, found.apps),
+            promised_rates(hosts),
+            tuple(run for answer in answers.values() for run in answer.runs),
+            fleet.name,
+        )
+        return {"changed": False, **look.as_dict()}
 
 
 def _known(fleet: Fleet, variables: Variables, name: str) -> Known:

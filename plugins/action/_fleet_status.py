@@ -20,10 +20,11 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import logs_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Asked, Look, status_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Trouble, logs_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import TABLES, summary_text
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
 
@@ -40,24 +41,25 @@ class ActionModule(FleetAction):
     }
 
     def work(self, params: Arguments, known: Variables) -> Result:
-        fleet = params["fleet"]
-        results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in fleet["graphs"]}
-        graphs = {fleet["graphs"][host]["robot"]: one["graph"] for host, one in results.items() if "graph" in one}
-        problems = [*fleet["problems"], *graph_problems(results, fleet["graphs"])]
-        status = status_rows(
-            {**fleet, "problems": problems}, graphs, report_texts(callback_path()), fleet.get("promised") or {}
-        )
+        look = Look.from_dict(params["fleet"])
+        results = {host: known["hostvars"][host].get(params["graphs"], {}) for host in look.graphs}
+        graphs = {
+            look.graphs[host].robot: Reading.from_dict(one["graph"]) for host, one in results.items() if "graph" in one
+        }
+        problems = graph_problems(results, look.graphs)
+        status = status_of(look, graphs, report_texts(callback_path()), problems)
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        name = str(fleet.get("name") or "")
-        text = summary_text(status, now, name) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
+        text = (
+            summary_text(status, now, look.name) + "\n" + (status_text(status) if display.verbosity else f"{TABLES}\n")
+        )
         voice.show(f"\n{text}")
         # what -v would print of the result is what has just been shown
-        result: Result = {"status": status, "text": text, "_ansible_verbose_override": True}
+        result: Result = {"status": status.as_dict(), "text": text, "_ansible_verbose_override": True}
         try:
             limit = str(known.get("ansible_limit") or "")
             path = placed(params["page"])
             before = text_of(path) if path else ""
-            page = status_page(status, now, before, limit, name) if path else ""
+            page = status_page(status, now, before, limit, look.name) if path else ""
             result["changed"] = page != before
             if path and page != before and not self._task.check_mode:
                 write(path, page, int(params["mode"], 8))
@@ -72,15 +74,15 @@ def callback_path() -> str:
     return str(C.config.get_config_value("path", plugin_type="callback", plugin_name=callback._load_name) or "")
 
 
-def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Mapping[str, str]]) -> list[dict[str, str]]:
+def graph_problems(results: Mapping[str, Result], graphs: Mapping[str, Asked]) -> list[Trouble]:
     """Which robots' graphs could not be read; a robot that went away meanwhile shows as such."""
     return [
-        {
-            "where": f"ROS graph of {host}",
-            "what": message_of(result),
-            "todo": logs_of(str(graphs[host]["robot"]), names.MASTER_NAME),
-            "graph": str(graphs[host]["robot"]),
-        }
+        Trouble(
+            f"ROS graph of {host}",
+            message_of(result),
+            logs_of(graphs[host].robot, names.MASTER_NAME),
+            graph=graphs[host].robot,
+        )
         for host, result in results.items()
         if "graph" not in result and not result.get("unreachable")
     ]

@@ -9,8 +9,6 @@ Everything is built before anything is applied, so whatever is wrong with a dash
 from __future__ import annotations
 
 import secrets
-from collections.abc import Mapping
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
@@ -21,11 +19,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import K
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, wait_for_rollout
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import stack_files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files, stack_files
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import nodes_off
-
-Files = Mapping[str, Any]
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import nodes_off
 
 
 class ActionModule(ClusterAction):

@@ -21,20 +21,16 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import F
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import PATIENCE, keep
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import declared_in
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import declared_in
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 
 display = Display()
 
 BEGUN = "the run ended before it could say what became of the host"
 # Without the callback.
-UNKNOWN = {
-    "here": {"outcome": UNCHANGED, "reason": ""},
-    "lost": {
-        "outcome": FAILED,
-        "reason": "it left the run; the callback fleet_report, which knows why, is not enabled",
-    },
-}
+LEFT = RobotOutcome(FAILED, "it left the run; the callback fleet_report, which knows why, is not enabled")
 
 
 class ActionModule(ClusterAction):
@@ -52,25 +48,26 @@ class ActionModule(ClusterAction):
         fleet = Fleet.from_vars(known)
         hosts = [host for host in known["ansible_play_hosts_all"] if host in fleet.hosts]
         if params["begin"]:
-            begun = {"outcome": UNCHANGED, "reason": ""} if _only_validates() else {"outcome": FAILED, "reason": BEGUN}
-            rows = [{**begun, "host": host, "steps": []} for host in hosts]
+            begun = RobotOutcome(UNCHANGED) if _only_validates() else RobotOutcome(FAILED, BEGUN)
+            outcomes = dict.fromkeys(hosts, begun)
         else:
-            rows = list(_rows(known, hosts))
+            runs = list(_runs(known, hosts))
+            outcomes = {run.host: run.outcome for run in runs}
             if params["keep"] and not self._task.check_mode:
-                self._keep(rows, fleet, known)
-        data = {row["host"]: {key: row[key] for key in ("outcome", "reason", "steps")} for row in rows}
+                self._keep(runs, fleet, known)
+        data = {host: outcome.as_dict() for host, outcome in outcomes.items()}
         # AWX takes no artifacts by host
         stats = {"data": {"fleet_outcomes": data}, "per_host": False, "aggregate": False}
         return {"changed": False, "ansible_stats": stats, "_ansible_verbose_override": True}
 
-    def _keep(self, rows: Iterable[Result], fleet: Fleet, known: Variables) -> None:
+    def _keep(self, runs: Iterable[HostRun], fleet: Fleet, known: Variables) -> None:
         """In each cluster what became of its hosts. One that cannot be told keeps nobody from the others."""
-        clusters: dict[str, list[Result]] = {}
-        for row in rows:
-            clusters.setdefault(fleet.hosts[row["host"]].cluster, []).append(row)
+        clusters: dict[str, list[HostRun]] = {}
+        for run in runs:
+            clusters.setdefault(fleet.hosts[run.host].cluster, []).append(run)
         hostvars = HostVariables(known["hostvars"])
         for cluster, own in clusters.items():
-            host = own[0]["host"]
+            host = own[0].host
             path = str(hostvars[host].get("k3s_kubeconfig_path") or "")
             try:
                 with self.opened(Home(fleet.hosts[host], fleet.name), path, known, {}, PATIENCE) as kube:
@@ -81,21 +78,19 @@ class ActionModule(ClusterAction):
                 display.warning(f"cluster {cluster}: what became of its hosts is not kept there: {error}")
 
 
-def _rows(known: Variables, hosts: Iterable[str]) -> Iterator[Result]:
+def _runs(known: Variables, hosts: Iterable[str]) -> Iterator[HostRun]:
     """Who has left the run has failed or is away; the callback knows which, and what the others' tasks changed."""
     noted, here = noted_run(), set(known["ansible_play_hosts"])
-    run = {"playbook": noted.get("playbook", ""), "started": noted.get("started", "")}
     for host in hosts:
-        side = "here" if host in here else "lost"
-        note = noted.get("hosts", {}).get(host, {})
-        found = note.get(side) or (_told(known["hostvars"][host]) if host in here else {})
-        yield {**UNKNOWN[side], "steps": [], "changed": 0, **run, **note.get("host", {}), **found, "host": host}
+        run = (noted.here if host in here else noted.lost).get(host)
+        outcome = _told(known["hostvars"][host]) if host in here else LEFT
+        yield run or HostRun(host, noted.playbook, noted.started, outcome)
 
 
-def _told(variables: Variables) -> Result:
+def _told(variables: Variables) -> RobotOutcome:
     """What a task of this run has said of the host; facts may be those of an earlier run, out of a cache."""
     updated = declared_in((variables.get("update_result") or {}).get("outcome"))
-    return updated or declared_in(variables.get("fleet_k3s_outcome"))
+    return updated or declared_in(variables.get("fleet_k3s_outcome")) or RobotOutcome(UNCHANGED)
 
 
 def _only_validates() -> bool:

@@ -79,14 +79,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes impor
     UPDATED,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import note_run, placed, write
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
-    HIDDEN,
-    ReportFile,
-    RunReport,
-    TaskInfo,
-    screen,
-    word_of,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen, word_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import HIDDEN
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import LOOK, Silence
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Standing
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
@@ -140,11 +135,11 @@ def secret_free(result: Any) -> dict[str, Any]:
     return data
 
 
-def paths_of(path: Path, report: ReportFile) -> list[Path]:
+def paths_of(path: Path, report: Report) -> list[Path]:
     """The run's file, and the last one of its playbook: a look at the fleet must not hide what its last update did."""
-    if report["check_mode"]:
+    if report.check_mode:
         return [path]
-    return [path, path.with_name(f"{path.stem}-{Path(report['playbook']).stem}{path.suffix}")]
+    return [path, path.with_name(f"{path.stem}-{Path(report.playbook).stem}{path.suffix}")]
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries no types
@@ -181,7 +176,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
         found = manager.get_vars(play=play, include_hostvars=False) if manager else {}
         self.silence.begins(play.get_name().strip())
         self.report.play(play.get_name().strip(), found.get("ansible_play_hosts_all", []), time.monotonic())
-        note_run({"playbook": self.playbook, "started": self._started(), "hosts": self.report.so_far()})
+        note_run(self.report.so_far(self.playbook, self._started()))
 
     @harmless
     def v2_playbook_on_task_start(self, task: Any, is_conditional: bool) -> None:  # noqa: ARG002 - Ansible's signature
@@ -244,19 +239,19 @@ class CallbackModule(CallbackBase):  # type: ignore[misc] # ansible-core carries
     def _started(self) -> str:
         return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.started))
 
-    def _print(self, report: ReportFile) -> None:
-        check_mode = report["check_mode"]
+    def _print(self, report: Report) -> None:
+        check_mode = report.check_mode
         self._display.banner("FLEET REPORT" + (" (check mode: nothing was changed)" if check_mode else ""))
         colours = {word_of(outcome, check_mode): colour for outcome, colour in COLOURS.items()}
-        hosts = [""] + [colours[word_of(host["outcome"], check_mode)] for host in report["hosts"]]
+        hosts = [""] + [colours[word_of(host.outcome.outcome, check_mode)] for host in report.hosts]
         for number, line in enumerate(screen(report, max(int(self._display.columns), 120))):
             self._display.display(line, color=(hosts[number] or None) if number < len(hosts) else None)
 
-    def _write(self, report: ReportFile) -> None:
+    def _write(self, report: Report) -> None:
         path = placed(str(self.get_option("path") or ""))
         if path is None:
             return
-        text = json.dumps(report, indent=2, default=str) + "\n"
+        text = json.dumps(report.as_dict(), indent=2, default=str) + "\n"
         for place in paths_of(path, report):
             write(place, text)
         # AWX deletes the copy of the project in which a job runs

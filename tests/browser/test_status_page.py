@@ -2,21 +2,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The status page in a browser: it renders, quietly, without fetching anything, and fits a phone.
 
-`fleet.json` are rows of the lab's fleet: hosts to claims from one run of status.yml, outcomes and steps from the report
+`fleet.yml` are rows of the lab's fleet: hosts to claims from one run of status.yml, outcomes and steps from the report
 of one of update.yml. What robot2 shows when it is off was put in by hand. Screenshots: tests/output/browser/.
 """
 
 from __future__ import annotations
 
-import json
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import chromium
 import pytest
+import yaml
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
 
 HERE = Path(__file__).resolve().parent
@@ -65,8 +66,8 @@ LINKS = a_robot.rows(broken=(("/merger", "/amcl"),))
 
 
 def recorded() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((HERE / "fleet.json").read_text("utf-8"))
-    return {**found, "links": LINKS}
+    found: dict[str, Any] = yaml.safe_load((HERE / "fleet.yml").read_text("utf-8"))
+    return {**found, "links": plain(LINKS)}
 
 
 def hostile(value: Any) -> Any:
@@ -97,14 +98,14 @@ def large(robots: int = 60, topics: int = 12) -> dict[str, Any]:
         for name, rate in zip(names, [1.0, 0.5, *[0.98, 1.02] * robots])
         for number in range(topics)
     ]
-    found["links"] = [{**row, "robot": name} for name in names for row in LINKS]
+    found["links"] = [{**row, "robot": name} for name in names for row in base["links"]]
     found["steps"] = [{**row, "robot": name} for name in names for row in base["steps"]]
     return found
 
 
 MODELS = {
     "fleet": recorded,
-    "empty": lambda: status_rows({}, {}, {}),
+    "empty": dict,
     "hostile": lambda: {key: hostile(rows) for key, rows in recorded().items()},
     "large": large,
 }
@@ -113,7 +114,7 @@ MODELS = {
 def written(name: str) -> Path:
     SHOTS.mkdir(parents=True, exist_ok=True)
     file = SHOTS / f"{name}.html"
-    file.write_text(status_page(MODELS[name](), MADE), encoding="utf-8")
+    file.write_text(status_page(read(Status, MODELS[name]()), MADE), encoding="utf-8")
     return file
 
 

@@ -12,10 +12,11 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.templates import Config
 
 # Kubernetes' own limit on what a ConfigMap holds: keys and values. Server-side apply keeps no second copy in an
 # annotation, so this is the only one; `kubectl apply` without it ends at 262144 bytes.
@@ -51,7 +52,7 @@ def checked(files: Iterable[tuple[str, str]]) -> list[Dashboard]:
     return list(good.values())
 
 
-def _read(path: str, content: str, problems: list[Problem]) -> Mapping[str, Any] | None:
+def _read(path: str, content: str, problems: list[Problem]) -> Config | None:
     try:
         page = json.loads(content.removeprefix("\ufeff"))
     except ValueError as error:
@@ -63,7 +64,7 @@ def _read(path: str, content: str, problems: list[Problem]) -> Mapping[str, Any]
     return page
 
 
-def _page_problems(path: str, page: Mapping[str, Any]) -> Iterator[Problem]:
+def _page_problems(path: str, page: Config) -> Iterator[Problem]:
     if "uid" not in page and isinstance(page.get("dashboard"), dict):
         yield Problem(path, "is an answer of Grafana's API", "what is under its key `dashboard`")
         return
@@ -88,7 +89,7 @@ def _page_problems(path: str, page: Mapping[str, Any]) -> Iterator[Problem]:
         yield Problem(f"{path}: panels", f"is {shown(page['panels'])}", "a list")
 
 
-def _dashboard(page: Mapping[str, Any]) -> Dashboard:
+def _dashboard(page: Config) -> Dashboard:
     uid, title = str(page["uid"]), str(page["title"]).strip()
     # An id is a row of the database that it was exported from; Grafana warns of it. Without spaces more of it fits.
     text = json.dumps({**page, "id": None}, ensure_ascii=False, separators=(",", ":"))

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import Dashboard, checked
@@ -16,17 +16,17 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashbo
 FILES = Path(__file__).resolve().parents[3] / "roles" / "observability" / "files"
 
 
-def own_files(root: Path = FILES) -> dict[str, dict[str, str]]:
-    """`{rules: {name: text}, loki_rules: {..}, dashboards: {..}}`; a folder that is missing or empty gives nothing."""
-    return {
-        "rules": folder(root / "rules", ".yml"),
-        "loki_rules": folder(root / "loki-rules", ".yml"),
-        "dashboards": folder(root / "dashboards", ".json"),
-    }
+@dataclass(frozen=True)
+class Files:
+    """Texts by name; of dashboards by folder and name."""
+
+    rules: Mapping[str, str] = field(default_factory=dict)
+    loki_rules: Mapping[str, str] = field(default_factory=dict)
+    dashboards: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 def folder(path: Path, suffix: str) -> dict[str, str]:
-    """The files of one kind in a folder."""
+    """The files of one kind in a folder; nothing where that is missing."""
     try:
         found = sorted(path.glob(f"*{suffix}"))
         return {file.name: file.read_text("utf-8") for file in found}
@@ -34,14 +34,14 @@ def folder(path: Path, suffix: str) -> dict[str, str]:
         raise SpecError(f"{path} cannot be read: {error}") from error
 
 
-def stack_files(paths: Sequence[str], base: str, default_dashboards: bool) -> dict[str, Any]:
+def stack_files(paths: Sequence[str], base: str, default_dashboards: bool, root: Path = FILES) -> Files:
     """What the stack is built with: the role's files, and the dashboards of the inventory that lie at `paths`."""
-    files = own_files()
+    own = folder(root / "dashboards", ".json")
     # theirs must not have the uid of one that is shown beside them
-    beside = [str(FILES / "dashboards" / name) for name in files["dashboards"]] if default_dashboards else []
+    beside = [str(root / "dashboards" / name) for name in own] if default_dashboards else []
     users = read_dashboards(paths, beside, base)[len(beside) :] if paths else []
-    folders = {"Fleet": files["dashboards"], "Own": {f"{one.name}.json": one.json for one in users}}
-    return {**files, "dashboards": folders}
+    theirs = {f"{one.name}.json": one.json for one in users}
+    return Files(folder(root / "rules", ".yml"), folder(root / "loki-rules", ".yml"), {"Fleet": own, "Own": theirs})
 
 
 def read_dashboards(paths: Sequence[str], own: Sequence[str] = (), base: str = "") -> list[Dashboard]:

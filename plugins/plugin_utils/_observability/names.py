@@ -44,6 +44,5 @@ WORKLOADS = {
 }
 
 
-def url(name: str) -> str:
-    """The address of one of the stack's Services inside the cluster."""
-    return f"http://{name}.{NAMESPACE}:{PORTS[name]}"
+# The addresses of the stack's Services inside the cluster.
+URLS = {name: f"http://{name}.{NAMESPACE}:{port}" for name, port in PORTS.items()}

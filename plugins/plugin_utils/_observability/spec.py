@@ -13,7 +13,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import completed, role_options
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 
-Spec = Mapping[str, Any]
+Spec = Mapping[str, Any]  # the role's variables
 
 # Blocks are dropped when they would exceed this part of the claim. The rest is for what is not counted among them: the
 # write-ahead log of the last three hours, and the copy that a compaction makes.
@@ -22,7 +22,7 @@ RETENTION_PART = 0.8
 STORE_PART = 0.9
 
 
-def spec_of(variables: Mapping[str, Any], robot: str = "", remote_nodes: Collection[str] = ()) -> dict[str, Any]:
+def spec_of(variables: Spec, robot: str = "", remote_nodes: Collection[str] = ()) -> Spec:
     """The role's variables, all of them and of their specs' types, as the one input of what follows.
 
     Keys are those of the mapping `observability`, and the other variables' names without `observability_`. `robot` is
@@ -71,16 +71,12 @@ def store_size(claim: str) -> str:
     return f"{int(_mebibytes(claim) * STORE_PART)}MiB"
 
 
-def bytes_of(size: str) -> int:
-    """A Kubernetes quantity in bytes."""
+def _mebibytes(size: str) -> float:
+    """Of a Kubernetes quantity."""
     value = quantity_value(str(size))
     if value is None:
         raise SpecError(f"{size!r} is no Kubernetes quantity")
-    return int(value)
-
-
-def _mebibytes(size: str) -> float:
-    return bytes_of(size) / 2**20
+    return float(value) / 2**20
 
 
 def hub_url(spec: Spec, port: str) -> str:

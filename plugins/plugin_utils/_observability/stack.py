@@ -10,32 +10,22 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import owner_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.alertmanager import (
-    alertmanager_objects,
-    alertmanager_secret,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.grafana import grafana_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.loki import RULES_MAP as LOKI_RULES_MAP
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.loki import loki_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.node_exporter import node_exporter_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.prometheus import (
-    RULES_MAP,
-    prometheus_objects,
-    vmagent_objects,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.shipper import shipper_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import runs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.parts import RULES, part_objects, stack_pods
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, runs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.templates import yaml_text
 
-Spec = Mapping[str, Any]
-Object = dict[str, Any]
-
-
+# Who is asked for what comes before who asks.
+ORDER = (
+    obs.PROMETHEUS, obs.LOKI, obs.ALERTMANAGER, obs.VMAGENT, obs.NODE_EXPORTER, obs.SHIPPER, obs.GRAFANA,
+)  # fmt: skip
 ADMIN_SECRET = {
     "apiVersion": "v1",
     "kind": "Secret",
@@ -43,27 +33,15 @@ ADMIN_SECRET = {
 }
 
 
-def stack_objects(spec: Spec, files: Mapping[str, Any], admin_version: str = "") -> list[Object]:
+def stack_objects(spec: Spec, files: Files, admin_version: str = "") -> list[Object]:
     """All objects but the Secrets: what is in them may be shown. Grafana is restarted for another `admin_version`."""
     wanted = runs(spec)
-    found = [namespace_object(spec)]
-    if wanted[obs.PROMETHEUS]:
-        found += prometheus_objects(spec, files.get("rules") or {})
-    if wanted[obs.LOKI]:
-        found += loki_objects(spec, files.get("loki_rules") or {})
-    if wanted[obs.ALERTMANAGER]:
-        found += alertmanager_objects(spec)
-    if wanted[obs.VMAGENT]:
-        found += vmagent_objects(spec)
-    if wanted[obs.NODE_EXPORTER]:
-        found += node_exporter_objects(spec)
-    if wanted[obs.SHIPPER]:
-        found += shipper_objects(spec)
-    if wanted[obs.GRAFANA]:
-        dashboards = dict(files.get("dashboards") or {})
-        if not spec["grafana"]["default_dashboards"]:
-            dashboards.pop("Fleet", None)
-        found += grafana_objects(spec, dashboards, admin_version)
+    if not spec["grafana"]["default_dashboards"]:
+        files = replace(files, dashboards={name: one for name, one in files.dashboards.items() if name != "Fleet"})
+    pods = stack_pods(spec, files, admin_version)
+    found = [_namespace(spec)]
+    for name in ORDER:
+        found += part_objects(name, spec, files, pods) if wanted[name] else []
     return found
 
 
@@ -78,18 +56,15 @@ def leftovers(spec: Spec) -> list[Object]:
         if obs.WORKLOADS[name] == "Deployment":
             found.append(_reference("v1", "Service", name))
             found.append(_reference("networking.k8s.io/v1", "NetworkPolicy", name))
-        found += [_reference("v1", "ConfigMap", {obs.PROMETHEUS: RULES_MAP, obs.LOKI: LOKI_RULES_MAP}.get(name, ""))]
+        if name in RULES:
+            found.append(_reference("v1", "ConfigMap", RULES[name]))
     for name in (obs.PROMETHEUS, obs.VMAGENT):
         if not wanted[name]:
-            wide = f"rosops-fleet-{name}"
-            found += [
-                _reference("rbac.authorization.k8s.io/v1", f"ClusterRole{kind}", wide) for kind in ("Binding", "")
-            ]
-            found.append(_reference("v1", "ServiceAccount", name))
+            found += [_bare(one) for one in reversed(workload.discovery_access(name, spec))]
     if not spec["allowed_networks"]:
         opened = (obs.GRAFANA, obs.PROMETHEUS, obs.LOKI)
         found += [_reference("networking.k8s.io/v1", "NetworkPolicy", name) for name in opened if wanted[name]]
-    return [item for item in found if item["metadata"]["name"]]
+    return found
 
 
 def stack_secrets(spec: Spec, admin: Mapping[str, str]) -> list[Object]:
@@ -97,13 +72,16 @@ def stack_secrets(spec: Spec, admin: Mapping[str, str]) -> list[Object]:
     wanted = runs(spec)
     found = []
     if wanted[obs.GRAFANA] and admin["password"]:
-        secret = {"user": "admin", "password": admin["password"], "version": admin["version"]}
-        meta = workload.metadata(obs.ADMIN_SECRET, obs.GRAFANA, spec)
-        data = {key: base64.b64encode(str(value).encode()).decode() for key, value in secret.items()}
-        found.append({"apiVersion": "v1", "kind": "Secret", "metadata": meta, "data": data})
+        found.append(_secret(obs.ADMIN_SECRET, obs.GRAFANA, spec, {"user": "admin", **admin}))
     if wanted[obs.ALERTMANAGER]:
-        found.append(alertmanager_secret(spec))
+        config = {"alertmanager.yml": yaml_text(spec["alertmanager_config"])}
+        found.append(_secret(obs.ALERTMANAGER, obs.ALERTMANAGER, spec, config))
     return found
+
+
+def _secret(name: str, app: str, spec: Spec, texts: Mapping[str, str]) -> Object:
+    data = {key: base64.b64encode(str(text).encode()).decode() for key, text in texts.items()}
+    return {"apiVersion": "v1", "kind": "Secret", "metadata": workload.metadata(name, app, spec), "data": data}
 
 
 def has_grafana(spec: Spec) -> bool:
@@ -111,7 +89,7 @@ def has_grafana(spec: Spec) -> bool:
     return runs(spec)[obs.GRAFANA]
 
 
-def grafana_admin(secret: Mapping[str, Any] | None, given: str, fresh: str) -> dict[str, str]:
+def grafana_admin(secret: Object | None, given: str, fresh: str) -> dict[str, str]:
     """The password that holds: the given one, else the one that the cluster has, else a fresh one.
 
     `secret` is what the cluster has, `fresh` is random text: its first eight characters become
@@ -126,22 +104,16 @@ def grafana_admin(secret: Mapping[str, Any] | None, given: str, fresh: str) -> d
     return {"password": given or known["password"] or fresh[8:], "version": fresh[:8]}
 
 
-def namespace_object(spec: Spec) -> Object:
-    """The stack's namespace."""
-    labels = {
-        "app.kubernetes.io/managed-by": names.MANAGER,
-        # the hosts' files and network are what node exporter and log shipper are about
-        "pod-security.kubernetes.io/enforce": "privileged",
-    }
-    if spec["robot"]:
-        labels[names.LABEL_ROBOT] = spec["robot"]
+def _namespace(spec: Spec) -> Object:
+    # the hosts' files and network are what node exporter and log shipper are about
+    labels = {**owner_labels(spec["robot"] or None), "pod-security.kubernetes.io/enforce": "privileged"}
     return {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": obs.NAMESPACE, "labels": labels}}
 
 
 def _reference(api: str, kind: str, name: str) -> Object:
-    wide = kind.startswith("ClusterRole")
-    return {
-        "apiVersion": api,
-        "kind": kind,
-        "metadata": {"name": name} | ({} if wide else {"namespace": obs.NAMESPACE}),
-    }
+    return {"apiVersion": api, "kind": kind, "metadata": {"name": name, "namespace": obs.NAMESPACE}}
+
+
+def _bare(item: Object) -> Object:
+    metadata = {key: item["metadata"][key] for key in ("name", "namespace") if key in item["metadata"]}
+    return {"apiVersion": item["apiVersion"], "kind": item["kind"], "metadata": metadata}

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import common
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
@@ -18,9 +19,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
     pod_selector,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-
-Spec = Mapping[str, Any]
-Object = dict[str, Any]
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec
 
 # A process that needs nothing of its host but what is mounted into it.
 UNPRIVILEGED = {
@@ -103,41 +102,29 @@ def data_volume(name: str, persistent: bool) -> Object:
     return {"name": "data", **source}
 
 
-def map_volume(volume: str, name: str) -> Object:
-    """A pod's volume of a ConfigMap."""
-    return {"name": volume, "configMap": {"name": name}}
-
-
-def container(name: str, image: str, **more: Any) -> Object:
-    """A container; without a command the image's own entry point is the program."""
-    return {"name": name, "image": image, "imagePullPolicy": "IfNotPresent", "securityContext": UNPRIVILEGED, **more}
-
-
-def port_of(name: str) -> list[Object]:
-    """The one port that a part listens on."""
-    return [{"name": obs.HTTP, "containerPort": obs.PORTS[name], "protocol": "TCP"}]
-
-
-def probe(path: str, port: int) -> Object:
-    """Readiness over HTTP. No liveness probe: a restart while a log is replayed only makes it longer."""
-    return {
-        "httpGet": {"path": path, "port": port},
-        "periodSeconds": 5,
-        "timeoutSeconds": 5,
-        "failureThreshold": 3,
-    }
-
-
-def resources(cpu: str, memory: str, limit: str) -> Object:
-    """What is set aside, and the limit of memory. None for CPU: what is throttled falls behind what it records."""
-    return {"requests": {"cpu": cpu, "memory": memory}, "limits": {"memory": limit}}
-
-
-def as_user(user: int) -> Object:
-    """A pod's user, to whom its volumes belong."""
-    return {"runAsNonRoot": True, "runAsUser": user, "runAsGroup": user, "fsGroup": user}
-
-
 def memory(limit: str) -> list[Object]:
     """Go's soft limit of memory and one thread: the collector of garbage works harder before more is taken."""
     return [{"name": "GOMEMLIMIT", "value": limit}, {"name": "GOMAXPROCS", "value": "1"}]
+
+
+def discovery_access(name: str, spec: Spec) -> list[Object]:
+    """An account that may see what there is to scrape, and read the metrics of nodes and API servers: nothing else."""
+    meta = metadata(name, name, spec)
+    wide = {"name": f"rosops-fleet-{name}", "labels": meta["labels"]}
+    rules = [
+        {"apiGroups": [""], "resources": ["nodes", "pods", "services", "endpoints"], "verbs": ["get", "list", "watch"]},
+        {"apiGroups": [""], "resources": ["nodes/metrics"], "verbs": ["get"]},
+        {"nonResourceURLs": ["/metrics"], "verbs": ["get"]},
+    ]
+    api = "rbac.authorization.k8s.io"
+    return [
+        {"apiVersion": "v1", "kind": "ServiceAccount", "metadata": meta},
+        {"apiVersion": f"{api}/v1", "kind": "ClusterRole", "metadata": wide, "rules": rules},
+        {
+            "apiVersion": f"{api}/v1",
+            "kind": "ClusterRoleBinding",
+            "metadata": dict(wide),
+            "roleRef": {"apiGroup": api, "kind": "ClusterRole", "name": wide["name"]},
+            "subjects": [{"kind": "ServiceAccount", "name": name, "namespace": obs.NAMESPACE}],
+        },
+    ]

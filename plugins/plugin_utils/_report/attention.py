@@ -5,28 +5,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import singledispatch
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, OFFLINE
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
     BAD,
     WARN,
-    WORKLOADS,
-    Status,
     hosts_away,
     is_unknown,
     level,
-    some,
     used_share,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import logs_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row, Status, logs_of, some
 
 RUNBOOKS = "https://github.com/rosops/fleet/blob/main/docs/runbooks"  # as in the alerts' rules
 OURS = frozenset({"site.yml", "update.yml", "rollback.yml"})  # playbooks that a user may run again by their name
+# Causes come before what they may be the cause of.
+SECTIONS = (
+    "hosts", "nodes", "masters", "problems", "helpers", "apps", "went_back", "ended", "ros_nodes", "topics", "claims",
+    "outcomes", "links",
+)  # fmt: skip
 
-Row = Mapping[str, Any]
 Key = tuple[str, str]  # a kind of cause, and its name
 
 
@@ -67,75 +70,71 @@ def attention(status: Status) -> list[Finding]:
     causes: dict[Key, Finding] = {}
     found: list[Finding] = []
     away = hosts_away(status)
-    for section, tell in _TOLD.items():
-        for row in status.get(section) or []:
-            found_level = level(section, row)
-            if found_level not in (WARN, BAD) and not is_unknown(section, row, away):
-                continue
-            cause = next((causes[key] for key in _causes(section, row, status) if key in causes), None)
-            if cause is not None:
-                cause.followers.append((section, row))
-                # what depends on this row has the same cause, and must find it
-                causes.update(dict.fromkeys(_keys(section, row), cause))
-                continue
-            finding = Finding(found_level, section, tell(row))
-            causes.update({key: finding for key in _keys(section, row) if key not in causes})
-            found.append(finding)
+    for section, row in ((key, row) for key in SECTIONS for row in status.rows(key)):
+        if level(row) not in (WARN, BAD) and not is_unknown(row, away):
+            continue
+        cause = next((causes[key] for key in _causes(row, status) if key in causes), None)
+        if cause is not None:
+            cause.followers.append((section, row))
+            # what depends on this row has the same cause, and must find it
+            causes.update(dict.fromkeys(_keys(section, row), cause))
+            continue
+        finding = Finding(level(row), section, _told(row, section))
+        causes.update({key: finding for key in _keys(section, row) if key not in causes})
+        found.append(finding)
     return sorted(map(_dated, found), key=lambda one: one.level != BAD)
 
 
 def _keys(section: str, row: Row) -> list[Key]:
     """As what a row may be the cause of others."""
-    name, robot = str(row.get("name")), str(row.get("robot"))
-    if section == "hosts":
-        return [("host", name), *([("cluster", str(row.get("cluster")))] if row.get("role") == "server" else [])]
-    return {
-        "nodes": [("host", name)],
-        "masters": [("graph", robot)],
-        "helpers": [("app", f"{robot}/{name}")],
-        "apps": [("app", f"{robot}/{name}")],
-    }.get(section, [])
+    match row:
+        case rows.Host():
+            return [("host", row.name), *([("cluster", row.cluster)] if row.role == "server" else [])]
+        case rows.Node():
+            return [("host", row.name)]
+        case rows.Workload():
+            return [("graph", row.robot) if section == "masters" else ("app", f"{row.robot}/{row.name}")]
+    return []
 
 
-def _causes(section: str, row: Row, status: Status) -> Iterator[Key]:
+def _causes(row: Row, status: Status) -> Iterator[Key]:
     """What may be the cause of a row, the first one first."""
-    robot = str(row.get("robot"))
-    if section == "nodes":
-        yield "host", str(row.get("name"))
-    elif section in WORKLOADS:
-        if row.get("nodes"):
-            yield from (("host", str(node)) for node in row["nodes"][:1] if len(row["nodes"]) == 1)
-    elif section == "ros_nodes":
-        yield "app", f"{robot}/{row.get('app')}"
-        yield "graph", robot
-        yield "host", str(row.get("at") or robot)
-    elif section == "topics":
-        yield "app", "{robot}/{app}".format(**row["promised"])
-        yield "graph", robot
-    elif section == "claims":
-        yield "host", robot
-    elif section == "outcomes" and row.get("outcome") == OFFLINE:
-        yield "host", str(row.get("host"))
-    elif section == "problems":
-        if row.get("cluster") and _servers_away(str(row["cluster"]), status):
-            yield "cluster", str(row["cluster"])
-        if row.get("graph"):
-            yield "graph", str(row["graph"])
+    match row:
+        case rows.Node():
+            yield "host", row.name
+        case rows.Workload(nodes=(node,)):
+            yield "host", node
+        case rows.RosNode():
+            yield "app", f"{row.robot}/{row.app}"
+            yield "graph", row.robot
+            yield "host", row.at or row.robot
+        case rows.Topic():
+            if row.promised:
+                yield "app", f"{row.promised.robot}/{row.promised.app}"
+            yield "graph", row.robot
+        case rows.Claim():
+            yield "host", row.robot
+        case rows.LastRun(outcome=outcome) if outcome == OFFLINE:
+            yield "host", row.host
+        case rows.Trouble():
+            if row.cluster and _servers_away(row.cluster, status):
+                yield "cluster", row.cluster
+            if row.graph:
+                yield "graph", row.graph
 
 
 def _servers_away(cluster: str, status: Status) -> bool:
-    servers = [row for row in status.get("hosts") or [] if (row.get("cluster"), row.get("role")) == (cluster, "server")]
-    return all(not row.get("reachable", True) for row in servers)
+    return not any(row.reachable for row in status.hosts if (row.cluster, row.role) == (cluster, "server"))
 
 
 def _dated(finding: Finding) -> Finding:
     """A host that is off says nothing itself: its node's last word counts, or the run that missed it."""
     if finding.section != "hosts" or finding.told.since:
         return finding
-    nodes = [str(row.get("since") or "") for section, row in finding.followers if section == "nodes"]
-    missed = [str(row.get("started") or "") for section, row in finding.followers if section == "outcomes"]
-    since = next((one for one in [*nodes, *missed] if one), "")
-    return replace(finding, told=replace(finding.told, since=since))
+    followers = [row for _section, row in finding.followers]
+    times = [row.since for row in followers if isinstance(row, rows.Node)]
+    times += [row.started for row in followers if isinstance(row, rows.LastRun)]
+    return replace(finding, told=replace(finding.told, since=next(filter(None, times), "")))
 
 
 # ---- in words
@@ -147,130 +146,127 @@ _PLURAL = {
 
 
 def _short(section: str, row: Row) -> str:
-    if section == "outcomes":
-        return f"{row.get('playbook')} {row.get('outcome')}"
-    if section == "problems":
-        return str(row.get("where"))
-    if section == "masters":
-        return f"of {row.get('robot')}"
-    return str(row.get("name"))
+    match row:
+        case rows.LastRun():
+            return f"{row.playbook} {row.outcome}"
+        case rows.Trouble():
+            return row.where
+        case rows.Workload() if section == "masters":
+            return f"of {row.robot}"
+        case rows.Node() | rows.OfRobot():
+            return row.name
+    return ""
 
 
-def _counted(section: str, named: Sequence[str]) -> str:
+def _counted(section: str, named: list[str]) -> str:
     noun = _PLURAL[section]
     if len(named) == 1 or not noun:
         return f"{noun} {some(named)}".strip()
     return f"{len(named)} {noun}s: {some(named)}"
 
 
-def _with(words: str, more: Any) -> str:
+def _with(words: str, more: str) -> str:
     return f"{words}: {more}" if more else words
 
 
-def _since(row: Row) -> str:
-    return str(row.get("since") or "")
+@singledispatch
+def _told(row: Row, section: str) -> Told:
+    raise TypeError(f"{row} of {section}: nothing is told of it")
 
 
-def _host(row: Row) -> Told:
-    name = str(row.get("name"))
-    runbook = "RobotOffline" if row.get("group") == "robots" else ""
-    todo = f"ansible {name} -m ansible.builtin.ping"
-    return Told(f"host {name}", _with("offline", row.get("reason")), "", todo, runbook)
+@_told.register
+def _trouble(row: rows.Trouble, _section: str) -> Told:
+    return Told(row.where, row.what, row.since, row.todo)
 
 
-def _node(row: Row) -> Told:
-    name, ready = str(row.get("name")), row.get("ready")
-    todo = f"k3s kubectl uncordon {name}" if ready else f"ansible {name} -b -a 'systemctl status k3s k3s-agent'"
-    what = _with("Ready" if ready else "NotReady", row.get("reason"))
-    return Told(f"node {name}", what, _since(row), todo, "" if ready else "RobotOffline")
+@_told.register
+def _host(row: rows.Host, _section: str) -> Told:
+    runbook = "RobotOffline" if row.group == "robots" else ""
+    todo = f"ansible {row.name} -m ansible.builtin.ping"
+    return Told(f"host {row.name}", _with("offline", row.reason), "", todo, runbook)
 
 
-def _workload(where: str, row: Row, runbook: str) -> Told:
-    namespace, name, note = row.get("namespace"), row.get("name"), str(row.get("note") or "")
-    todo = f"k3s kubectl -n {namespace} describe pod -l rosops.fleet/app={name}"
-    logs = f"k3s kubectl -n {namespace} logs deploy/{name} --previous"
-    if "CrashLoopBackOff" in note:
-        todo = logs
-    elif row.get("ended"):
-        note, todo = "; ".join(filter(None, (note, str(row["ended"])))), logs
-    what = _with(f"{row.get('ready', 0)} of {row.get('wanted', 1)} ready", note)
-    return Told(where, what, _since(row), todo, runbook)
+@_told.register
+def _node(row: rows.Node, _section: str) -> Told:
+    todo = f"ansible {row.name} -b -a 'systemctl status k3s k3s-agent'"
+    if row.ready:
+        todo = f"k3s kubectl uncordon {row.name}"
+    what = _with("Ready" if row.ready else "NotReady", row.reason)
+    return Told(f"node {row.name}", what, row.since, todo, "" if row.ready else "RobotOffline")
 
 
-def _claim(row: Row) -> Told:
-    where = f"claim {row.get('name')} of {row.get('robot')}"
-    kubectl = f"k3s kubectl -n {row.get('namespace')}"
-    if row.get("bound"):
+@_told.register
+def _workload(row: rows.Workload, section: str) -> Told:
+    where = {"masters": "ROS master", "apps": f"app {row.name}"}.get(section, row.name)
+    note, todo = row.note, f"k3s kubectl -n {row.namespace} describe pod -l rosops.fleet/app={row.name}"
+    if "CrashLoopBackOff" in note or row.ended:
+        todo = f"k3s kubectl -n {row.namespace} logs deploy/{row.name} --previous"
+    if row.ended and "CrashLoopBackOff" not in note:
+        note = "; ".join(filter(None, (note, row.ended)))
+    what = _with(f"{row.ready} of {row.wanted} ready", note)
+    return Told(f"{where} of {row.robot}", what, row.since, todo, "RosMasterDown" if section == "masters" else "")
+
+
+@_told.register
+def _went_back(row: rows.WentBack, _section: str) -> Told:
+    what = _with(f"taken back by the keeper, from {row.before} to {row.after}", row.reason)
+    todo = logs_of(row.robot, names.KEEPER_NAME)
+    return Told(f"app {row.name} of {row.robot}", what, row.at, todo, "RobotUpdateFailed")
+
+
+@_told.register
+def _ended(row: rows.Ended, _section: str) -> Told:
+    where = f"app {row.app}" if row.app else f"launch file at {row.host}"
+    what = f"{row.node} has ended; its exit code is in the pod's log alone"
+    return Told(f"{where} of {row.robot}", what, "", logs_of(row.robot, row.app) if row.app else "")
+
+
+@_told.register
+def _ros_node(row: rows.RosNode, _section: str) -> Told:
+    todo = logs_of(row.robot, row.app, " --since 10m") if row.app else ""
+    return Told(f"ROS node {row.name} of {row.robot}", _with("down", row.error), "", todo, "RosNodeDown")
+
+
+@_told.register
+def _link(row: rows.Link, _section: str) -> Told:
+    """Who is registered as a subscriber, is alive, and does not get what a publisher sends."""
+    pairs = [f"{publisher} is not connected to {subscriber}" for publisher, subscriber in row.broken]
+    todo = f"ansible-playbook rosops.fleet.status --limit {row.robot}"
+    return Told(f"topic {row.name} of {row.robot}", some(pairs), "", todo, "RosTopicSilent")
+
+
+@_told.register
+def _claim(row: rows.Claim, _section: str) -> Told:
+    where, kubectl = f"claim {row.name} of {row.robot}", f"k3s kubectl -n {row.namespace}"
+    if row.bound:
         share = used_share(row)
         # a host that is off takes its claims along; one without a number is not told by itself
         what = "not measured" if share is None else f"{share:.0%} used"
-        return Told(where, what, "", f"{kubectl} get pvc {row.get('name')}", "PvcNearlyFull")
-    todo = f"{kubectl} describe pvc {row.get('name')}"
-    return Told(where, str(row.get("note") or row.get("phase") or "not bound"), _since(row), todo)
+        return Told(where, what, "", f"{kubectl} get pvc {row.name}", "PvcNearlyFull")
+    return Told(where, row.note or row.phase or "not bound", row.since, f"{kubectl} describe pvc {row.name}")
 
 
-def _topic(row: Row) -> Told:
-    promised, rate = row["promised"], row.get("rate")
-    found = "nobody publishes it" if rate is None else f"{rate:.1f} Hz"
-    told = f"{found}; {promised['app']} promises at least {promised['min_rate']:g} Hz"
-    todo = logs_of(promised["robot"], promised["app"], " --since 10m")
-    runbook = "RosTopicSilent" if rate is None else "RosTopicRateDrop"
-    return Told(f"topic {row['name']} of {row['robot']}", told, "", todo, runbook)
-
-
-def _link(row: Row) -> Told:
-    """Who is registered as a subscriber, is alive, and does not get what a publisher sends."""
-    pairs = [f"{publisher} is not connected to {subscriber}" for publisher, subscriber in row["broken"]]
-    todo = f"ansible-playbook rosops.fleet.status --limit {row['robot']}"
-    return Told(f"topic {row['name']} of {row['robot']}", some(pairs), "", todo, "RosTopicSilent")
-
-
-def _outcome(row: Row) -> Told:
-    playbook, host, outcome = str(row.get("playbook")), row.get("host"), row.get("outcome")
-    named = f"rosops.fleet.{playbook.removesuffix('.yml')}" if playbook in OURS else playbook
-    runbook = "" if outcome in (BUSY, OFFLINE) else "RobotUpdateFailed"
-    return Told(
-        f"last {playbook} on {host}",
-        _with(str(outcome), row.get("note")),
-        str(row.get("started") or ""),
-        f"ansible-playbook {named} --limit {host}" + ("" if outcome in (BUSY, OFFLINE) else " --check --diff"),
-        runbook,
+@_told.register
+def _topic(row: rows.Topic, _section: str) -> Told:
+    where, found = (
+        f"topic {row.name} of {row.robot}",
+        "nobody publishes it" if row.rate is None else f"{row.rate:.1f} Hz",
     )
+    if row.promised is None:
+        return Told(where, found)
+    told = f"{found}; {row.promised.app} promises at least {row.promised.min_rate:g} Hz"
+    todo = logs_of(row.promised.robot, row.promised.app, " --since 10m")
+    return Told(where, told, "", todo, "RosTopicSilent" if row.rate is None else "RosTopicRateDrop")
 
 
-def _ended(row: Row) -> Told:
-    where = f"app {row['app']} of {row['robot']}" if row["app"] else f"launch file at {row['host']} of {row['robot']}"
-    what = f"{row['node']} has ended; its exit code is in the pod's log alone"
-    return Told(where, what, "", logs_of(row["robot"], row["app"]) if row["app"] else "")
-
-
-# Causes come before what they may be the cause of.
-_TOLD: Mapping[str, Callable[[Row], Told]] = {
-    "hosts": _host,
-    "nodes": _node,
-    "masters": lambda row: _workload(f"ROS master of {row.get('robot')}", row, "RosMasterDown"),
-    "problems": lambda row: Told(
-        str(row.get("where", "")), str(row.get("what", "")), _since(row), str(row.get("todo") or "")
-    ),
-    "helpers": lambda row: _workload(f"{row.get('name')} of {row.get('robot')}", row, ""),
-    "apps": lambda row: _workload(f"app {row.get('name')} of {row.get('robot')}", row, ""),
-    "went_back": lambda row: Told(
-        f"app {row.get('name')} of {row.get('robot')}",
-        _with(f"taken back by the keeper, from {row['from']} to {row['to']}", row["reason"]),
-        str(row["at"]),
-        logs_of(str(row.get("robot")), "ros-keeper"),
-        "RobotUpdateFailed",
-    ),
-    "ended": _ended,
-    "ros_nodes": lambda row: Told(
-        f"ROS node {row.get('name')} of {row.get('robot')}",
-        _with("down", row.get("error")),
-        "",
-        logs_of(str(row.get("robot")), str(row["app"]), " --since 10m") if row.get("app") else "",
-        "RosNodeDown",
-    ),
-    "topics": _topic,
-    "claims": _claim,
-    "outcomes": _outcome,
-    "links": _link,
-}
+@_told.register
+def _outcome(row: rows.LastRun, _section: str) -> Told:
+    named = f"rosops.fleet.{row.playbook.removesuffix('.yml')}" if row.playbook in OURS else row.playbook
+    waits = row.outcome in (BUSY, OFFLINE)
+    return Told(
+        f"last {row.playbook} on {row.host}",
+        _with(row.outcome, row.note),
+        row.started,
+        f"ansible-playbook {named} --limit {row.host}" + ("" if waits else " --check --diff"),
+        "" if waits else "RobotUpdateFailed",
+    )

@@ -14,7 +14,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, Row, kept_runs, kept_steps
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_runs, kept_steps
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
 
 SECONDS = 60.0
@@ -32,13 +33,12 @@ KINDS = {
 
 @dataclass
 class Answer:
-    """The objects of a cluster by kind, why there are no more of them (empty: these are all), and what it keeps of the
-    last runs."""
+    """The objects of a cluster by kind, why there are no more of them (empty: these are all), and the last runs that it
+    keeps."""
 
     objects: dict[str, list[Object]] = field(default_factory=dict)
     problem: str = ""
-    runs: list[Row] = field(default_factory=list)
-    updates: list[Row] = field(default_factory=list)
+    runs: list[HostRun] = field(default_factory=list)
 
 
 def ask(opened: Mapping[str, Callable[[], Kube]], seconds: float = SECONDS) -> dict[str, Answer]:
@@ -67,8 +67,8 @@ def _read(kube: Kube) -> Answer:
     try:
         for kind, labels in KINDS.items():
             answer.objects[kind] = kube.objects(kind, labels=labels)
-        answer.runs = kept_runs(kube.get(REF))
-        answer.updates = kept_steps(kube.objects("ConfigMap", fields=f"metadata.name={EVENTS_NAME}"))
+        answer.runs += kept_runs(kube.get(REF))
+        answer.runs += kept_steps(kube.objects("ConfigMap", fields=f"metadata.name={EVENTS_NAME}"))
     except KubeError as error:
         answer.problem = str(error)
     return answer

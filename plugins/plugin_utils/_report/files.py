@@ -8,21 +8,21 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 from ansible import constants as C  # noqa: N812 - its customary name
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import Noted
 
 RUN = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
 
 
-def note_run(found: Any) -> None:
+def note_run(found: Noted) -> None:
     """Write down what is known of this run so far, for the tasks that come."""
-    write(Path(C.DEFAULT_LOCAL_TMP) / RUN, json.dumps(found, default=str))
+    write(Path(C.DEFAULT_LOCAL_TMP) / RUN, json.dumps(found.as_dict()))
 
 
-def noted_run() -> dict[str, Any]:
-    """What was written down of this run; empty where nobody does."""
-    return dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / RUN) or "{}"))
+def noted_run() -> Noted:
+    """What was written down of this run; nothing where nobody does."""
+    return Noted.from_dict(json.loads(text_of(Path(C.DEFAULT_LOCAL_TMP) / RUN) or "{}"))
 
 
 def placed(path: str) -> Path | None:

@@ -1,122 +1,138 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A fleet's status at a glance: how good each row is, how many of each kind, and a line per host. Pure."""
+"""A fleet's status at a glance: how good each row is, how many of each kind are, and a line per host. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import RATE_TOLERANCE
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED
-
-Row = dict[str, Any]
-Rows = Sequence[Mapping[str, Any]]
-Status = Mapping[str, Rows]  # by section
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Row, Status, some
 
 OK, WARN, BAD = "ok", "warn", "bad"
 NEARLY_FULL = 0.9
-WORKLOADS = ("masters", "helpers", "apps")
-NAMED = 6  # a line has no room for the names of a whole fleet
 _OUTCOMES = {FAILED: BAD, ROLLED_BACK: BAD, OFFLINE: WARN, BUSY: WARN}
 
 
-def _host(row: Mapping[str, Any]) -> str:
-    if row.get("reachable", True):
-        return OK
-    return WARN if row.get("group") == "robots" else BAD  # robots come and go
+@dataclass(frozen=True)
+class HostLine(Row):
+    """What runs for a host, as shares that are in order, and what became of it. `level` is the worst of all that."""
+
+    host: str
+    group: str
+    state: str
+    node: str
+    master: str
+    apps: str
+    ros_nodes: str
+    topics: int | None
+    messages: float | None
+    outcome: str
+    level: str
 
 
-def _node(row: Mapping[str, Any]) -> str:
-    if not row.get("ready"):
+def level(row: Row, off: Collection[str] = ()) -> str:
+    """`ok`, `warn` or `bad`; empty where there is nothing to judge.
+
+    What is not in order only because it is on hosts that are `off` is no worse than they are.
+    """
+    found = _level(row)
+    return WARN if is_unknown(row, off) or (found == BAD and _is_on(row, off)) else found
+
+
+def _level(row: Row) -> str:
+    found = ""
+    match row:
+        case rows.Trouble():
+            found = BAD
+        case rows.Host():
+            found = OK if row.reachable else WARN if row.group == "robots" else BAD  # robots come and go
+        case rows.Node():
+            found = BAD if not row.ready else WARN if row.reason else OK
+        case rows.Workload():
+            found = OK if row.ready >= row.wanted else BAD
+        case rows.WentBack() | rows.Ended():
+            found = WARN
+        case rows.RosNode():
+            found = OK if row.reachable else BAD
+        case rows.Topic():
+            found = _topic(row)
+        case rows.Link():
+            found = WARN if row.broken else ""
+        case rows.Claim():
+            found = _claim(row)
+        case rows.LastRun() | rows.Step():
+            found = _OUTCOMES.get(row.outcome, OK)
+        case HostLine():
+            found = row.level
+    return found
+
+
+def _topic(row: rows.Topic) -> str:
+    """By what an app's readiness says of it, as its update holds it. A rate that nobody can tell is not held."""
+    if not row.promised:
+        return ""
+    if not row.publishers:
         return BAD
-    return WARN if row.get("reason") else OK
+    return WARN if row.rate is not None and row.rate < row.promised.min_rate * (1 - RATE_TOLERANCE) else OK
 
 
-def _workload(row: Mapping[str, Any]) -> str:
-    return OK if int(row.get("ready", 0)) >= int(row.get("wanted", 1)) else BAD
-
-
-def _claim(row: Mapping[str, Any]) -> str:
-    if not row.get("bound"):
-        return OK if row.get("unused") else BAD
+def _claim(row: rows.Claim) -> str:
+    if not row.bound:
+        return OK if row.unused else BAD
     share = used_share(row)
     return WARN if share is not None and share >= NEARLY_FULL else OK
 
 
-def used_share(row: Mapping[str, Any]) -> float | None:
+def used_share(row: rows.Claim) -> float | None:
     """How much of its size a claim holds; None where either is not known."""
-    size = quantity_value(str(row.get("size") or ""))
-    used = row.get("used_bytes")
-    return float(used) / float(size) if size and used is not None else None
+    size = quantity_value(row.size)
+    return float(row.used_bytes) / float(size) if size and row.used_bytes is not None else None
 
 
-def _topic(row: Mapping[str, Any]) -> str:
-    """By what an app's readiness says of it, as its update holds it. A rate that nobody can tell is not held."""
-    promised, rate = row.get("promised"), row.get("rate")
-    if not promised:
-        return ""
-    if not row.get("publishers"):
-        return BAD
-    return WARN if rate is not None and rate < promised["min_rate"] * (1 - RATE_TOLERANCE) else OK
+def is_unknown(row: Row, away: Collection[str]) -> bool:
+    """Its hosts do not answer, so what was last said of it says nothing now."""
+    if isinstance(row, rows.Claim):  # that it is there is known, what it holds is not
+        return row.used_bytes is None and _is_on(row, away)
+    return isinstance(row, (rows.Node, rows.Workload)) and _level(row) == BAD and _is_on(row, away)
 
 
-def _outcome(row: Mapping[str, Any]) -> str:
-    return _OUTCOMES.get(str(row.get("outcome")), OK)
+def _is_on(row: Row, hosts: Collection[str]) -> bool:
+    """Whether these hosts' being off explains what is wrong with it."""
+    places: Sequence[str] = ()
+    match row:
+        case rows.Node():
+            places = (row.name,)
+        case rows.Workload():
+            places = row.nodes
+        case rows.RosNode() | rows.Claim():
+            places = (row.robot,)
+    return bool(places) and all(place in hosts for place in places)
 
 
-# How good a row of each section is. What is not listed has nothing to judge.
-_JUDGES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "problems": lambda _row: BAD,
-    "hosts": _host,
-    "nodes": _node,
-    "masters": _workload,
-    "helpers": _workload,
-    "apps": _workload,
-    "went_back": lambda _row: WARN,
-    "ended": lambda _row: WARN,
-    "ros_nodes": lambda row: OK if row.get("reachable") else BAD,
-    "links": lambda row: WARN if row.get("broken") else "",
-    "topics": _topic,
-    "claims": _claim,
-    "outcomes": _outcome,
-    "steps": _outcome,
-}
-
-
-def level(section: str, row: Mapping[str, Any], off: Collection[str] = ()) -> str:
-    """`ok`, `warn` or `bad`; empty where there is nothing to judge.
-
-    What is not in order only because it is on one of the hosts that are `off` is no worse than they are.
-    """
-    judge = _JUDGES.get(section)
-    found = judge(row) if judge else ""
-    unknown = bool(off) and section == "claims" and found == OK and is_unknown(section, row, off)
-    return WARN if unknown or (found == BAD and because_off(section, row, off)) else found
+def _whose(row: Row) -> str:
+    """The host that a row is about."""
+    match row:
+        case rows.Node():
+            return row.name
+        case rows.LastRun():
+            return row.host
+    return row.robot if isinstance(row, rows.OfRobot) else ""
 
 
 def hosts_off(status: Status) -> frozenset[str]:
     """Robots that are off. An edge host that is off is a fault, and so is all that it takes with it."""
-    return frozenset(str(row.get("name")) for row in status.get("hosts") or [] if level("hosts", row) == WARN)
+    return frozenset(row.name for row in status.hosts if level(row) == WARN)
 
 
 def hosts_away(status: Status) -> frozenset[str]:
     """All hosts that do not answer, of whatever group."""
-    return frozenset(str(row.get("name")) for row in status.get("hosts") or [] if level("hosts", row) != OK)
-
-
-def because_off(section: str, row: Mapping[str, Any], off: Collection[str]) -> bool:
-    if section == "nodes":
-        return row.get("name") in off
-    if section in WORKLOADS:
-        return bool(row.get("nodes")) and all(node in off for node in row["nodes"])
-    if section in ("outcomes", "steps"):
-        return row.get("outcome") == OFFLINE and row.get("host", row.get("robot")) in off
-    return section in ("ros_nodes", "claims") and row.get("robot") in off
+    return frozenset(row.name for row in status.hosts if not row.reachable)
 
 
 # What is counted: its words, where it comes from, and the word for one that is in order.
@@ -160,12 +176,6 @@ class Count:
         return ", ".join(parts)
 
 
-def some(given: Sequence[str]) -> str:
-    """A few names, and how many there are beside them."""
-    rest = len(given) - NAMED
-    return ", ".join(given[:NAMED]) + (f" and {rest} more" if rest > 0 else "")
-
-
 def counts(status: Status) -> list[Count]:
     """Of everything of which there is something, or may be."""
     found = [_count(label, section, word, status) for label, section, word in _COUNTED]
@@ -173,80 +183,65 @@ def counts(status: Status) -> list[Count]:
 
 
 def _count(label: str, section: str, word: str, status: Status) -> Count:
-    rows, off, away = list(status.get(section) or []), hosts_off(status), hosts_away(status)
-    levels = [level(section, row, off) for row in rows]
-    unknown = [row for row in rows if is_unknown(section, row, away)]
-    of = {str(row.get("name" if section == "nodes" else "robot")) for row in unknown}
-    untold = _untold(section, status, away)
-    worst = next((one for one in (BAD, WARN) if one in levels), WARN if unknown or untold else OK)
-    return Count(
-        label, section, word, levels.count(OK), len(rows), len(unknown), tuple(sorted(of)), tuple(sorted(untold)), worst
-    )
+    found, off, away = status.rows(section), hosts_off(status), hosts_away(status)
+    levels = [level(row, off) for row in found]
+    unknown = [row for row in found if is_unknown(row, away)]
+    of = tuple(sorted(set(map(_whose, unknown))))
+    untold = tuple(sorted(_untold(section, status, away)))
+    worst = _worst(levels, WARN if unknown or untold else OK)
+    return Count(label, section, word, levels.count(OK), len(found), len(unknown), of, untold, worst)
+
+
+def _worst(levels: Collection[str], else_: str = OK) -> str:
+    return next((one for one in (BAD, WARN) if one in levels), else_)
 
 
 def _untold(section: str, status: Status, away: Collection[str]) -> set[str]:
     """Hosts that may have some of these, and nobody could look."""
-    hosts, problems = status.get("hosts") or [], status.get("problems") or []
-    robots = {str(row.get("name")) for row in hosts if row.get("group") == "robots"}
+    robots = {row.name for row in status.hosts if row.group == "robots"}
     if section == "ros_nodes":
-        read = {str(row.get("robot")) for row in status.get("ros_nodes") or []}
-        failed = {str(row["graph"]) for row in problems if row.get("graph")}
+        read = {row.robot for row in status.ros_nodes}
+        failed = {row.graph for row in status.problems if row.graph}
         return failed | (set() if SHARED in read else robots & set(away) - read)
     if section in ("nodes", "masters", "apps", "claims"):
-        silent = {row["cluster"] for row in problems if row.get("cluster")}
-        there = {str(row.get("name")) for row in hosts if row.get("cluster") in silent}
+        silent = {row.cluster for row in status.problems if row.cluster}
+        there = {row.name for row in status.hosts if row.cluster in silent}
         return there if section == "nodes" else there & robots
     return set()
 
 
-def is_unknown(section: str, row: Mapping[str, Any], off: Collection[str]) -> bool:
-    """Its host does not answer, so what was last said of it says nothing now."""
-    if section == "claims":  # that it is there is known, what it holds is not
-        return row.get("used_bytes") is None and row.get("robot") in off
-    return section in ("nodes", *WORKLOADS) and level(section, row) == BAD and because_off(section, row, off)
-
-
-def host_lines(status: Status) -> list[Row]:
+def host_lines(status: Status) -> list[HostLine]:
     """A line per host: what runs for it and what became of it."""
-    outcomes = {row["host"]: row["outcome"] for row in status.get("outcomes") or []}
-    nodes = {str(row["name"]): row for row in status.get("nodes") or []}
-    return [
-        {
-            "host": host.get("name", ""),
-            "group": host.get("group", ""),
-            "state": "up" if host.get("reachable", True) else "offline",
-            "node": _ready_word(nodes.get(str(host.get("name")))),
-            "master": _share("masters", status, host),
-            "apps": _share("apps", status, host),
-            "ros_nodes": _share("ros_nodes", status, host),
-            "topics": len(_own("topics", status, host)) or None,
-            "messages": sum(float(row["rate"] or 0) for row in _own("topics", status, host)) or None,
-            "outcome": outcomes.get(host.get("name"), ""),
-            "level": host_level(status, host),
-        }
-        for host in status.get("hosts") or []
-    ]
+    outcomes = {row.host: row.outcome for row in status.outcomes}
+    nodes = {row.name: "Ready" if row.ready else "NotReady" for row in status.nodes}
+    return [_line(host, nodes.get(host.name, ""), outcomes.get(host.name, ""), status) for host in status.hosts]
 
 
-def host_level(status: Status, host: Mapping[str, Any]) -> str:
+def _line(host: rows.Host, node: str, outcome: str, status: Status) -> HostLine:
+    topics = [row for row in status.topics if row.robot == host.name]
+    return HostLine(
+        host.name,
+        host.group,
+        "up" if host.reachable else "offline",
+        node,
+        _share(status.masters, host.name),
+        _share(status.apps, host.name),
+        _share(status.ros_nodes, host.name),
+        len(topics) or None,
+        sum(row.rate or 0.0 for row in topics) or None,
+        outcome,
+        host_level(status, host),
+    )
+
+
+def host_level(status: Status, host: rows.Host) -> str:
     """The worst of what belongs to the host. What a host that is off cannot show is no further fault."""
-    if level("hosts", host) != OK:
-        return level("hosts", host)
-    found = [level(section, row) for section in (*WORKLOADS, "ros_nodes", "topics", "claims")
-             for row in _own(section, status, host)]  # fmt: skip
-    found += [level("nodes", row) for row in status.get("nodes") or [] if row.get("name") == host.get("name")]
-    found += [level("outcomes", row) for row in status.get("outcomes") or [] if row.get("host") == host.get("name")]
-    return next((one for one in (BAD, WARN) if one in found), OK)
+    if not host.reachable:
+        return level(host)
+    found = (status.workloads, status.ros_nodes, status.topics, status.claims, status.nodes, status.outcomes)
+    return _worst([level(row) for section in found for row in section if _whose(row) == host.name])
 
 
-def _own(section: str, status: Status, host: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return [row for row in status.get(section) or [] if row.get("robot") == host.get("name")]
-
-
-def _share(section: str, status: Status, host: Mapping[str, Any]) -> str:
-    levels = [level(section, row) for row in _own(section, status, host)]
+def _share(section: Iterable[Row], host: str) -> str:
+    levels = [level(row) for row in section if _whose(row) == host]
     return f"{levels.count(OK)}/{len(levels)}" if levels else ""
-
-
-def _ready_word(node: Mapping[str, Any] | None) -> str:
-    return "" if node is None else "Ready" if node.get("ready") else "NotReady"

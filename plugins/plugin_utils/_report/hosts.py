@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta
@@ -17,13 +16,14 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import SHARED, apps_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Asked
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import Result, message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import apps_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Promise, Trouble, Workload
 
-Variables = Mapping[str, Any]
-# What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
 TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
+# What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.
 _USAGE = re.compile(r"(\d+)\s+(?:.*/)?[^/_]+_([^/_]+)_([^/]+)")
 
 
@@ -43,29 +43,25 @@ class Member:
         shared = self.robot is not None and self.robot.master.mode == "shared" and self.part.servers != (self.name,)
         return SHARED if shared else self.name
 
-    def row(self) -> Row:
-        return {
-            "name": self.name,
-            "group": "robots" if self.robot else "edge",
-            "address": self.address,
-            "role": self.part.role,
-            "cluster": self.part.cluster,
-            "reachable": self.away is None,
-            "reason": self.away or "",
-        }
+    @property
+    def row(self) -> rows.Host:
+        group, away = "robots" if self.robot else "edge", self.away
+        return rows.Host(
+            self.name, group, self.address, self.part.role, self.part.cluster, away is None, away or ""
+        )  # fmt: skip
 
 
-def members(fleet: Fleet, variables: Mapping[str, Variables], results: Mapping[str, Variables]) -> list[Member]:
-    """The hosts of a run, those that `variables` has; `results` are theirs of a task that ran on all of them."""
+def members(fleet: Fleet, addresses: Mapping[str, str], results: Mapping[str, Result]) -> list[Member]:
+    """The hosts of a run, by their addresses; `results` are theirs of a task that ran on all of them."""
     return [
         Member(
             name,
-            str(own.get("ansible_host", name)),
+            address,
             fleet.hosts[name],
             fleet.robots.get(name),
             message_of(results[name]) if results.get(name, {}).get("unreachable") else None,
         )
-        for name, own in variables.items()
+        for name, address in addresses.items()
     ]
 
 
@@ -84,30 +80,29 @@ def clusters_of(hosts: Iterable[Member]) -> tuple[dict[str, str], dict[str, str]
     return asked, silent
 
 
-def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list[Row]:
+def cluster_problems(silent: Mapping[str, str], hosts: Sequence[Member]) -> list[Trouble]:
     """What is told of clusters that do not answer; `cluster` says which hosts' being off explains it."""
     servers = {server for host in hosts for server in host.part.servers}
     by_cluster = {host.part.cluster: host.name for host in hosts if host.name in servers}
     return [
-        {
-            "where": f"cluster {cluster}",
-            "what": f"does not answer: {why}",
-            "todo": f"ansible {by_cluster.get(cluster, cluster)} -b -a 'systemctl status k3s'",
-            "cluster": cluster,
-        }
+        Trouble(
+            f"cluster {cluster}",
+            f"does not answer: {why}",
+            f"ansible {by_cluster.get(cluster, cluster)} -b -a 'systemctl status k3s'",
+            cluster=cluster,
+        )
         for cluster, why in silent.items()
     ]
 
 
 def graphs_to_read(
-    hosts: Iterable[Member], services: Mapping[str, Sequence[Object]], apps: Sequence[Row]
-) -> dict[str, Row]:
-    """Which robot reads whose graph, at which master, and the addresses of the pods that may be in it:
-    `{robot1: {robot: robot1, master_uri: http://.., addresses: [..]}}`.
+    hosts: Iterable[Member], services: Mapping[str, Sequence[Object]], apps: Sequence[Workload]
+) -> dict[str, Asked]:
+    """Which robot reads whose graph.
 
     A shared master's graph is all robots': the first of them that answers reads it. `services` are each cluster's.
     """
-    found: dict[str, Row] = {}
+    found: dict[str, Asked] = {}
     taken = set()
     for host in hosts:
         if host.robot is None or host.away is not None or host.graph in taken:
@@ -115,14 +110,14 @@ def graphs_to_read(
         uri = _master_uri(host.robot, services.get(host.part.cluster, ()))
         if uri:
             taken.add(host.graph)
-            pods = {address for row in apps_of(host.graph, apps) for address in row["addresses"]}
-            found[host.name] = {"robot": host.graph, "master_uri": uri, "addresses": sorted(pods)}
+            pods = {address for row in apps_of(host.graph, apps) for address in row.addresses}
+            found[host.name] = Asked(host.graph, uri, tuple(sorted(pods)))
     return found
 
 
-def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Row]]:
-    """What apps' readiness says of topics' rates, by graph and topic: `min_rate`, `app`, and whose it is as `robot`."""
-    found: dict[str, dict[str, Row]] = {}
+def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Promise]]:
+    """What apps' readiness says of topics' rates, by graph and topic."""
+    found: dict[str, dict[str, Promise]] = {}
     for host in hosts:
         robot = host.robot
         if robot is None:
@@ -130,7 +125,7 @@ def promised_rates(hosts: Iterable[Member]) -> dict[str, dict[str, Row]]:
         for topic, app, said in promised(robot):
             if rate := said.get("min_rate"):
                 owner = host.name if app.scope == "robot" else SHARED
-                found.setdefault(host.graph, {})[topic] = {"min_rate": rate, "app": app.name, "robot": owner}
+                found.setdefault(host.graph, {})[topic] = Promise(rate, app.name, owner)
     return found
 
 
@@ -143,20 +138,20 @@ def _master_uri(robot: Robot, services: Iterable[Object]) -> str:
     return next((f"http://{address}:{names.MASTER_PORT}" for address in found), "")
 
 
-def unmeasured(results: Mapping[str, Variables]) -> list[dict[str, str]]:
+def unmeasured(results: Mapping[str, Result]) -> list[Trouble]:
     """Hosts whose volumes took longer to measure than `timeout` gave them: what is known of them is not all."""
     return [
-        {
-            "where": f"volumes of {host}",
-            "what": "measuring what they hold took too long; some have no number",
-            "todo": "ansible-playbook rosops.fleet.status -e status_storage_seconds=120",
-        }
+        Trouble(
+            f"volumes of {host}",
+            "measuring what they hold took too long; some have no number",
+            "ansible-playbook rosops.fleet.status -e status_storage_seconds=120",
+        )
         for host, result in results.items()
         if result.get("rc") in TIMED_OUT
     ]
 
 
-def usage_of(results: Iterable[Variables]) -> dict[str, int]:
+def usage_of(results: Iterable[Result]) -> dict[str, int]:
     """Bytes by `<namespace>/<claim>`, from what `du -sb` said on the hosts."""
     lines = [_USAGE.fullmatch(line) for result in results for line in result.get("stdout_lines") or []]
     return {f"{found[2]}/{found[3]}": int(found[1]) for found in lines if found}

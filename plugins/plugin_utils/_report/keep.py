@@ -6,21 +6,22 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_object, kept_part
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 
 PATIENCE = 10.0  # for a word about what is over
 
 
-def keep(kube: Kube, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Rows as `kept_part` takes them; other hosts' keys stay."""
-    part = kept_part(rows)
+def keep(kube: Kube, runs: Iterable[HostRun]) -> None:
+    """What runs made of these hosts; other hosts' keys stay."""
+    part = kept_part(runs)
     if kube.get(REF) is None:
         try:
             kube.create(kept_object(part))
@@ -33,7 +34,7 @@ def keep(kube: Kube, rows: Iterable[Mapping[str, Any]]) -> None:
 
 def keep_early(kube: Kube, host: str, outcome: str, reason: str, changed: bool) -> None:
     """For a run that is killed before its end, where this is written again; so only there it is said if it fails."""
-    run = {key: noted_run().get(key, "") for key in ("playbook", "started")}
-    row = {**run, "host": host, "outcome": outcome, "reason": reason, "changed": int(changed), "failed_task": None}
+    run = noted_run()
+    found = HostRun(host, run.playbook, run.started, RobotOutcome(outcome, reason), int(changed))
     with contextlib.suppress(KubeError):
-        keep(kube.within(PATIENCE), [row])
+        keep(kube.within(PATIENCE), [found])

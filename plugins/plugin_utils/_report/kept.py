@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
@@ -19,78 +19,74 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record i
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import known_events
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import Event, known_events
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")
 REASON_KEPT = 500  # a ConfigMap holds 1 MiB, and a fleet has many hosts
-Row = dict[str, Any]
 
 
-def kept_part(rows: Iterable[Mapping[str, Any]]) -> Row:
-    """What is merged into the ConfigMap. A row is a host's in the report, with `playbook` and `started`."""
-    wanted = ("host", "outcome", "failed_task", "changed", "playbook", "started")
-    return {
-        "data": {
-            str(row["host"]): json.dumps(
-                {**{key: row.get(key) for key in wanted}, "reason": str(row.get("reason") or "")[:REASON_KEPT]},
-                sort_keys=True,
-            )
-            for row in rows
-        }
-    }
+def kept_part(runs: Iterable[HostRun]) -> Object:
+    """What is merged into the ConfigMap."""
+    return {"data": {run.host: json.dumps(_kept(run), sort_keys=True) for run in runs}}
 
 
-def kept_object(part: Mapping[str, Any]) -> Row:
+def _kept(run: HostRun) -> dict[str, Any]:
+    """Without its steps, which the robot's own record has."""
+    found = {**run.as_dict(), "reason": run.outcome.reason[:REASON_KEPT]}
+    del found["steps"]
+    return found
+
+
+def kept_object(part: Object) -> Object:
     """The ConfigMap where there is none yet."""
     labels = {"app.kubernetes.io/managed-by": names.MANAGER}
     metadata = {"name": REF.name, "namespace": REF.namespace, "labels": labels}
     return {"apiVersion": REF.api_version, "kind": REF.kind, "metadata": metadata, **part}
 
 
-def kept_runs(found: Mapping[str, Any] | None) -> list[Row]:
-    """The last run of each host, as a report of that host alone; what somebody spoilt is left out."""
+def kept_runs(found: Object | None) -> list[HostRun]:
+    """The last run of each host; what somebody spoilt is left out."""
     runs = []
     for text in ((found or {}).get("data") or {}).values():
         try:
-            host = dict(json.loads(text))
-            runs.append({"playbook": str(host["playbook"]), "started": str(host["started"]), "hosts": [host]})
-        except (ValueError, KeyError, TypeError):
+            runs.append(HostRun.from_dict(json.loads(text)))
+        except (ValueError, KeyError, TypeError, AttributeError):
             continue
     return runs
 
 
-def kept_steps(maps: Sequence[Object]) -> list[Row]:
-    """The latest step of each app, as a report of its robot alone."""
+def kept_steps(maps: Sequence[Object]) -> list[HostRun]:
+    """The latest step of each app, as a run without an outcome; what somebody spoilt is left out."""
     runs = []
     for item in maps:
         robot = str((meta(item).get("labels") or {}).get(names.LABEL_ROBOT) or "")
-        events = known_events([item], robot)
-        if events:
-            started = max(float(event["started"]) for event in events)
-            host = {"host": robot, "steps": _steps(events)}
-            runs.append({"playbook": "", "started": _utc(started), "hosts": [host]})
+        events = sorted(known_events([item], robot), key=_started)
+        try:
+            steps = tuple(_step(events, name) for name in dict.fromkeys(event.get("id") for event in events))
+        except (ValueError, TypeError, AttributeError):
+            continue
+        if steps:
+            runs.append(HostRun(robot, "", _utc(_started(events[-1])), RobotOutcome("", steps=steps)))
     return runs
 
 
-def _steps(events: Iterable[Mapping[str, Any]]) -> list[Row]:
-    """Steps as the report has them; an event is of one app of a step."""
-    steps: dict[str, Row] = {}
-    for event in sorted(events, key=lambda one: float(one["started"])):
-        step = steps.setdefault(
-            str(event.get("id")),
-            {
-                **{key: event.get(key) for key in ("id", "handoff", "outcome", "reason", "phases", "busy_wait")},
-                "name": event.get("step"),
-                "from": {},
-                "to": {},
-            },
-        )
-        for side in ("from", "to"):
-            if event.get(side):
-                step[side][event["app"]] = {"image": event.get(f"{side}_image"), "revision": event[side]}
-        if event.get("outcome") in (RUNNING, WAITING):
-            step["reason"] = f"begun {_utc(float(event['started']))}"
-    return list(steps.values())
+def _step(events: Sequence[Event], name: object) -> StepResult:
+    """Of the step of this id; each event is of one of its apps."""
+    own = [event for event in events if event.get("id") == name]
+    begun = [event for event in own if event.get("outcome") in (RUNNING, WAITING)]
+    sides = {
+        side: {one["app"]: {"image": one.get(f"{side}_image"), "revision": one[side]} for one in own if one.get(side)}
+        for side in ("from", "to")
+    }
+    reason = {"reason": f"begun {_utc(_started(begun[-1]))}"} if begun else {}
+    apps = [event["app"] for event in own]
+    return StepResult.from_dict({**own[0], "name": own[0].get("step"), "apps": apps, **sides, **reason})
+
+
+def _started(event: Event) -> float:
+    return float(event["started"])
 
 
 def _utc(seconds: float) -> str:

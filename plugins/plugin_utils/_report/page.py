@@ -12,22 +12,17 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
-    Rows,
-    Status,
-    counts,
-    host_lines,
-    hosts_off,
-    level,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts, host_lines, hosts_off, level
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row, Status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import (
     SECTIONS,
     Columns,
+    Source,
     columns,
     grid,
     rate_words,
@@ -45,12 +40,12 @@ NUMBERS = frozenset({
 NAMES = frozenset({"app", "helper", "node", "topic", "claim", "step"})
 # What a terminal has no room for.
 MORE_COLUMNS: Mapping[str, Columns] = {"steps": [("phases, s", "phases"), ("id", "id")]}
-COLUMNS: Mapping[tuple[str, str], Any] = {
-    ("outcomes", "started"): lambda row: _when(str(row.get("started", ""))),
+COLUMNS: Mapping[tuple[str, str], Source] = {
+    ("outcomes", "started"): lambda row: _when(row.started),
 }
 HOST_COLUMNS = columns(
     "host", "group", "state", "node", "master", ("apps ready", "apps"), ("ROS nodes up", "ros_nodes"), "topics",
-    ("messages/s", lambda row: "" if row["messages"] is None else rate_words(row["messages"])[: -len(" Hz")]),
+    ("messages/s", lambda row: "" if row.messages is None else rate_words(row.messages)[: -len(" Hz")]),
     ("last outcome", "outcome"),
 )  # fmt: skip
 _MADE = re.compile(r'<time id="made"[^>]*>[^<]*</time>')
@@ -92,30 +87,30 @@ def _rendered(status: Status, made: str, limit: str, name: str) -> str:
     environment.tests["long"] = lambda text: any(len(word) >= LONG for word in text.split())
     off = hosts_off(status)
     sections = [
-        _section(key, _titled(title), shown, status[key], [level(key, row, off) for row in status[key]])
+        _section(key, _titled(title), shown, status.rows(key), off)
         for title, key, shown in SECTIONS
-        if status.get(key) is not None and key != "problems"
+        if key != "problems"
     ]
-    hosts = host_lines(status)
     return environment.get_template("page.html.j2").render(
         made=made,
         limit=limit,
         title=f"{words(name)}: fleet status" if name else "Fleet status",
         counts=counts(status),
         attention=attention(status),
-        hosts=_section("glance", "By host", HOST_COLUMNS, hosts, [str(line["level"]) for line in hosts]),
+        hosts=_section("glance", "By host", HOST_COLUMNS, host_lines(status)),
         sections=sections,
         numbers=NUMBERS,
         unfolded=UNFOLDED,
     )
 
 
-def _section(key: str, title: str, given: Columns, rows: Rows, levels: Sequence[str]) -> Section:
+def _section(key: str, title: str, given: Columns, rows: Sequence[Row], off: Collection[str] = ()) -> Section:
     shown = [(header, COLUMNS.get((key, header), source)) for header, source in given]
     headers, lines = grid([*shown, *MORE_COLUMNS.get(key, ())], rows)
     # the first column names a row, but for the robot, where many rows share that
     naming = 1 if headers[:1] == ["robot"] and headers[1] in NAMES else 0
-    return Section(key, title, headers, [[words(cell) for cell in line] for line in lines], levels, naming)
+    cells = [[words(cell) for cell in line] for line in lines]
+    return Section(key, title, headers, cells, [level(row, off) for row in rows], naming)
 
 
 def _titled(title: str) -> str:

@@ -1,82 +1,170 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Of a ROS graph: which node runs where, who hears whom on what, and who should but does not. Pure.
+"""ROS graphs as ros_graph_info returns them -> rows: which node runs where, who hears whom and who should but does not,
+and which processes of launch files have ended. Pure.
 
-The five topics of an action are one link, and a topic that nobody listens to is none.
+The five topics of an action are one link, and a topic that nobody listens to is none. A process that crashed is a
+problem. One that has ended nobody knows how may have done its work: a row, for a person to judge.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import ACTION_TOPICS
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Topic, host_of, names_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.launched import apps_of, owners_of
+from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, NodeKey, Topic, host_of, names_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
+    SHARED,
+    Promise,
+    Trouble,
+    Workload,
+    logs_of,
+)
 
-Row = dict[str, Any]
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
+Owner = tuple[str, str]  # robot, app
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process of a launch file, in the pod of this address; `crash` says in words what is wrong with it."""
+
+    node: str = ""
+    host: str = ""
+    alive: bool = False
+    exit_code: int | None = None
+    crash: str = ""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What ros_graph_info returns of a master's graph."""
+
+    graph: Graph
+    launched: tuple[Process, ...] = ()
+
+    @classmethod
+    def from_dict(cls, found: Result) -> Reading:
+        return cls(Graph.from_dict(found), tuple(read(Process, one) for one in found.get("launched") or ()))
+
+
+Graphs = Mapping[str, Reading]  # by robot, or SHARED
+Promises = Mapping[str, Mapping[str, Promise]]  # by graph and topic
+
+
+def apps_of(graph: str, apps: Iterable[Workload]) -> list[Workload]:
+    """Those whose nodes may be in the graph of a robot, or in the shared one, which is all robots'."""
+    return [row for row in apps if graph == SHARED or row.robot in (graph, SHARED)]
+
+
+def owners_of(apps: Iterable[Workload]) -> dict[str, Owner]:
+    """Address -> whose it is. One that several apps have (that of the host, where they share its network) tells
+    nothing."""
+    found: dict[str, set[Owner]] = {}
+    for row in apps:
+        for address in row.addresses:
+            found.setdefault(address, set()).add((row.robot, row.name))
+    return {address: owners.pop() for address, owners in found.items() if len(owners) == 1}
 
 
 class Places:
     """Where ROS nodes run, and for which app, by the addresses that they are registered with. `apps`: masters, too."""
 
-    def __init__(self, apps: Iterable[Row], nodes: Iterable[Row]) -> None:
+    def __init__(self, apps: Iterable[Workload], nodes: Iterable[rows.Node]) -> None:
         self._apps = list(apps)
-        self._nodes = {str(row["address"]): str(row["name"]) for row in nodes if row.get("address")}
+        self._nodes = {row.address: row.name for row in nodes if row.address}
 
-    def of(self, graph: str, uri: str) -> dict[str, str]:
-        """`at`: the host, or the bare address of a process that no pod of ours has. `app`: empty where nobody knows."""
+    def of(self, graph: str, uri: str) -> tuple[str, str]:
+        """Of a node with this URI: `rows.RosNode.at` and `rows.RosNode.app`."""
         address = host_of(uri)
-        here = [row for row in apps_of(graph, self._apps) if address in row.get("addresses", ())]
+        here = [row for row in apps_of(graph, self._apps) if address in row.addresses]
         if len(_hosts(here)) > 1:  # pods of two clusters may have it: then the robot's own is meant
-            here = [row for row in here if row["robot"] == graph]
+            here = [row for row in here if row.robot == graph]
         hosts = _hosts(here)
         at = hosts.pop() if len(hosts) == 1 else self._nodes.get(address, address)
-        return {"at": at, "app": owners_of(here).get(address, ("", ""))[1]}
+        return at, owners_of(here).get(address, ("", ""))[1]
 
 
-def _hosts(rows: Iterable[Row]) -> set[str]:
-    return {host for row in rows for host in row["nodes"]}
+def _hosts(workloads: Iterable[Workload]) -> set[str]:
+    return {host for row in workloads for host in row.nodes}
 
 
-def links(robot: str, graph: Graph) -> list[Row]:
-    """Who hears whom: robot, name, action, publishers, subscribers, and as `broken` the pairs of these that are
-    registered, alive and not connected."""
+def node_rows(graphs: Graphs, places: Places) -> Iterator[rows.RosNode]:
+    for robot, one in sorted(graphs.items()):
+        for name in one.graph.names:
+            node = one.graph.node(name)
+            at, app = places.of(robot, node.uri)
+            yield rows.RosNode(
+                robot, name, at, app, node.reachable, node.error,
+                len(node.publications), len(node.subscriptions), node.services,
+            )  # fmt: skip
+
+
+def topic_rows(graphs: Graphs, promises: Promises) -> Iterator[rows.Topic]:
+    """What is there, and what is promised."""
+    for robot, one in sorted(graphs.items()):
+        promised = promises.get(robot, {})
+        for name in sorted({*promised, *one.graph.topics} - PLUMBING_TOPICS):
+            topic = one.graph.topic(name)
+            yield rows.Topic(
+                robot, name, topic.type, len(topic.publishers), len(topic.subscribers), len(topic.connections),
+                topic.rate, promised.get(name), topic.rate_error,
+            )  # fmt: skip
+
+
+def links(graphs: Graphs) -> list[rows.Link]:
+    found = (link for robot, one in sorted(graphs.items()) for link in _links(robot, one.graph))
+    return [link for link in found if link.subscribers]
+
+
+def _links(robot: str, graph: Graph) -> Iterator[rows.Link]:
+    for name in sorted(graph.actions):
+        yield _action_link(rows.Link(robot, name, action=True), graph)
     of_actions = {f"{name}/{part}" for name in graph.actions for part in ACTION_TOPICS}
-    found = [_action_link(name, graph) for name in sorted(graph.actions)]
-    found += [
-        _link(name, topic, graph)
-        for name, topic in sorted(graph.topics.items())
-        if name not in of_actions | PLUMBING_TOPICS
-    ]
-    return [{"robot": robot, **link} for link in found if link["subscribers"]]
+    for name, topic in sorted(graph.topics.items()):
+        if name not in of_actions | PLUMBING_TOPICS:
+            yield _ends(rows.Link(robot, name), topic, _broken(topic, graph))
 
 
-def _link(name: str, topic: Topic, graph: Graph) -> Row:
-    return {
-        "name": name,
-        "action": False,
-        "publishers": names_of(topic.publishers),
-        "subscribers": names_of(topic.subscribers),
-        "broken": list(_broken(topic, graph)),
-    }
+def _ends(link: rows.Link, topic: Topic, broken: Iterable[tuple[NodeKey, NodeKey]]) -> rows.Link:
+    pairs = tuple(dict.fromkeys((one.name, other.name) for one, other in broken))
+    ends = tuple(names_of(topic.publishers)), tuple(names_of(topic.subscribers))
+    return replace(link, publishers=ends[0], subscribers=ends[1], broken=pairs)
 
 
-def _broken(topic: Topic, graph: Graph) -> Iterator[list[str]]:
+def _broken(topic: Topic, graph: Graph) -> Iterator[tuple[NodeKey, NodeKey]]:
     """By the publishers' own word. What a node that does not answer is connected to, nobody knows."""
     for ends in itertools.product(topic.publishers, topic.subscribers):
         if all(graph.at(end).reachable for end in ends) and ends not in topic.connections:
-            yield names_of(ends)
+            yield ends
 
 
-def _action_link(name: str, graph: Graph) -> Row:
+def _action_link(link: rows.Link, graph: Graph) -> rows.Link:
     """From its clients to its server; goals have to get there, results have to come back."""
-    goal, result = graph.topic(f"{name}/goal"), graph.topic(f"{name}/result")
-    clients = names_of(goal.publishers)
-    back = [[client, server] for server, client in _broken(result, graph)]
-    broken = [*_broken(goal, graph), *(pair for pair in back if pair[0] in clients)]
-    pairs = [list(pair) for pair in dict.fromkeys(map(tuple, broken))]
-    return {**_link(name, goal, graph), "action": True, "broken": pairs}
+    goal, result = graph.topic(f"{link.name}/goal"), graph.topic(f"{link.name}/result")
+    back = ((client, server) for server, client in _broken(result, graph) if client in goal.publishers)
+    return _ends(link, goal, (*_broken(goal, graph), *back))
+
+
+def launched_rows(apps: Iterable[Workload], graphs: Graphs) -> tuple[list[Trouble], list[rows.Ended]]:
+    """Problems, and processes that have ended nobody knows how."""
+    known = list(apps)
+    problems: list[Trouble] = []
+    ended: list[rows.Ended] = []
+    for robot, one in sorted(graphs.items()):
+        owners = owners_of(apps_of(robot, known))
+        for process in one.launched:
+            of, app = owners.get(process.host, (robot, ""))
+            if process.crash:
+                where = f"app {app} of {of}" if app else f"launch file at {process.host} of {of}"
+                todo = logs_of(of, app) if app else ""
+                problems.append(Trouble(where, f"{process.node} {process.crash}", todo))
+            elif not process.alive and process.exit_code is None:
+                ended.append(rows.Ended(of, app, process.node, process.host))
+    return problems, ended

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from datetime import datetime
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import Finding, attention
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import BAD, Status, counts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import BAD, counts
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import words
 
 TABLES = "All tables: the same with -v."

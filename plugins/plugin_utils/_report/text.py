@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import OK, level
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row, Status
 
 WIDTH = 120
 GAP = "  "
@@ -18,10 +20,11 @@ NARROWEST = 6  # no column is cut below this
 NARROWEST_WRAPPED = 40  # what is read line by line
 UNCUT = 10_000
 WHOLE = frozenset({"problems", "went_back", "outcomes"})  # what kept or changed something is said whole
-Columns = Sequence[tuple[str, Any]]  # a header, and where its cell comes from: a key or a function of the row
+Source = str | Callable[[Any], object]  # of a cell: a field of the row, or a function of it
+Columns = Sequence[tuple[str, Source]]  # with their headers
 
 
-def size_words(count: Any) -> str:
+def size_words(count: int | None) -> str:
     """Bytes as a person reads them."""
     if count is None:
         return ""
@@ -33,21 +36,21 @@ def size_words(count: Any) -> str:
     return ""
 
 
-def _node_state(row: Mapping[str, Any]) -> str:
-    state = "Ready" if row.get("ready") else "NotReady"
-    return f"{state}, {row['reason']}" if row.get("reason") else state
+def _node_state(row: rows.Node) -> str:
+    state = "Ready" if row.ready else "NotReady"
+    return f"{state}, {row.reason}" if row.reason else state
 
 
-def _host_state(row: Mapping[str, Any]) -> str:
-    return "up" if row.get("reachable", True) else f"offline {row.get('reason') or ''}"
+def _host_state(row: rows.Host) -> str:
+    return "up" if row.reachable else f"offline {row.reason}"
 
 
-def _used(row: Mapping[str, Any]) -> str:
-    return size_words(row.get("used_bytes"))
+def _used(row: rows.Claim) -> str:
+    return size_words(row.used_bytes)
 
 
-def _count(row: Mapping[str, Any]) -> str:
-    return f"{row.get('ready', 0)}/{row.get('wanted', 1)}"
+def _count(row: rows.Workload) -> str:
+    return f"{row.ready}/{row.wanted}"
 
 
 def rate_words(rate: float) -> str:
@@ -62,33 +65,32 @@ def rate_words(rate: float) -> str:
     return f"{rate:.{digits}f} Hz"
 
 
-def _rate(row: Mapping[str, Any]) -> str:
-    return "" if row.get("rate") is None else rate_words(float(row["rate"]))
+def _rate(row: rows.Topic) -> str:
+    return "" if row.rate is None else rate_words(row.rate)
 
 
-def _promised(row: Mapping[str, Any]) -> str:
+def _promised(row: rows.Topic) -> str:
     """Marked where it is not kept; for that there is no colour on a terminal."""
-    promised, broken = row.get("promised"), level("topics", row) not in ("", OK)
-    return f"{promised['min_rate']:g} Hz{' not kept' if broken else ''}" if promised else ""
+    return f"{row.promised.min_rate:g} Hz{'' if level(row) == OK else ' not kept'}" if row.promised else ""
 
 
-def _state(row: Mapping[str, Any]) -> str:
-    return "up" if row.get("reachable") else f"down: {row.get('error') or 'no answer'}"
+def _state(row: rows.RosNode) -> str:
+    return "up" if row.reachable else f"down: {row.error or 'no answer'}"
 
 
-def _unconnected(row: Mapping[str, Any]) -> list[str]:
-    return [f"{publisher} and {subscriber}" for publisher, subscriber in row["broken"]]
+def _unconnected(row: rows.Link) -> list[str]:
+    return [f"{publisher} and {subscriber}" for publisher, subscriber in row.broken]
 
 
 WORKLOAD = (("node", "nodes"), "restarts", ("image", "images"), "note")
 
 
-def columns(*items: str | tuple[str, Any]) -> Columns:
-    """A word alone is the header and the key."""
+def columns(*items: str | tuple[str, Source]) -> Columns:
+    """A word alone is the header and the field."""
     return [(item, item) if isinstance(item, str) else item for item in items]
 
 
-# Title, key of the rows, columns.
+# Title, section, columns.
 SECTIONS: Sequence[tuple[str, str, Columns]] = (
     ("PROBLEMS", "problems", columns("where", "what")),
     ("HOSTS", "hosts", columns(("host", "name"), "group", "address", "role", "cluster", ("state", _host_state))),
@@ -100,11 +102,13 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
     ("ROS MASTERS", "masters", columns("robot", ("ready", _count), *WORKLOAD)),
     ("HELPERS", "helpers", columns("robot", ("helper", "name"), ("ready", _count), *WORKLOAD)),
     ("APPS", "apps", columns("robot", ("app", "name"), "placement", ("ready", _count), *WORKLOAD)),
-    ("TAKEN BACK BY THE KEEPER", "went_back", columns("robot", ("app", "name"), "from", "to", "at", "reason")),
+    ("TAKEN BACK BY THE KEEPER", "went_back", columns(
+        "robot", ("app", "name"), ("from", "before"), ("to", "after"), "at", "reason",
+    )),
     ("ENDED IN LAUNCH FILES", "ended", columns("robot", "app", "node", "host")),
     ("ROS NODES", "ros_nodes", columns(
         "robot", ("node", "name"), ("on", "at"), ("state", _state), ("publishes", "publications"),
-        ("subscribes", "subscriptions"), ("services", lambda row: len(row.get("services") or [])),
+        ("subscribes", "subscriptions"), ("services", lambda row: len(row.services)),
     )),
     ("ROS GRAPHS", "links", columns(
         "robot", ("topic", "name"), "action", ("from", "publishers"), ("to", "subscribers"),
@@ -119,7 +123,7 @@ SECTIONS: Sequence[tuple[str, str, Columns]] = (
     )),
     ("LAST OUTCOMES", "outcomes", columns("host", "outcome", ("run", "playbook"), "started", "changed", "note")),
     ("LAST UPDATE STEPS", "steps", columns(
-        "robot", ("step", "name"), "handoff", "outcome", "from", "to", "seconds",
+        "robot", ("step", "name"), "handoff", "outcome", ("from", "before"), ("to", "after"), "seconds",
         ("waited for idle", "busy_wait"), "note",
     )),
 )  # fmt: skip
@@ -130,7 +134,7 @@ OPTIONAL = frozenset(
 ONLY_WITH_ROWS = frozenset({"problems", "helpers", "went_back", "ended", "links", "outcomes", "steps"})
 
 
-def words(value: Any) -> str:
+def words(value: object) -> str:
     """A cell's text: one line of what may be printed, nothing for nothing."""
     if value is None or value == "":
         return "-"
@@ -140,7 +144,7 @@ def words(value: Any) -> str:
         return f"{value:.1f}"
     if isinstance(value, (list, tuple)):
         return ", ".join(words(item) for item in value) or "-"
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return ", ".join(f"{key}={words(item)}" for key, item in value.items()) or "-"
     return printable(" ".join(str(value).split())) or "-"
 
@@ -161,7 +165,7 @@ def _fit(widths: list[int], room: int) -> list[int]:
 
 
 def table(
-    headers: Sequence[str], rows: Sequence[Sequence[Any]], width: int = WIDTH, wrapped: bool = False
+    headers: Sequence[str], rows: Sequence[Sequence[object]], width: int = WIDTH, wrapped: bool = False
 ) -> list[str]:
     """Lines of a table; what is too wide is cut, the widest column first. The last one may be `wrapped` instead."""
     cells = [[words(cell) for cell in row] for row in rows]
@@ -179,11 +183,11 @@ def _wrapped(row: Sequence[str], width: int) -> list[list[str]]:
     return [[*row[:-1], first], *([*("" for _cell in row[:-1]), line] for line in more)]
 
 
-def _cell(row: Mapping[str, Any], source: Any) -> Any:
-    return source(row) if callable(source) else row.get(source)
+def _cell(row: Row, source: Source) -> object:
+    return source(row) if callable(source) else getattr(row, source)
 
 
-def grid(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[Any]]]:
+def grid(columns: Columns, rows: Sequence[Row]) -> tuple[list[str], list[list[object]]]:
     """Headers and cells of the columns that are shown; the same for every rendering."""
     shown = [
         (header, source)
@@ -193,17 +197,17 @@ def grid(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str]
     return [header for header, _source in shown], [[_cell(row, source) for _header, source in shown] for row in rows]
 
 
-def _section(title: str, columns: Columns, rows: Sequence[Mapping[str, Any]], width: int) -> list[str]:
+def _section(title: str, columns: Columns, rows: Sequence[Row], width: int) -> list[str]:
     if not rows:
         return [title, "  none", ""]
     lines = table(*grid(columns, rows), width - 2)
     return [title, *(f"  {line}" for line in lines), ""]
 
 
-def status_text(status: Mapping[str, Any], width: int = WIDTH) -> str:
-    """All tables. A section whose key is missing is left out, one without rows says so."""
+def status_text(status: Status, width: int = WIDTH) -> str:
+    """All tables. A section without rows says so, where it is worth a line."""
     lines: list[str] = []
     for title, key, columns in SECTIONS:
-        if status.get(key) or (status.get(key) is not None and key not in ONLY_WITH_ROWS):
-            lines += _section(title, columns, status[key], UNCUT if key in WHOLE else width)
-    return "\n".join(lines).rstrip() + "\n" if lines else ""
+        if status.rows(key) or key not in ONLY_WITH_ROWS:
+            lines += _section(title, columns, status.rows(key), UNCUT if key in WHOLE else width)
+    return "\n".join(lines).rstrip() + "\n"

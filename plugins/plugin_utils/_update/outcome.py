@@ -63,9 +63,19 @@ class StepResult:
 
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> StepResult:
-        """What `as_dict` made of it."""
-        same = {key: told[key] for key in ("id", "name", "apps", "handoff", "started", "phases", "outcome", "reason")}
-        return cls(before=told["from"], after=told["to"], **same)
+        """What `as_dict` made of it; AttributeError, TypeError or ValueError for what is of another shape."""
+        return cls(
+            id=str(told.get("id") or ""),
+            name=str(told.get("name") or ""),
+            apps=tuple(map(str, told.get("apps") or ())),
+            handoff=str(told.get("handoff") or ""),
+            before=_versions(told.get("from")),
+            after=_versions(told.get("to")),
+            started=float(told.get("started") or 0),
+            phases={str(name): float(seconds) for name, seconds in (told.get("phases") or {}).items()},
+            outcome=str(told.get("outcome") or ""),
+            reason=str(told.get("reason") or ""),
+        )
 
     def told(self) -> str:
         """`temperature lab/apps:1.0 -> lab/apps:1.1 in 6.1 s`."""
@@ -93,6 +103,17 @@ class RobotOutcome:
             "reason": printable(self.reason),
             "steps": [step.as_dict() for step in self.steps],
         }
+
+    @classmethod
+    def from_dict(cls, told: Mapping[str, Any]) -> RobotOutcome:
+        """What `as_dict` made of it; AttributeError, TypeError or ValueError for what is of another shape."""
+        steps = tuple(StepResult.from_dict(step) for step in told.get("steps") or ())
+        return cls(str(told.get("outcome") or ""), str(told.get("reason") or ""), steps)
+
+
+def _versions(told: Any) -> dict[str, dict[str, str]]:
+    """App -> image and revision."""
+    return {str(app): {str(key): str(said or "") for key, said in one.items()} for app, one in (told or {}).items()}
 
 
 def robot_outcome(results: Sequence[StepResult], steps: int) -> RobotOutcome:

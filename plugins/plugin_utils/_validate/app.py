@@ -24,10 +24,10 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import p
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import launch_problems
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
 
-Raw = Mapping[str, Any]
-Check = Callable[[App, Raw, Draft], Iterator[Problem]]
+Check = Callable[[App, Said, Draft], Iterator[Problem]]
 
 BEFORE = "command, or hooks: sidecar"
 PRIVATE_TO_NOBODY = "is private to a node, and the app names its nodes itself"
@@ -42,12 +42,12 @@ _NAME_READERS = re.compile(r"\$\{?(?:@|\*|0|1|" + names.NODE_NAME_ENV + r")")
 _GRACE = ("spec", "template", "spec", "terminationGracePeriodSeconds")
 
 
-def app_problems(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
+def app_problems(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     """All problems of one app whose keys have the types that they have to have."""
     return itertools.chain.from_iterable(check(app, raw, draft) for check in CHECKS)
 
 
-def app_warnings(app: App, raw: Raw) -> Iterator[Problem]:
+def app_warnings(app: App, raw: Said) -> Iterator[Problem]:
     """What is allowed but seldom meant."""
     if moving_tag(app.image):
         yield Problem("image", f"{app.image} may mean another image tomorrow; name a version or a digest")
@@ -60,7 +60,7 @@ def app_warnings(app: App, raw: Raw) -> Iterator[Problem]:
         yield Problem("private_names", f"has no effect with the handoff {app.handoff}")
 
 
-def _name(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _name(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     taken = {names.MASTER_NAME: "the ROS master", names.KEEPER_NAME: "the ROS master's keeper"}
     if app.name in taken:
         yield Problem("name", f"is {app.name}, the name of {taken[app.name]}", "any other name")
@@ -72,7 +72,7 @@ def _words(app: App) -> Iterator[tuple[str, str]]:
         yield from ((f"{key}[{index}]", word) for index, word in enumerate(words))
 
 
-def _second_master(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _second_master(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     """Two masters in one namespace share no graph; one of them serves nobody."""
     allowed = "an app without roscore; the collection runs the master (ros_master_mode)"
     for place, word in _words(app) if draft.robot.master.mode != "external" else ():
@@ -80,7 +80,7 @@ def _second_master(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
             yield Problem(place, "starts a second ROS master", allowed)
 
 
-def _command(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _command(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
     """The ROS node name is appended to args, and args of our own replace those of the image."""
     if not {"command", "args", "launch"} & {*raw} and (app.readiness.nodes or app.handoff == "overlap"):
         yield Problem(
@@ -91,7 +91,7 @@ def _command(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
         )
 
 
-def _launch(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _launch(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     launch = app.launch
     if not launch:
         return
@@ -120,7 +120,7 @@ def _launch(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
     yield from launch_problems(app, launch, context.graph_namespace(app, draft.robot))
 
 
-def _node_name(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _node_name(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     """Some commands drop the name that is appended; their nodes are then not where the gate looks for them."""
     reason = name_is_lost([*app.command, *app.args])
     if reason and app.handoff == "overlap":
@@ -148,7 +148,7 @@ def name_is_lost(words: list[str]) -> str:
     return ""
 
 
-def _handoff(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _handoff(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     if app.pattern == "action" and app.handoff == "overlap":
         found = "is overlap for the pattern action: two action servers lose goals"
         yield Problem("handoff", found, "drain or replace")
@@ -156,7 +156,7 @@ def _handoff(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
         yield Problem("handoff", f"is overlap, but {reason}", "replace, drain, or leave it out")
 
 
-def _placement(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _placement(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     if draft.robot.mode == "standalone" and app.placement == "remote":
         found = f"is remote{_by_default(raw)}, but a standalone robot has no edge host in its cluster"
         yield Problem("placement", found, "local")
@@ -165,11 +165,11 @@ def _placement(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
         yield Problem("placement", "is remote, but devices are the robot's", "local, or leave it out")
 
 
-def _by_default(raw: Raw) -> str:
+def _by_default(raw: Said) -> str:
     return "" if "placement" in raw else " (the default)"
 
 
-def _namespace(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _namespace(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     """Robots that share a master are kept apart by their namespaces; and where nodes are has to be known."""
     space, said = context.robot_space(app, draft.robot), context.said_namespace(app)
     if said and space != "/" and not f"{said}/".startswith(f"{space}/"):
@@ -182,7 +182,7 @@ def _namespace(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
             yield Problem(place, found, "env: {ROS_NAMESPACE: ...}, or __ns:= in args")
 
 
-def _scope(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _scope(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     if app.scope != "fleet":
         return
     if draft.robot.master.mode == "robot":
@@ -192,7 +192,7 @@ def _scope(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
         yield Problem("placement", "is local for an app of the whole fleet", "remote")
 
 
-def _grace(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _grace(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
     """Kubernetes kills the pod when the grace period ends, drained or not."""
     drains, least = app.handoff == "drain" or "drain_deadline" in raw, app.drain_deadline + STOP_MARGIN
     for where, grace in (
@@ -208,7 +208,7 @@ def _inside(value: Any, key: str) -> Any:
     return value.get(key) if isinstance(value, Mapping) else None
 
 
-def _volumes(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _volumes(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     declared = [name for name in draft.declared_volumes if isinstance(name, str)]
     modes = {volume.name: volume.access_mode for volume in draft.robot.volumes}
     for index, mount in enumerate(app.volumes):
@@ -222,7 +222,7 @@ def _volumes(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
             yield Problem(f"{where}.read_only", "is false, but the volume is ReadOnlyMany", "true")
 
 
-def _files(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _files(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
     form = FORMS["secret-key"]
     for index, (given, item) in enumerate(zip(raw.get("files") or (), app.files, strict=True)):
         where = f"files[{index}]"
@@ -239,7 +239,7 @@ def _files(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
         yield Problem("files", f"hold {size} bytes", allowed)
 
 
-def _params(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _params(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     """They are set before the app starts, and who reads one that is everybody's is everybody's business."""
     if not app.params:
         return
@@ -260,7 +260,7 @@ def _params(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
         yield from _value_problems(value, where)
 
 
-def _keep_params(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _keep_params(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     """What the node has set by itself may be kept, too; what is everybody's stays without that."""
     if not app.keep_params:
         return
@@ -300,7 +300,7 @@ def _value_problems(value: Any, path: str) -> Iterator[Problem]:
         yield Problem(path, "is empty (null)", "a text, a number, true, false, a list or a mapping")
 
 
-def _ports(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _ports(app: App, raw: Said, _draft: Draft) -> Iterator[Problem]:
     for index, port in enumerate(app.ports):
         where, before = f"ports[{index}]", app.ports[:index]
         if port.name in [one.name for one in before]:
@@ -315,7 +315,7 @@ def _ports(app: App, raw: Raw, _draft: Draft) -> Iterator[Problem]:
             yield Problem(f"{where}.host_port", found, "leave it out")
 
 
-def _mounts(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _mounts(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     """Kubernetes refuses two mounts at one path, long after validation."""
     places: dict[str, str] = {names.CODE_DIR: "the collection's own code"} if app.hooks == "app" else {}
     for key, field, targets in (
@@ -330,7 +330,7 @@ def _mounts(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
                 yield Problem(place + field, f"is {bare}, where {other} is mounted already", "a path of its own")
 
 
-def _hooks(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _hooks(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     """The kubelet asks a sidecar by the pod's address."""
     if app.hooks == "sidecar" and app.host_network:
         found = "is sidecar, but with host_network its port is the host's, and another app's sidecar has the same"
@@ -340,7 +340,7 @@ def _hooks(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
             yield Problem(f"ports[{index}].port", f"is {port.port}, the port of the hooks' sidecar", "any other port")
 
 
-def _resources(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _resources(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     requests, limits = app.resources.get("requests") or {}, app.resources.get("limits") or {}
     for name, asked in requests.items():
         request, limit = quantity_value(str(asked)), quantity_value(str(limits.get(name)))
@@ -349,7 +349,7 @@ def _resources(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
             yield Problem(f"resources.requests.{name}", found, f"at most {limits[name]}")
 
 
-def _environment(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _environment(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     for key in (names.NODE_NAME_ENV, names.SETTINGS_ENV, names.REVISION_ENV, "ROS_HOSTNAME"):
         if key in app.env:
             reason = "would hide the pod's ROS_IP" if key == "ROS_HOSTNAME" else "is set by the collection"
@@ -359,7 +359,7 @@ def _environment(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
         yield Problem("env.ROS_NAMESPACE", found, "the namespace as a text")
 
 
-def _readiness(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _readiness(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     ready = app.readiness
     if ready.interval > ready.timeout:
         found = f"is {ready.interval} s, longer than the timeout of {ready.timeout} s"
@@ -374,17 +374,17 @@ def _readiness(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
             yield Problem(f"readiness.{kind}[{index}]", found, "each name once, with all its conditions")
 
 
-def _liveness(app: App, raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _liveness(app: App, raw: Said, draft: Draft) -> Iterator[Problem]:
     if raw.get("liveness_timeout") and draft.robot.master.mode == "external":
         found = f"is {app.liveness_timeout}, but an external master has no keeper that would begin a pod anew"
         yield Problem("liveness_timeout", found, "leave it out, or ros_master_mode robot or shared")
 
 
-def _when(app: App, _raw: Raw, _draft: Draft) -> Iterator[Problem]:
+def _when(app: App, _raw: Said, _draft: Draft) -> Iterator[Problem]:
     yield from when_problems(app.update.when, "update.when")
 
 
-def _overrides(app: App, _raw: Raw, draft: Draft) -> Iterator[Problem]:
+def _overrides(app: App, _raw: Said, draft: Draft) -> Iterator[Problem]:
     plain = plain_deployment(app, draft.robot)
     yield from override_problems(plain, app.overrides, names.APP_CONTAINER, "overrides")
 

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Draft:
 
     robot: Robot
     positions: tuple[int, ...]
-    declared_apps: tuple[Mapping[str, Any], ...]
+    declared_apps: tuple[Said, ...]
     declared_volumes: tuple[Any, ...]
 
     @property
@@ -32,13 +33,13 @@ class Draft:
         """Where the robot's variables are."""
         return f"hosts.{self.robot.name}"
 
-    def apps(self) -> Iterator[tuple[str, App, Mapping[str, Any]]]:
+    def apps(self) -> Iterator[tuple[str, App, Said]]:
         """Each app with its path, as it is completed and as its owner wrote it."""
         for app, position in zip(self.robot.apps, self.positions):
             yield join_path(self.path, "ros_apps", position), app, self.declared_apps[position]
 
 
-def draft(robot: str, variables: Mapping[str, Any], wrong: Sequence[Problem]) -> Draft:
+def draft(robot: str, variables: Said, wrong: Sequence[Problem]) -> Draft:
     """The draft of a robot; a malformed app is left out instead of keeping the others from being looked at."""
     bad = {problem.path for problem in wrong}
 

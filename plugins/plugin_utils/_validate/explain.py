@@ -15,6 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import is_secret
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
 
 # Type -> whose values it takes, and its words; all others are mappings.
 TYPES: dict[Any, tuple[Any, str]] = {
@@ -70,7 +71,7 @@ def fits(value: Any, kind: Kind) -> bool:
     return isinstance(value, TYPES.get(kind.type, MAPPING)[0])
 
 
-def _of_mapping(value: Mapping[str, Any], kind: Kind, path: str) -> Iterator[Problem]:
+def _of_mapping(value: Said, kind: Kind, path: str) -> Iterator[Problem]:
     """Mappings are closed: a key that nobody reads is a mistake that nobody would see."""
     known: Mapping[str, Key] = kind.inner
     for name, key in known.items():

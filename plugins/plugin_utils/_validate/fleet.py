@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -35,6 +36,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot impor
     robot_problems,
     robot_warnings,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Inventory, Said
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import of_host
 
 IMPLICIT_HOST = "localhost"
@@ -46,7 +48,7 @@ class Report(NamedTuple):
     problems: list[Problem]
     warnings: list[Problem]
     fleet: Fleet | None
-    hosts: Mapping[str, Mapping[str, Any]]
+    hosts: Hosts
 
 
 def check_fleet(given: Any) -> Report:
@@ -60,48 +62,50 @@ def check_fleet(given: Any) -> Report:
     hosts = {
         name: _variables(item, join_path("hosts", name), problems) for name, item in _mapping(value, "hosts").items()
     }
-    problems += _first_server_problems(groups, hosts)
-    groups = edge_ordered(groups, next(filter(None, _first_servers(groups, hosts).values()), ""))
-    modes = {robot: mode_of(robot, hosts) for robot in members(groups, "robots")}
-    problems += topology_problems(groups, modes)
-    problems += _name_problems(groups)
-    problems += _node_problems(hosts)
-    problems += _group_problems(groups, hosts)
+    first = _first_servers(groups, hosts)
+    problems += _first_server_problems(first)
+    groups = edge_ordered(groups, next(filter(None, first.values()), ""))
+    there = Inventory(groups, hosts, {robot: mode_of(robot, hosts) for robot in members(groups, "robots")})
+    problems += topology_problems(groups, there.modes)
     kind = of_host()
     wrong = [problem for name in hosts for problem in value_problems(hosts[name], kind, f"hosts.{name}")]
-    problems += wrong
-    problems += _token_problems(groups, modes, hosts)
-    problems += _version_problems(groups, modes, hosts)
-    problems += _fleet_name_problems(hosts)
-    problems += observability_problems(groups, modes, hosts, wrong)
-    edge_count = len(members(groups, "edge"))
-    drafts = [draft(robot, hosts.get(robot, {}), wrong) for robot in modes]
-    warnings: list[Problem] = []
-    for item in drafts:
-        problems += robot_problems(item, edge_count)
-        for path, app, raw in item.apps():
-            problems += [problem.below(path) for problem in app_problems(app, raw, item)]
-            warnings += [warning.below(path) for warning in app_warnings(app, raw)]
-        problems += master_problems(item, hosts.get(item.robot.name, {}))
-        warnings += robot_warnings(item)
-    problems += [*fleet_app_problems(drafts), *port_problems(drafts)]
+    drafts = [draft(robot, hosts.get(robot, {}), wrong) for robot in there.modes]
+    problems += itertools.chain(
+        _name_problems(groups), _node_problems(hosts), _group_problems(there), wrong, _token_problems(there),
+        _version_problems(there), _fleet_name_problems(hosts), observability_problems(there, wrong),
+        *(_robot_problems(item, there) for item in drafts), fleet_app_problems(drafts), port_problems(drafts),
+    )  # fmt: skip
     problems = unique(problems)
-    if not problems:
-        warnings += [warning for item in drafts for warning in answer_warnings(item)]
-    fleet = None if problems else _fleet(groups, hosts, drafts)
+    warnings = [warning for item in drafts for warning in _robot_warnings(item, sound=not problems)]
+    fleet = None if problems else _fleet(there, drafts)
     return Report(problems, unique(warnings), fleet, hosts)
 
 
-def _variables(said: Any, path: str, problems: list[Problem]) -> dict[str, Any]:
+def _robot_problems(item: Draft, there: Inventory) -> Iterator[Problem]:
+    yield from robot_problems(item, len(members(there.groups, "edge")))
+    for path, app, raw in item.apps():
+        yield from (problem.below(path) for problem in app_problems(app, raw, item))
+    yield from master_problems(item, there.variable(item.robot.name, "ros_master_uri") or "")
+
+
+def _robot_warnings(item: Draft, sound: bool) -> Iterator[Problem]:
+    """Some are worth a word only where the whole fleet is `sound`."""
+    for path, app, raw in item.apps():
+        yield from (warning.below(path) for warning in app_warnings(app, raw))
+    yield from robot_warnings(item)
+    yield from answer_warnings(item) if sound else ()
+
+
+def _variables(said: Any, path: str, problems: list[Problem]) -> Said:
     return layered(without_refused(said, path, problems), path, problems) if isinstance(said, dict) else {}
 
 
-def _mapping(value: Mapping[str, Any], key: str) -> dict[str, Any]:
+def _mapping(value: Said, key: str) -> Said:
     item = value.get(key)
     return item if isinstance(item, dict) else {}
 
 
-def _shape_problems(value: Mapping[str, Any]) -> Iterator[Problem]:
+def _shape_problems(value: Said) -> Iterator[Problem]:
     for key in ("groups", "hosts"):
         if key not in value:
             yield Problem(key, "is missing", "a mapping")
@@ -114,7 +118,7 @@ def _shape_problems(value: Mapping[str, Any]) -> Iterator[Problem]:
             yield Problem(f"hosts.{name}", f"is {shown(item)}", "a mapping of variables")
 
 
-def _name_problems(groups: Mapping[str, Any]) -> Iterator[Problem]:
+def _name_problems(groups: Said) -> Iterator[Problem]:
     """Names become Kubernetes nodes, labels and namespaces: lower case, and apart from each other there."""
     robots, taken = members(groups, "robots"), dict[str, str]()
     for form, hosts in (("robot-name", robots), ("dns-name", members(groups, "edge"))):
@@ -133,7 +137,7 @@ def _name_problems(groups: Mapping[str, Any]) -> Iterator[Problem]:
         taken.setdefault(key, host)
 
 
-def _node_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
+def _node_problems(hosts: Hosts) -> Iterator[Problem]:
     """Two hosts of one node name would take each other's place in the cluster."""
     first: dict[str, str] = {}
     for host, own in hosts.items():
@@ -143,72 +147,57 @@ def _node_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
             yield Problem(f"hosts.{host}.k3s_node_name", f"is {node} as that of {other}", "a name of its own")
 
 
-def _group_problems(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
+def _group_problems(there: Inventory) -> Iterator[Problem]:
     """A host in no group of ours would silently be left out of the fleet."""
-    placed = {*members(groups, "edge"), *members(groups, "robots")}
-    for host in dict.fromkeys([*members(groups, "all"), *hosts]):
-        if host not in placed and (host != IMPLICIT_HOST or hosts.get(host)):
+    placed = {*members(there.groups, "edge"), *members(there.groups, "robots")}
+    for host in dict.fromkeys([*members(there.groups, "all"), *there.hosts]):
+        if host not in placed and (host != IMPLICIT_HOST or there.hosts.get(host)):
             yield Problem(f"hosts.{host}", "is in neither of the groups edge and robots", "each host in one of them")
 
 
-def _edge_cluster(groups: Mapping[str, Any], modes: Mapping[str, Any]) -> list[str]:
-    """The hosts of the shared cluster, servers and agents."""
-    return [*members(groups, "edge"), *(robot for robot, mode in modes.items() if mode == "agent")]
-
-
-def _token_problems(
-    groups: Mapping[str, Any], modes: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]
-) -> Iterator[Problem]:
+def _token_problems(there: Inventory) -> Iterator[Problem]:
     """Servers with different tokens form no cluster; nor do agents whose agent token nobody knows."""
-    for variable, sharers in (
-        ("k3s_token", edge_servers(groups)),
-        ("k3s_agent_token", _edge_cluster(groups, modes)),
-    ):
-        holders = [host for host in sharers if variable in hosts.get(host, {})]
+    for name, sharers in (("k3s_token", edge_servers(there.groups)), ("k3s_agent_token", there.edge_cluster)):
+        holders = [host for host in sharers if name in there.hosts.get(host, {})]
         for host in holders[1:]:
-            if hosts[host][variable] != hosts[holders[0]][variable]:
+            if there.variable(host, name) != there.variable(holders[0], name):
                 yield Problem(
-                    f"hosts.{host}.{variable}",
+                    f"hosts.{host}.{name}",
                     f"differs from the one of {holders[0]}",
-                    f"one {variable} for the cluster {EDGE_CLUSTER}, in the group_vars of its hosts",
+                    f"one {name} for the cluster {EDGE_CLUSTER}, in the group_vars of its hosts",
                 )
 
 
-def _version_problems(
-    groups: Mapping[str, Any], modes: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]
-) -> Iterator[Problem]:
+def _version_problems(there: Inventory) -> Iterator[Problem]:
     """A kubelet must not be newer than its API server. What an airgap directory holds is seen later."""
 
     def known(host: str) -> Version | None:
-        own = hosts.get(host, {})
-        return version(str(own.get("k3s_version", ""))) if own.get("k3s_install_source") != "airgap" else None
+        airgap = there.variable(host, "k3s_install_source") == "airgap"
+        return None if airgap else version(str(there.variable(host, "k3s_version") or ""))
 
-    servers = {host: known(host) for host in edge_servers(groups)}
-    for host in _edge_cluster(groups, modes):
+    servers = {host: known(host) for host in edge_servers(there.groups)}
+    for host in there.edge_cluster:
         own = None if host in servers else known(host)
         older = next((server for server, its in servers.items() if own and its and own.newer_than(its)), "")
         if older:
-            yield Problem(
-                f"hosts.{host}.k3s_version",
-                f"is {hosts[host]['k3s_version']}, newer than {hosts[older]['k3s_version']} of the server {older}",
-                "servers that are as new as their agents, or newer",
-            )
+            says, its = (there.variable(one, "k3s_version") for one in (host, older))
+            found = f"is {says}, newer than {its} of the server {older}"
+            yield Problem(f"hosts.{host}.k3s_version", found, "servers that are as new as their agents, or newer")
 
 
-def _first_servers(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]) -> dict[str, str]:
+def _first_servers(groups: Said, hosts: Hosts) -> dict[str, str]:
     """The first server by the word of each of them; mostly none says anything."""
     return {host: str(hosts.get(host, {}).get("k3s_first_server") or "") for host in edge_servers(groups)}
 
 
-def _first_server_problems(groups: Mapping[str, Any], hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
-    said = _first_servers(groups, hosts)
+def _first_server_problems(said: Mapping[str, str]) -> Iterator[Problem]:
     allowed = f"the same for all servers: one of {', '.join(sorted(said))}, or nothing"
     for host, first in said.items():
         if first and (first not in said or set(said.values()) != {first}):
             yield Problem(f"hosts.{host}.k3s_first_server", f"is {first}", allowed)
 
 
-def _fleet_name_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Problem]:
+def _fleet_name_problems(hosts: Hosts) -> Iterator[Problem]:
     """Every cluster carries it, so an inventory has one."""
     first = next(iter(hosts), "")
     for host, own in hosts.items():
@@ -220,9 +209,9 @@ def _fleet_name_problems(hosts: Mapping[str, dict[str, Any]]) -> Iterator[Proble
             )
 
 
-def _fleet(groups: Mapping[str, Any], hosts: Mapping[str, Any], drafts: Sequence[Draft]) -> Fleet:
+def _fleet(there: Inventory, drafts: Sequence[Draft]) -> Fleet:
     robots = {item.robot.name: item.robot for item in drafts}
-    nodes = {host: str(item["k3s_node_name"]) for host, item in hosts.items() if item.get("k3s_node_name")}
-    topology = fleet_topology(groups, {name: robot.mode for name, robot in robots.items()}, nodes)
-    name = next((str(own["fleet_name"]) for own in hosts.values() if own.get("fleet_name")), "")
-    return Fleet(robots, topology, tuple(topology[host].node for host in members(groups, "edge")), name)
+    nodes = {host: str(said["k3s_node_name"]) for host, said in there.hosts.items() if said.get("k3s_node_name")}
+    topology = fleet_topology(there.groups, {name: robot.mode for name, robot in robots.items()}, nodes)
+    name = next((str(own["fleet_name"]) for own in there.hosts.values() if own.get("fleet_name")), "")
+    return Fleet(robots, topology, tuple(topology[host].node for host in members(there.groups, "edge")), name)

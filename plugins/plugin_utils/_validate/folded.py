@@ -10,11 +10,10 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts
 
 SHOWN = 4  # hosts of a line
 _APP = re.compile(r"ros_apps\[(\d+)\]")
-
-Hosts = Mapping[str, Mapping[str, Any]]
 
 
 class Folded(NamedTuple):

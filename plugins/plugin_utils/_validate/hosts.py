@@ -14,6 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.refused import INSTEAD
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Said
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import needed
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
 
@@ -35,7 +36,7 @@ MISSPELT = 0.8
 HANDED_ON = ("ros_apps", *LAYERS, "ros_master_overrides", "ros_master_keeper_overrides", "persistent_storage")
 
 
-def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, dict[str, Any]]:
+def fleet_hosts(hostvars: Hosts, names: Iterable[str]) -> dict[str, Said]:
     """`{host: {variable: value}}` to check: known variables and misspelt ones, secrets replaced by numbers."""
     seen: dict[Any, str] = {}
     problems: list[Problem] = []
@@ -46,12 +47,12 @@ def fleet_hosts(hostvars: Mapping[str, Any], names: Iterable[str]) -> dict[str, 
     return hosts
 
 
-def variables_of(hostvars: Mapping[str, Any], host: str) -> Mapping[str, Any]:
+def variables_of(hostvars: Hosts, host: str) -> Said:
     """Those of a host; none of one that is not there."""
     return hostvars[host] if host in hostvars else {}  # noqa: SIM401 - hostvars is no plain mapping
 
 
-def _picked(hostvars: Mapping[str, Any], host: str, seen: dict[Any, str], problems: list[Problem]) -> dict[str, Any]:
+def _picked(hostvars: Hosts, host: str, seen: dict[Any, str], problems: list[Problem]) -> Said:
     variables = variables_of(hostvars, host)
     picked: dict[str, Any] = {}
     for name in variables:

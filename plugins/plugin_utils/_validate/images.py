@@ -1,25 +1,23 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Archives of images, as far as they are seen before any node has them."""
+"""Saids of images, as far as they are seen before any node has them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Said
 
-Hosts = Mapping[str, Mapping[str, Any]]
-Archive = Mapping[str, Any]  # an item of images_archives
 # What archives hold in the place of an image; nothing where one has it, or nobody can see.
-Instead = Callable[[Sequence[Archive], str], Sequence[str]]
+Instead = Callable[[Sequence[Said], str], Sequence[str]]
 
 
 def archive_problems(hosts: Hosts, unusable: Callable[[str], str]) -> Iterator[Problem]:
-    """Archives of which it is seen here that no node can take them."""
+    """Saids of which it is seen here that no node can take them."""
     for host, variables in hosts.items():
         for index, item in enumerate(_archives(variables)):
             if wrong := unusable(item["path"]):
@@ -40,7 +38,7 @@ def image_warnings(fleet: Fleet, hosts: Hosts, instead: Instead) -> Iterator[Pro
                 yield Problem(f"hosts.{host}.images_archives", f"{told}; they hold {', '.join(held)}")
 
 
-def _archives(variables: Mapping[str, Any]) -> list[Archive]:
+def _archives(variables: Said) -> list[Said]:
     """The items of `images_archives` that have a path; others may be wrong."""
     given = variables.get("images_archives")
     items = given if isinstance(given, list) else []

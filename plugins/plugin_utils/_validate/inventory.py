@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Collection, Iterable, Iterator
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.listed import wrong_waves
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.pythons import too_old
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import is_ours, variables_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Said
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
 
 NEAR = 0.9
@@ -22,10 +22,8 @@ THEIRS = ("robot_model",)  # a name that an inventory is likely to have of its o
 SSH = ("", "ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh")
 WAVES, GIVEN = "update_waves", '-e \'{"update_waves": [1, "25%", "100%"]}\''
 
-HostVars = Mapping[str, Mapping[str, Any]]
 
-
-def inventory_problems(hostvars: HostVars, names: Iterable[str], given: Mapping[str, Any]) -> list[Problem]:
+def inventory_problems(hostvars: Hosts, names: Iterable[str], given: Said) -> list[Problem]:
     """Of these hosts; `given` is what was given with `-e`."""
     listed = list(names)
     return [
@@ -37,7 +35,7 @@ def inventory_problems(hostvars: HostVars, names: Iterable[str], given: Mapping[
     ]
 
 
-def near_misses(hostvars: HostVars, names: Iterable[str]) -> list[Problem]:
+def near_misses(hostvars: Hosts, names: Iterable[str]) -> list[Problem]:
     """Variables that hardly differ from one of ours. They may well be the inventory's own, so they are no errors."""
     return [
         Problem(f"hosts.{host}.{name}", f"is no variable of this collection; did you mean {near}?")
@@ -54,14 +52,14 @@ def _near(name: str) -> str:
     return nearest_name(name, known_variables(), NEAR) or ""
 
 
-def _waves(hostvars: HostVars, names: list[str], given: Collection[str]) -> Iterator[Problem]:
+def _waves(hostvars: Hosts, names: list[str], given: Collection[str]) -> Iterator[Problem]:
     """A play's waves are cut before any host's variables are there, so its canary would not be one."""
     for host in names:
         if WAVES in variables_of(hostvars, host) and WAVES not in given:
             yield Problem(f"hosts.{host}.{WAVES}", "has no effect in an inventory", GIVEN)
 
 
-def _slice(given: Mapping[str, Any]) -> Iterator[Problem]:
+def _slice(given: Said) -> Iterator[Problem]:
     """A sliced job template of AWX is a workflow of the template's own name, each job with some of the hosts alone.
 
     AWX tells a job nothing else of that, so a workflow of somebody's own must not have the name of its template.
@@ -77,13 +75,13 @@ def _slice(given: Mapping[str, Any]) -> Iterator[Problem]:
         )
 
 
-def _given_waves(given: Mapping[str, Any]) -> Iterator[Problem]:
+def _given_waves(given: Said) -> Iterator[Problem]:
     wrong = wrong_waves(given.get(WAVES))
     if wrong:
         yield Problem(WAVES, wrong, "numbers above 0 and percentages, such as 1, 25%, 100%")
 
 
-def _addresses(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:
+def _addresses(hostvars: Hosts, names: list[str]) -> Iterator[Problem]:
     """One machine would be two hosts, each undoing what is done to the other."""
     first: dict[tuple[str, str], str] = {}
     for host in names:
@@ -97,7 +95,7 @@ def _addresses(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:
             yield Problem(f"hosts.{host}.ansible_host", f"is {address} as that of {other}", allowed)
 
 
-def _pythons(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:
+def _pythons(hostvars: Hosts, names: list[str]) -> Iterator[Problem]:
     """Only of a host whose inventory names its Python with the version; preflight says it of all."""
     for host in names:
         program = _read(variables_of(hostvars, host), "ansible_python_interpreter")
@@ -106,7 +104,7 @@ def _pythons(hostvars: HostVars, names: list[str]) -> Iterator[Problem]:
             yield Problem(f"hosts.{host}.ansible_python_interpreter", f"is {program}: the host {wrong}")
 
 
-def _read(own: Mapping[str, Any], name: str) -> str:
+def _read(own: Said, name: str) -> str:
     """What cannot be templated says so when somebody connects."""
     try:
         return str(own[name] or "") if name in own else ""

@@ -9,16 +9,17 @@ Ansible takes a variable from one place only, so each layer has a name of its ow
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import PATCH, deep_merge
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
 
 APPS = "ros_apps"
 LAYERS = ("ros_apps_model", "ros_apps_robot")  # the later one counts
 
 
-def layered(variables: Mapping[str, Any], path: str, problems: list[Problem]) -> dict[str, Any]:
+def layered(variables: Said, path: str, problems: list[Problem]) -> Said:
     """The host's variables with all its apps in `ros_apps`. A layer of another shape stays: its schema says so."""
     merged = dict(variables)
     for layer in LAYERS:
@@ -30,11 +31,11 @@ def layered(variables: Mapping[str, Any], path: str, problems: list[Problem]) ->
     return merged
 
 
-def _named(apps: object) -> TypeGuard[list[dict[str, Any]]]:
+def _named(apps: object) -> TypeGuard[list[Said]]:
     return isinstance(apps, list) and all(isinstance(app, Mapping) and isinstance(app.get("name"), str) for app in apps)
 
 
-def _missing(apps: list[dict[str, Any]], more: list[dict[str, Any]], path: str) -> Iterator[Problem]:
+def _missing(apps: list[Said], more: list[Said], path: str) -> Iterator[Problem]:
     there = [app["name"] for app in apps]
     for index, app in enumerate(more):
         if app.get(PATCH) == "delete" and app["name"] not in there:

@@ -7,39 +7,29 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import edge_servers
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Inventory, Said
 
-Hosts = Mapping[str, Mapping[str, Any]]
 LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
 DAY = 86400
 _SECONDS = {"ms": 0.001, "s": 1, "m": 60, "h": 3600, "d": DAY, "w": 7 * DAY, "y": 365 * DAY}
 
 
-def observability_problems(
-    groups: Mapping[str, Any], modes: Mapping[str, Any], hosts: Hosts, wrong: Sequence[Problem]
-) -> Iterator[Problem]:
-    """Of each cluster the host that carries its variables: its first server. What is malformed was reported as such."""
+def observability_problems(there: Inventory, wrong: Sequence[Problem]) -> Iterator[Problem]:
+    """Of each cluster the host that carries its variables. What is malformed was reported as such."""
     bad = {problem.path for problem in wrong}
-    alone = [robot for robot, mode in modes.items() if mode == "standalone"]
-    for host in [*edge_servers(groups)[:1], *alone]:
+    for host in there.clusters:
         given = {
             name: value
-            for name, value in hosts.get(host, {}).items()
+            for name, value in there.hosts.get(host, {}).items()
             if not any(re.match(rf"hosts\.{re.escape(host)}\.{name}([.[]|$)", path) for path in bad)
         }
-        if enabled(given):
-            yield from _of_cluster(f"hosts.{host}", given, host in alone)
-
-
-def enabled(variables: Mapping[str, Any]) -> bool:
-    """Whether the inventory switches the stack on."""
-    mapping = variables.get("observability")
-    return isinstance(mapping, Mapping) and bool(mapping.get("enabled"))
+        mapping = given.get("observability")
+        if isinstance(mapping, Mapping) and mapping.get("enabled"):
+            yield from _of_cluster(f"hosts.{host}", given, there.modes.get(host) == "standalone")
 
 
 def seconds(duration: str) -> float:
@@ -52,7 +42,7 @@ def seconds(duration: str) -> float:
     return float(sum(int(number) * _SECONDS[unit] for number, unit in parts))
 
 
-def _of_cluster(path: str, given: Mapping[str, Any], alone: bool) -> Iterator[Problem]:
+def _of_cluster(path: str, given: Said, alone: bool) -> Iterator[Problem]:
     if given.get("observability_profile") == obs.ROBOT:
         if not alone:
             yield Problem(
@@ -72,7 +62,7 @@ def _of_cluster(path: str, given: Mapping[str, Any], alone: bool) -> Iterator[Pr
     yield from _ports(path, given)
 
 
-def _ports(path: str, given: Mapping[str, Any]) -> Iterator[Problem]:
+def _ports(path: str, given: Said) -> Iterator[Problem]:
     defaults = {
         "observability_grafana_node_port": 30300,
         "observability_hub_metrics_port": 30090,

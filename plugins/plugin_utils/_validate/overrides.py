@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import words
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, kind_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge, merge_key
 from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import OPEN, value_problems
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
 
 # The collection finds its objects by these; a Deployment's selector cannot be changed after its creation anyway.
 FIXED = (
@@ -49,9 +51,7 @@ _POD = {
 }
 
 
-def override_problems(
-    plain: Mapping[str, Any], overrides: Mapping[str, Any], container: str, path: str
-) -> list[Problem]:
+def override_problems(plain: Object, overrides: Said, container: str, path: str) -> list[Problem]:
     """`plain` is the Deployment that `overrides` are laid over, `container` the one that has to stay."""
     shape = list(_shape_problems(plain, overrides, path))
     if shape:
@@ -70,7 +70,7 @@ def override_problems(
     return problems
 
 
-def _pod_problems(plain: Mapping[str, Any], merged: Mapping[str, Any], container: str, path: str) -> Iterator[Problem]:
+def _pod_problems(plain: Object, merged: Object, container: str, path: str) -> Iterator[Problem]:
     template = ("spec", "template")
     labels = _get(merged, (*template, "metadata", "labels")) or {}
     for key, value in plain["spec"]["selector"]["matchLabels"].items():
@@ -91,7 +91,7 @@ def _pod_problems(plain: Mapping[str, Any], merged: Mapping[str, Any], container
     yield from _spec_problems(_get(merged, (*template, "spec")), join_path(path, *template, "spec"))
 
 
-def _spec_problems(spec: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _spec_problems(spec: Object, path: str) -> Iterator[Problem]:
     """Fields of a pod's specification and of its containers that are of another shape than the API's."""
     yield from value_problems(spec, Kind(dict, _POD, (OPEN,)), path)
     for listed in ("containers", "initContainers"):

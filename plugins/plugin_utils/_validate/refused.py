@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
 
 # Keys of a Rigelfile; docs/rigel.md has all of them.
 RIGEL = {
@@ -66,7 +64,7 @@ GONE = {
 INSTEAD = {**RIGEL, **GONE}
 
 
-def without_refused(variables: Mapping[str, Any], path: str, problems: list[Problem]) -> dict[str, Any]:
+def without_refused(variables: Said, path: str, problems: list[Problem]) -> Said:
     """The host's variables but for these, each of which is a problem that says what to write instead."""
     problems += [
         Problem(

@@ -6,8 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
@@ -158,10 +157,9 @@ def robot_warnings(draft: Draft) -> Iterator[Problem]:
         yield Problem(f"{draft.path}.ros_master_image", f"{image} may mean another image tomorrow")
 
 
-def master_problems(draft: Draft, variables: Mapping[str, Any]) -> Iterator[Problem]:
-    """Problems of the robot's ROS master; `variables` are the host's as the operator wrote them."""
+def master_problems(draft: Draft, uri: str) -> Iterator[Problem]:
+    """Problems of the robot's ROS master; `uri` is what the operator wrote."""
     robot, master, base = draft.robot, draft.robot.master, f"{draft.path}.ros_master_"
-    uri = variables.get("ros_master_uri", "")
     if master.mode == "external" and not uri:
         yield Problem(f"{base}uri", "is missing for ros_master_mode external", "http://<host>:<port>")
     if master.mode != "external" and uri:

@@ -56,7 +56,7 @@ OWN = {
 }
 
 # What an argument spec cannot say, by the path of the value. A kind stands for what the spec says, a note adds to that.
-FORMS: dict[str, Any] = {
+FORMS: dict[str, object] = {
     **{f"{layer}[]": Kind(dict, {"name": Key(kind_of(AppName), MISSING)}, (OPEN,)) for layer in LAYERS},
     APPS: kind_of(tuple[App, ...]),
     **dict.fromkeys(("collect_claims", "collect_match", "collect_robots", "update_apps", "update_remove_apps"), NAMES),
@@ -99,7 +99,7 @@ FORMS: dict[str, Any] = {
 }  # fmt: skip
 
 # What is inside a mapping has the type that YAML gave it.
-STRICT: dict[str, Any] = {"str": str, "path": str, "raw": Any, "int": int, "float": float, "bool": bool}
+STRICT: dict[str, object] = {"str": str, "path": str, "raw": Any, "int": int, "float": float, "bool": bool}
 # A variable that `-e name=value` gives is a text, so Ansible's own conversions are followed.
 BOOLEANS = ("true", "false", "yes", "no", "on", "off", "1", "0", 1, 0)
 LENIENT = {

@@ -5,17 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
+from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
 
 ALLOWED = "what ros_ready's option values takes (ansible-doc rosops.fleet.ros_ready)"
 
 
-def when_problems(items: Sequence[Mapping[str, Any]], path: str) -> Iterator[Problem]:
+def when_problems(items: Sequence[Said], path: str) -> Iterator[Problem]:
     """Problems of items that passed the schema; `path` is where their list is."""
     try:
         conditions_from({"values": items})

@@ -11,20 +11,23 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":  # pytest's conftest.py has done this already
     sys.path.insert(0, str(HERE.parents[2] / ".ansible" / "collections"))
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack  # noqa: E402
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import named, write  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
+RULES = {"relabel_configs", "metric_relabel_configs"}
 ADMIN = {"password": "a-password", "version": "v1"}
-FILES = {
-    "rules": {"ros.yml": "groups: []\n"},
-    "loki_rules": {},
-    "dashboards": {"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}},
-}
+FILES = Files(
+    rules={"ros.yml": "groups: []\n"},
+    dashboards={"Fleet": {"fleet.json": "{}"}, "Own": {"My Robot.json": "{}"}},
+)
 ALERTS = {"route": {"receiver": "nobody", "group_by": ["alertname", "robot"]}, "receivers": [{"name": "nobody"}]}
 SPECS: dict[str, dict[str, Any]] = {
     "standalone": {"remote_nodes": ["edge1"], "alertmanager_config": ALERTS},
@@ -50,7 +53,25 @@ def built(spec: dict[str, Any]) -> list[dict[str, Any]]:
 def golden(name: str) -> list[dict[str, Any] | str]:
     """What a golden file holds: all of `standalone`; of the others what is new, and the kinds and names of the rest."""
     there = {named(one) for one in built(SPECS["standalone"])} if name != "standalone" else set()
-    return [named(one) if named(one) in there else one for one in built(SPECS[name])]
+    return [named(one) if named(one) in there else shown(one) for one in built(SPECS[name])]
+
+
+def shown(item: dict[str, Any]) -> dict[str, Any]:
+    """The object with what its YAML files say in place of their text, which follows from that (`yaml_text`).
+
+    A rule of relabelling is a line.
+    """
+    if item["kind"] != "ConfigMap":
+        return item
+    data = {name: yaml.safe_load(text) if name.endswith(".yml") else text for name, text in item["data"].items()}
+    for job in data.get("prometheus.yml", {}).get("scrape_configs", ()):
+        for rules in RULES & job.keys():
+            job[rules] = [" ".join(f"{key}={_words(said)}" for key, said in rule.items()) for rule in job[rules]]
+    return {**item, "data": data}
+
+
+def _words(said: Any) -> str:
+    return ",".join(said) if isinstance(said, list) else str(said)
 
 
 def main() -> None:

@@ -9,41 +9,27 @@ import re
 from typing import Any
 
 import pytest
-import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._exporter.bounds import MOST
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import prometheus_relabel as relabel
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.loki_config import loki_config
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.otelcol import otelcol_config
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import scrape
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.parts import (
+    grafana_config,
+    loki_config,
+    shipper_config,
+)
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import (
     APP_OF_POD,
     PATH,
     STREAM_LABELS,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.prometheus_config import (
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.scrape import (
+    KEPT,
     prometheus_config,
     vmagent_config,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.prometheus_keep import (
-    APISERVER,
-    CADVISOR,
-    KUBELET,
 )
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
 ROBOT = {"profile": "robot", "robot": "robot2", "hub_url": "http://192.0.2.10"}
 ALERTS = {"route": {"receiver": "nobody"}}
-LOKI = "http://loki.observability:3100"
-
-
-def maps(spec: dict[str, Any]) -> dict[str, Any]:
-    """Every YAML file in the ConfigMaps, parsed."""
-    return {
-        file: yaml.safe_load(text)
-        for one in observability.stack_objects(full(spec), {})
-        if one["kind"] == "ConfigMap"
-        for file, text in one["data"].items()
-    }
 
 
 def relabelled(rules: list[dict[str, Any]], labels: dict[str, str]) -> dict[str, str] | None:
@@ -94,13 +80,6 @@ WHOSE = {
 }
 
 
-@pytest.mark.parametrize("spec", [{}, {"profile": "hub", "alertmanager_config": ALERTS}, ROBOT])
-def test_every_file_parses(spec: dict[str, Any]) -> None:
-    found = maps(spec)
-    assert found
-    assert all(isinstance(value, dict) and value for value in found.values())
-
-
 def test_intervals_and_jobs() -> None:
     config = prometheus_config(full({"alertmanager_config": ALERTS}))
     assert config["global"] == {"scrape_interval": "10s", "evaluation_interval": "10s"}
@@ -119,40 +98,36 @@ def test_a_robot_reads_nothing_that_prometheus_alone_knows() -> None:
     assert {"kubelet", "apiserver"} & {one["job_name"] for one in config["scrape_configs"]} == set()
 
 
-def test_an_apps_pod_by_annotation() -> None:
-    labels = relabelled(job(prometheus_config(full({})), "apps")["relabel_configs"], POD)
-    assert labels is not None
-    assert labels["__address__"] == "10.42.1.7:9400"
-    assert shown(labels) == WHOSE
-
-
 @pytest.mark.parametrize(
-    "change",
+    ("job_name", "change", "labels"),
     [
-        {"__meta_kubernetes_pod_annotation_prometheus_io_scrape": "false"},
-        {"__meta_kubernetes_pod_phase": "Succeeded"},
-        {"__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter"},
+        ("apps", {}, WHOSE),
+        ("apps", {"__meta_kubernetes_pod_annotation_prometheus_io_scrape": "false"}, None),
+        ("apps", {"__meta_kubernetes_pod_phase": "Succeeded"}, None),
+        ("apps", {"__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter"}, None),
+        ("ros-exporter", {}, None),
+        (
+            "ros-exporter",
+            {"__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter"},
+            {**WHOSE, "app": "ros-exporter"},
+        ),
     ],
 )
-def test_pods_that_are_no_apps_target(change: dict[str, str]) -> None:
-    assert relabelled(job(prometheus_config(full({})), "apps")["relabel_configs"], {**POD, **change}) is None
-
-
-def test_the_ros_exporter_keeps_its_own_labels() -> None:
-    found = job(prometheus_config(full({})), "ros-exporter")
-    exporter = {**POD, "__meta_kubernetes_pod_label_rosops_fleet_app": "ros-exporter", "__address__": "10.42.1.7:11511"}
-    assert found["honor_labels"]
-    assert shown(relabelled(found["relabel_configs"], exporter))["app"] == "ros-exporter"
-    assert relabelled(found["relabel_configs"], POD) is None
+def test_pods_by_their_annotations(job_name: str, change: dict[str, str], labels: dict[str, str] | None) -> None:
+    found = job(prometheus_config(full({})), job_name)
+    made = relabelled(found["relabel_configs"], {**POD, **change})
+    assert (None if made is None else shown(made)) == labels
+    assert made is None or made["__address__"] == "10.42.1.7:9400"
+    assert found.get("honor_labels", False) is (job_name == "ros-exporter")
 
 
 def test_a_pod_of_others_has_its_owners_name_and_no_robot() -> None:
     other = {key: value for key, value in POD.items() if "_label_rosops" not in key}
     other["__meta_kubernetes_namespace"] = "kube-system"
-    labels = shown(relabelled(relabel.of_pod(""), other))
+    labels = shown(relabelled(scrape.of_pod(""), other))
     assert labels["app"] == "temperature"
     assert "robot" not in labels
-    assert shown(relabelled(relabel.of_pod("robot2"), other))["robot"] == "robot2"
+    assert shown(relabelled(scrape.of_pod("robot2"), other))["robot"] == "robot2"
 
 
 def test_a_host() -> None:
@@ -185,7 +160,7 @@ def test_a_host() -> None:
     ],
 )
 def test_containers(series: dict[str, str], robot: str, wanted: dict[str, str]) -> None:
-    found = shown(relabelled(relabel.of_container(robot), series))
+    found = shown(relabelled(scrape.of_container(robot), series))
     assert {name: value for name, value in found.items() if name in ("robot", "app")} == wanted
 
 
@@ -202,10 +177,10 @@ def test_cadvisor_keeps_pods_and_the_whole_host() -> None:
     assert relabelled(rules, {**pod, "__name__": "container_oom_events_total", "container": "a"}) is not None
 
 
-def test_keep_lists_are_regular_expressions() -> None:
-    for names in (KUBELET, CADVISOR, APISERVER):
-        re.compile("|".join(names))
-        assert len(names) == len(set(names))
+@pytest.mark.parametrize("names", KEPT.values(), ids=KEPT)
+def test_what_is_kept_is_a_regular_expression(names: list[str]) -> None:
+    re.compile("|".join(names))
+    assert len(names) == len(set(names))
 
 
 @pytest.mark.parametrize(
@@ -245,7 +220,7 @@ def test_shipper_and_loki_agree_on_the_labels() -> None:
     assert indexed["attributes_config"][0]["attributes"] == list(STREAM_LABELS)
     assert limits["allow_structured_metadata"]
     assert limits["discover_service_name"] == []
-    text = json.dumps(otelcol_config(spec, LOKI)["receivers"]["filelog"]["operators"])
+    text = json.dumps(shipper_config(spec)["receivers"]["filelog"]["operators"])
     assert "resource.placement" in text
     for label in ("namespace", "pod", "container", "robot", "app"):
         assert f"(?P<{label}>" in text
@@ -253,11 +228,11 @@ def test_shipper_and_loki_agree_on_the_labels() -> None:
 
 def test_no_dollar_that_the_shipper_would_expand() -> None:
     spec = full({"remote_nodes": ["edge1"]})
-    assert "$" not in json.dumps(otelcol_config(spec, LOKI))
+    assert "$" not in json.dumps(shipper_config(spec))
 
 
 def test_the_collector_loses_nothing() -> None:
-    config = otelcol_config(full({}), LOKI)
+    config = shipper_config(full({}))
     exporter, receiver = config["exporters"]["otlphttp"], config["receivers"]["filelog"]
     assert exporter["sending_queue"]["storage"] in config["service"]["extensions"]
     assert receiver["storage"] in config["service"]["extensions"]
@@ -270,29 +245,19 @@ def test_the_collector_loses_nothing() -> None:
 
 def test_the_collector_does_not_tell_when_it_read_a_line() -> None:
     """Loki would keep that with each line: no two would be alike in labels, and one that is read twice would be two."""
-    [statements] = otelcol_config(full({}), LOKI)["processors"]["transform"]["log_statements"]
+    [statements] = shipper_config(full({}))["processors"]["transform"]["log_statements"]
     assert statements == {"context": "log", "statements": ["set(log.observed_time_unix_nano, 0)"]}
 
 
 def test_a_robots_own_cluster_names_the_robot() -> None:
-    spec = full(ROBOT)
-    assert {"type": "add", "field": "resource.robot", "value": "robot2"} in otelcol_config(spec, LOKI)["receivers"][
-        "filelog"
-    ]["operators"]
+    operators = shipper_config(full(ROBOT))["receivers"]["filelog"]["operators"]
+    assert {"type": "add", "field": "resource.robot", "value": "robot2"} in operators
 
 
 @pytest.mark.parametrize(("profile", "window"), [("standalone", None), ("hub", "24h")])
 def test_a_hub_takes_late_samples(profile: str, window: str | None) -> None:
-    spec = {"profile": profile}
-    config = prometheus_config(full(spec))
+    config = prometheus_config(full({"profile": profile}))
     assert config.get("storage", {}).get("tsdb", {}).get("out_of_order_time_window") == window
-    deployment = next(
-        one
-        for one in observability.stack_objects(full(spec), {})
-        if (one["kind"], one["metadata"]["name"]) == ("Deployment", "prometheus")
-    )
-    args = deployment["spec"]["template"]["spec"]["containers"][0]["args"]
-    assert ("--web.enable-remote-write-receiver" in args) is (profile == "hub")
 
 
 def test_loki_keeps_and_takes_as_long_as_it_is_told() -> None:
@@ -303,13 +268,15 @@ def test_loki_keeps_and_takes_as_long_as_it_is_told() -> None:
 
 
 def test_data_sources_have_the_uids_that_dashboards_name() -> None:
-    sources = maps({"alertmanager_config": ALERTS})["datasources.yml"]["datasources"]
+    sources = grafana_config(full({"alertmanager_config": ALERTS}))["datasources.yml"]["datasources"]
     assert {one["uid"]: one["url"] for one in sources} == {
         "prometheus": "http://prometheus.observability:9090",
         "loki": "http://loki.observability:3100",
         "alertmanager": "http://alertmanager.observability:9093",
     }
     assert [one["name"] for one in sources if one.get("isDefault")] == ["Prometheus"]
+    alone = grafana_config(full({"prometheus": {"enabled": False}}))["datasources.yml"]["datasources"]
+    assert [(one["name"], one["isDefault"]) for one in alone] == [("Loki", True)]
 
 
 def test_no_pod_can_fill_the_database() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import base64
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,17 @@ import kubernetes_validate
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
+from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack as observability
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.grafana import map_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import bytes_of as size_in_bytes
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.parts import map_name
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import images, retention_size
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.templates import yaml_text
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full
 
 HERE = Path(__file__).resolve().parent
-UNITS = {"MB": 2**20}
+DATA = ("PersistentVolumeClaim", "Secret", "Namespace")
 HASH = "rosops.fleet/config-hash"
 
 
@@ -37,48 +41,49 @@ def _regenerate() -> Any:
 stack = _regenerate()
 
 
-def find(objects: list[dict[str, Any]], kind: str, name: str) -> dict[str, Any]:
+def find(objects: list[Object], kind: str, name: str) -> Object:
     found = [one for one in objects if (one["kind"], one["metadata"]["name"]) == (kind, name)]
     assert len(found) == 1, (kind, name, [(one["kind"], one["metadata"]["name"]) for one in objects])
     return found[0]
 
 
-def pod_of(objects: list[dict[str, Any]], kind: str, name: str) -> dict[str, Any]:
+def pod_of(objects: list[Object], kind: str, name: str) -> dict[str, Any]:
     pod: dict[str, Any] = find(objects, kind, name)["spec"]["template"]["spec"]
     return pod
 
 
-def hashes(spec: dict[str, Any], files: dict[str, Any] | None = None) -> dict[str, str]:
+def workloads(objects: list[Object]) -> dict[str, Object]:
+    """Deployments and DaemonSets by name."""
+    return {one["metadata"]["name"]: one for one in objects if one["kind"] in ("Deployment", "DaemonSet")}
+
+
+def hashes(spec: dict[str, Any], files: Files = stack.FILES) -> dict[str, str]:
     """The hash of every pod's configuration, by workload."""
-    return {
-        one["metadata"]["name"]: one["spec"]["template"]["metadata"]["annotations"][HASH]
-        for one in observability.stack_objects(full(spec), files or stack.FILES)
-        if one["kind"] in ("Deployment", "DaemonSet")
-    }
+    found = workloads(observability.stack_objects(full(spec), files))
+    return {name: one["spec"]["template"]["metadata"]["annotations"][HASH] for name, one in found.items()}
+
+
+def keys(objects: list[Object]) -> list[tuple[str, str]]:
+    return [(one["kind"], one["metadata"]["name"]) for one in objects]
 
 
 @pytest.mark.parametrize("name", stack.SPECS)
-def test_golden(name: str) -> None:
+def test_what_is_applied(name: str) -> None:
+    """As the golden file has it, and as the API takes it; all text is that of what it says."""
     text = (HERE / "golden" / f"{name}.yml").read_text("utf-8")
     assert stack.golden(name) == yaml.safe_load(text)
-
-
-@pytest.mark.parametrize("name", stack.SPECS)
-def test_the_api_takes_them(name: str) -> None:
-    for one in stack.built(stack.SPECS[name]):
+    made = stack.built(stack.SPECS[name])
+    assert len(set(keys(made))) == len(made)
+    for one in made:
         kubernetes_validate.validate(one, "1.34", strict=True)
-
-
-@pytest.mark.parametrize("name", stack.SPECS)
-def test_no_object_twice(name: str) -> None:
-    keys = [(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS[name])]
-    assert len(keys) == len(set(keys))
+        for file, said in one["data"].items() if one["kind"] == "ConfigMap" else ():
+            assert not file.endswith(".yml") or yaml_text(yaml.safe_load(said)) == said
 
 
 @pytest.mark.parametrize("size", ["600Mi", "1Gi", "8Gi", "10G", "1Ti", "1500M", "2.5Gi"])
 def test_retention_by_size_is_below_the_claim(size: str) -> None:
     text = retention_size(size)
-    assert 0 < int(text[:-2]) * UNITS[text[-2:]] <= 0.85 * size_in_bytes(size)
+    assert 0 < int(text.removesuffix("MB")) * 2**20 <= 0.85 * float(quantity_value(size) or 0)
     objects = observability.stack_objects(full({"prometheus_size": size}), stack.FILES)
     args = pod_of(objects, "Deployment", "prometheus")["containers"][0]["args"]
     assert f"--storage.tsdb.retention.size={text}" in args
@@ -138,16 +143,8 @@ def test_the_password_is_stable(there: tuple[str, str] | None, given: str, passw
 
 
 def test_a_new_password_restarts_grafana_alone() -> None:
-    def templates(version: str) -> dict[str, Any]:
-        objects = observability.stack_objects(full({}), stack.FILES, version)
-        return {
-            one["metadata"]["name"]: one["spec"]["template"]
-            for one in objects
-            if one["kind"] in ("Deployment", "DaemonSet")
-        }
-
-    before, after = templates("v1"), templates("v2")
-    assert {name for name in before if before[name] != after[name]} == {"grafana"}
+    before, after = (workloads(observability.stack_objects(full({}), stack.FILES, version)) for version in ("v1", "v2"))
+    assert {name for name in before if before[name]["spec"] != after[name]["spec"]} == {"grafana"}
 
 
 @pytest.mark.parametrize(
@@ -166,10 +163,10 @@ def test_a_change_restarts_who_reads_it(change: dict[str, Any], restarted: set[s
 
 
 def test_a_rule_restarts_prometheus_and_a_dashboard_nobody() -> None:
-    rule = {**stack.FILES, "rules": {"ros.yml": "groups: [] # new\n"}}
+    rule = replace(stack.FILES, rules={"ros.yml": "groups: [] # new\n"})
     assert {name for name, value in hashes({}, rule).items() if value != hashes({})[name]} == {"prometheus"}
-    dashboard = {**stack.FILES, "dashboards": {"Fleet": {"fleet.json": '{"new": 1}'}, "Own": {"My Robot.json": "{}"}}}
-    assert hashes({}, dashboard) == hashes({})
+    boards = replace(stack.FILES, dashboards={"Fleet": {"fleet.json": '{"new": 1}'}, "Own": {"My Robot.json": "{}"}})
+    assert hashes({}, boards) == hashes({})
 
 
 def test_no_sub_path_so_that_changes_arrive() -> None:
@@ -178,7 +175,7 @@ def test_no_sub_path_so_that_changes_arrive() -> None:
 
 
 def test_without_rules_and_dashboards() -> None:
-    objects = observability.stack_objects(full({}), {})
+    objects = observability.stack_objects(full({}), Files())
     assert find(objects, "ConfigMap", "prometheus-rules")["data"] == {}
     volumes = {one["name"]: one for one in pod_of(objects, "Deployment", "grafana")["volumes"]}
     assert volumes["dashboards-fleet"] == {"name": "dashboards-fleet", "emptyDir": {}}
@@ -215,29 +212,22 @@ def test_images_of_each_profile() -> None:
 
 @pytest.mark.parametrize("name", stack.SPECS)
 def test_the_image_list_is_what_runs(name: str) -> None:
-    used = set()
-    for one in stack.built(stack.SPECS[name]):
-        pod = one["spec"]["template"]["spec"] if one["kind"] in ("Deployment", "DaemonSet") else {}
-        for container in [*pod.get("initContainers", []), *pod.get("containers", [])]:
-            used.add(container["image"])
+    pods = [one["spec"]["template"]["spec"] for one in workloads(stack.built(stack.SPECS[name])).values()]
+    used = {one["image"] for pod in pods for one in [*pod.get("initContainers", []), *pod["containers"]]}
     assert sorted(used) == images(full(stack.SPECS[name]))
 
 
 @pytest.mark.parametrize("name", stack.SPECS)
 def test_leftovers_are_never_data_and_never_what_is_wanted(name: str) -> None:
-    wanted = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS[name])}
-    left = {(one["kind"], one["metadata"]["name"]) for one in observability.leftovers(full(stack.SPECS[name]))}
-    assert not wanted & left
-    assert not {kind for kind, _name in left} & {"PersistentVolumeClaim", "Secret", "Namespace"}
+    left = {*keys(observability.leftovers(full(stack.SPECS[name])))}
+    assert not {*keys(stack.built(stack.SPECS[name]))} & left
+    assert not {kind for kind, _name in left} & {*DATA}
 
 
 def test_from_hub_to_robot_nothing_runs_on() -> None:
-    kept = ("PersistentVolumeClaim", "Secret", "Namespace")
-    hub = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS["hub"]) if one["kind"] not in kept}
-    robot = {(one["kind"], one["metadata"]["name"]) for one in stack.built(stack.SPECS["robot"])}
-    left = observability.leftovers(full(stack.SPECS["robot"]))
-    gone = hub - robot - {(one["kind"], one["metadata"]["name"]) for one in left}
-    assert {name for kind, name in gone if "dashboard" not in name} == set()
+    hub, robot = (stack.built(stack.SPECS[name]) for name in ("hub", "robot"))
+    gone = {*keys(hub)} - {*keys(robot), *keys(observability.leftovers(full(stack.SPECS["robot"])))}
+    assert [name for kind, name in gone if kind not in DATA and "dashboard" not in name] == []
 
 
 def test_no_shipper_where_nobody_takes_lines() -> None:
@@ -247,24 +237,25 @@ def test_no_shipper_where_nobody_takes_lines() -> None:
 
 def test_a_robots_profile_needs_a_hub() -> None:
     with pytest.raises(SpecError, match="observability_hub_url"):
-        observability.stack_objects(full({"profile": "robot", "robot": "r1"}), {})
+        observability.stack_objects(full({"profile": "robot", "robot": "r1"}), Files())
 
 
 def test_a_host_that_is_off_does_not_hold_up_the_others() -> None:
-    for one in stack.built(stack.SPECS["standalone"]):
-        if one["kind"] == "DaemonSet":
-            assert one["spec"]["updateStrategy"]["rollingUpdate"] == {"maxUnavailable": "100%"}
+    sets = [one for one in workloads(stack.built({})).values() if one["kind"] == "DaemonSet"]
+    assert [one["spec"]["updateStrategy"]["rollingUpdate"] for one in sets] == [{"maxUnavailable": "100%"}] * 2
 
 
-def test_where_it_runs() -> None:
-    for spec, where in (({}, {"deploymentType": "remote"}), (stack.SPECS["robot"], {"rosops.fleet/robot": "robot2"})):
-        for one in stack.built(spec):
-            if one["kind"] == "Deployment":
-                assert one["spec"]["template"]["spec"]["nodeSelector"] == where
+@pytest.mark.parametrize(
+    ("spec", "where"),
+    [({}, {"deploymentType": "remote"}), (stack.SPECS["robot"], {"rosops.fleet/robot": "robot2"})],
+)
+def test_where_it_runs(spec: dict[str, Any], where: dict[str, str]) -> None:
+    found = [one for one in workloads(stack.built(spec)).values() if one["kind"] == "Deployment"]
+    assert found and all(one["spec"]["template"]["spec"]["nodeSelector"] == where for one in found)
 
 
 def test_open_ports_and_who_may_reach_them() -> None:
-    plain, hub = observability.stack_objects(full({}), {}), stack.built(stack.SPECS["hub"])
+    plain, hub = observability.stack_objects(full({}), Files()), stack.built(stack.SPECS["hub"])
     ports = {
         one["metadata"]["name"]: one["spec"]["ports"][0].get("nodePort") for one in hub if one["kind"] == "Service"
     }

@@ -15,7 +15,9 @@ from ansible.utils.context_objects import CLIArgs
 from ansible_collections.rosops.fleet.plugins.action import _outcomes
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import Identity
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import note_run
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import Noted
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.tests.unit.plugins.action.actions import run
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._kube.kube_server import Server
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet
@@ -52,7 +54,7 @@ def noted() -> None:
     report.ok("t", "robot1", {"outcome": BUSY}, 1)
     report.failed("t", "robot2", {"msg": "no space"}, 1)
     report.unreachable("t", "robot3", {"msg": "timed out"}, 1)
-    note_run({"playbook": "update.yml", "started": "2026-11-22T06:00:00Z", "hosts": report.so_far()})
+    note_run(report.so_far("update.yml", "2026-11-22T06:00:00Z"))
 
 
 def kept(server: Server) -> dict[str, Any]:
@@ -72,7 +74,7 @@ def test_every_host_has_its_word_whatever_became_of_it(server: Server) -> None:
         "robot3": ("deferred-offline", "timed out"),
         "robot4": ("unchanged", ""),
     }
-    assert found["robot1"]["steps"] == [{"name": "dock"}]
+    assert [step["name"] for step in found["robot1"]["steps"]] == ["dock"]
     one = kept(server)["robot2"]
     assert (one["outcome"], one["reason"], one["failed_task"]) == ("failed", "no space", "Apply")
     assert (one["playbook"], one["started"]) == ("update.yml", "2026-11-22T06:00:00Z")
@@ -83,7 +85,7 @@ def test_a_later_run_on_one_host_keeps_the_others(server: Server) -> None:
     noted()
     run(_outcomes, {}, known("edge1", "robot1", "robot4"))
     later = {**known("robot2", robot2={"outcome": "updated", "reason": ""}), "ansible_play_hosts_all": ["robot2"]}
-    note_run({"playbook": "site.yml", "started": "2026-11-22T07:00:00Z"})
+    note_run(Noted("site.yml", "2026-11-22T07:00:00Z"))
     run(_outcomes, {}, later)
     assert {host: one["outcome"] for host, one in kept(server).items()} == {
         "edge1": "updated", "robot1": "deferred-busy", "robot2": "updated", "robot3": "deferred-offline",
@@ -93,7 +95,7 @@ def test_a_later_run_on_one_host_keeps_the_others(server: Server) -> None:
 
 def test_without_the_callback_the_tasks_of_this_run_count() -> None:
     found = run(_outcomes, {}, known("robot1", robot1=BUSY))["ansible_stats"]["data"]["fleet_outcomes"]
-    assert found["robot1"] == BUSY
+    assert found["robot1"] == RobotOutcome.from_dict(BUSY).as_dict()
     assert found["robot2"]["outcome"] == "failed"
     assert "callback fleet_report" in found["robot2"]["reason"]
 

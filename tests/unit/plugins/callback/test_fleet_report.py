@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from ansible.playbook.role_include import IncludeRole
 from ansible.playbook.task import Task
 from ansible.utils.context_objects import CLIArgs
 from ansible_collections.rosops.fleet.plugins.callback import fleet_report
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport
 
 
 class FakeDisplay:
@@ -157,6 +159,6 @@ def test_a_relative_path_starts_at_the_configuration(
 
 def test_a_later_look_does_not_hide_what_an_update_did(tmp_path: Path) -> None:
     path = tmp_path / "fleet-report.json"
-    update = {"playbook": "playbooks/update.yml", "check_mode": False}
+    update = RunReport().finish({}, 1.0, "playbooks/update.yml")
     assert fleet_report.paths_of(path, update) == [path, tmp_path / "fleet-report-update.json"]
-    assert fleet_report.paths_of(path, {**update, "check_mode": True}) == [path]
+    assert fleet_report.paths_of(path, replace(update, check_mode=True)) == [path]

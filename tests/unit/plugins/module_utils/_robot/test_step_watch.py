@@ -24,8 +24,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
     StatusReading,
 )
 from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import CUT_OFF
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import step_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import kept_steps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import step_gate
@@ -666,8 +666,8 @@ def test_the_record_says_that_the_keeper_went_back() -> None:
     assert (told["outcome"], told["from"], told["to"], told["id"]) == ("rolled-back", "rev1", "rev2", "abc")
     assert told["reason"].startswith("the keeper went back from rev2 to rev1 at 1970-01-01T00:00:00.000000Z: not ready")
     assert world.maps[NAMESPACE, "robot-updates"]["metadata"]["labels"] == labels
-    shown = status_rows({"updates": kept_steps([world.maps[NAMESPACE, "robot-updates"]])}, {}, {})["steps"]
-    assert [(row["robot"], row["outcome"], row["note"]) for row in shown] == [("r1", "rolled-back", told["reason"])]
+    shown = step_rows(kept_steps([world.maps[NAMESPACE, "robot-updates"]]))
+    assert [(row.robot, row.outcome, row.note) for row in shown] == [("r1", "rolled-back", told["reason"])]
 
 
 def test_no_run_that_is_gone_is_said_to_be_running() -> None:

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import links
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading, links
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Link, Workload
 
 # Topic, rate, who sends it, who hears it.
 TOPICS = """
@@ -43,9 +43,9 @@ TOPICS = """
 """
 EDGE = ("detector", "dashboard", "fleet_link")
 ADDRESSES = {"robot1": "10.42.1.7", "edge1": "10.42.0.9"}
-APPS: list[dict[str, Any]] = [
-    {"robot": "robot1", "name": "base", "nodes": ["robot1"], "addresses": [ADDRESSES["robot1"]]},
-    {"robot": "robot1", "name": "detector", "nodes": ["edge1"], "addresses": [ADDRESSES["edge1"]]},
+APPS = [
+    Workload("robot1", "base", nodes=("robot1",), addresses=(ADDRESSES["robot1"],)),
+    Workload("robot1", "detector", nodes=("edge1",), addresses=(ADDRESSES["edge1"],)),
 ]
 
 
@@ -81,6 +81,6 @@ def graph(broken: tuple[tuple[str, str], ...] = (), down: tuple[str, ...] = ()) 
     return {"nodes": nodes, "topics": topics, "actions": {"/move_base": {"servers": ["/move_base"]}}}
 
 
-def rows(robot: str = "robot1", **more: Any) -> list[dict[str, Any]]:
+def rows(robot: str = "robot1", **more: Any) -> list[Link]:
     """As the section `links` has them."""
-    return links(robot, Graph.from_dict(graph(**more)))
+    return links({robot: Reading.from_dict(graph(**more))})

@@ -8,8 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import RUNBOOKS, Finding, attention
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import since_words, summary_text
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import RUNBOOKS, Finding
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention as of_status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import since_words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import summary_text as of_fleet
 
 DOCS = Path(__file__).resolve().parents[5] / "docs" / "runbooks"
 UP = {"name": "robot1", "group": "robots", "role": "agent", "cluster": "edge", "reachable": True}
@@ -23,6 +27,14 @@ MISSED = {"host": "robot2", "outcome": "deferred-offline", "playbook": "update.y
 def app(robot: str, ready: int = 0, **more: Any) -> dict[str, Any]:
     row = {"name": "sensor", "namespace": f"robot-{robot}", "robot": robot, "ready": ready, "wanted": 1}
     return {**row, "nodes": [robot], "note": "", **more}
+
+
+def attention(sections: dict[str, Any]) -> list[Finding]:
+    return of_status(read(Status, sections))
+
+
+def summary_text(sections: dict[str, Any], now: str, name: str = "") -> str:
+    return of_fleet(read(Status, sections), now, name)
 
 
 def lines(found: list[Finding]) -> list[tuple[str, str, str]]:
@@ -112,7 +124,7 @@ def test_who_has_ended_in_a_launch_file_is_for_a_person_to_judge() -> None:
         ("claims", {"name": "c", "robot": "r", "bound": True, "size": "1Ki", "used_bytes": 1000}, "get pvc c"),
         ("outcomes", {**MISSED, "outcome": "failed"}, "rosops.fleet.update --limit robot2 --check --diff"),
         ("outcomes", {**MISSED, "playbook": "mine.yml", "outcome": "deferred-busy"}, "mine.yml --limit robot2"),
-        ("went_back", {"name": "a", "robot": "r", "from": "2", "to": "1", "reason": "", "at": LOST}, "ros-keeper"),
+        ("went_back", {"name": "a", "robot": "r", "before": "2", "after": "1", "reason": "", "at": LOST}, "ros-keeper"),
         ("ros_nodes", {"name": "/a", "robot": "r", "app": "b", "reachable": False}, "-n robot-r logs deploy/b"),
     ],
 )  # fmt: skip

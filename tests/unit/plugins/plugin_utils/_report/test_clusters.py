@@ -34,7 +34,9 @@ class Cluster:
 
     def get(self, ref: Ref) -> Any:
         return (
-            {"data": {"robot1": '{"playbook": "update.yml", "started": ""}'}} if ref.name == "rosops-outcomes" else None
+            {"data": {"robot1": '{"host": "robot1", "playbook": "update.yml", "started": ""}'}}
+            if ref.name == "rosops-outcomes"
+            else None
         )
 
     def objects(self, kind: str, namespace: str = "", labels: str = "", fields: str = "") -> list[Any]:
@@ -66,7 +68,7 @@ def test_everything_that_is_shown_is_asked_for_once() -> None:
     assert answer.objects == {kind: [f"{kind} of good"] for kind in KINDS}
     assert made[0].asked == list(KINDS.items())
     assert made[0].closed[-1] == "good"
-    assert [run["playbook"] for run in answer.runs] == ["update.yml"]
+    assert [run.playbook for run in answer.runs] == ["update.yml"]
 
 
 def test_a_cluster_that_does_not_answer_keeps_nobody_from_the_others() -> None:

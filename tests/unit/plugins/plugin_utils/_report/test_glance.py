@@ -7,14 +7,15 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
     counts,
     host_lines,
     hosts_off,
     level,
-    some,
     used_share,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Claim, Status, Workload, some
 
 UP = {"name": "robot1", "group": "robots", "reachable": True}
 OFF = {"name": "robot2", "group": "robots", "reachable": False, "reason": "timed out"}
@@ -22,7 +23,11 @@ EDGE_OFF = {"name": "edge1", "group": "edge", "reachable": False}
 
 
 def app(robot: str, ready: int = 1, **more: Any) -> dict[str, Any]:
-    return {"name": "sensor", "robot": robot, "ready": ready, "wanted": 1, "nodes": [robot], "note": "", **more}
+    return {"name": "sensor", "robot": robot, "ready": ready, "nodes": [robot], **more}
+
+
+def status(**sections: Any) -> Status:
+    return read(Status, sections)
 
 
 @pytest.mark.parametrize(
@@ -51,35 +56,36 @@ def app(robot: str, ready: int = 1, **more: Any) -> dict[str, Any]:
     ],
 )
 def test_how_good_a_row_is(section: str, row: dict[str, Any], expected: str) -> None:
-    assert level(section, row) == expected
+    assert level(*status(**{section: [row]}).rows(section)) == expected
 
 
 def test_what_goes_with_a_robot_that_is_off_is_no_worse_than_the_robot() -> None:
-    status = {"hosts": [UP, OFF], "apps": [app("robot1", 0), app("robot2", 0), app("robot2", 0, nodes=["edge1"])]}
-    assert [level("apps", row, hosts_off(status)) for row in status["apps"]] == ["bad", "warn", "bad"]
+    apps = [app("robot1", 0), app("robot2", 0), app("robot2", 0, nodes=["edge1"])]
+    found = status(hosts=[UP, OFF], apps=apps)
+    assert [level(row, hosts_off(found)) for row in found.apps] == ["bad", "warn", "bad"]
 
 
 def test_a_pod_that_is_on_no_node_is_nobodys_absence() -> None:
-    assert level("apps", app("robot2", 0, nodes=[]), {"robot2"}) == "bad"
+    assert level(Workload("robot2", "sensor"), {"robot2"}) == "bad"
 
 
 def test_counts_leave_out_what_there_is_nothing_of() -> None:
-    assert counts({}) == []
-    [count] = counts({"hosts": [UP, OFF, EDGE_OFF], "apps": []})[:1]
+    assert counts(Status()) == []
+    [count] = counts(status(hosts=[UP, OFF, EDGE_OFF]))[:1]
     assert (count.label, count.section, count.words, count.level) == ("Hosts", "hosts", "1 of 3 up, 2 not", "bad")
 
 
 def test_what_is_unknown_is_not_green() -> None:
     """A robot that is off keeps what the API last heard of it, and what it would have said is in no number."""
-    status = {
-        "hosts": [UP, OFF],
-        "nodes": [{"name": "robot1", "ready": True}, {"name": "robot2", "ready": False}],
-        "apps": [app("robot1"), app("robot1", 0), app("robot2", 0), app("robot2")],
-        "ros_nodes": [{"robot": "robot1", "reachable": True}],
-        "claims": [{"robot": robot, "bound": True, "size": "1Gi", "used_bytes": used}
-                   for robot, used in (("robot1", 5), ("robot1", None), ("robot2", None))],
-    }  # fmt: skip
-    assert [(count.words, count.level) for count in counts(status)] == [
+    found = status(
+        hosts=[UP, OFF],
+        nodes=[{"name": "robot1", "ready": True}, {"name": "robot2", "ready": False}],
+        apps=[app("robot1"), app("robot1", 0), app("robot2", 0), app("robot2")],
+        ros_nodes=[{"robot": "robot1", "reachable": True}],
+        claims=[{"robot": robot, "bound": True, "size": "1Gi", "used_bytes": used}
+                for robot, used in (("robot1", 5), ("robot1", None), ("robot2", None))],
+    )  # fmt: skip
+    assert [(count.words, count.level) for count in counts(found)] == [
         ("1 of 2 up, 1 not", "warn"),
         ("1 of 2 ready, 1 unknown (robot2)", "warn"),
         ("2 of 4 ready, 1 not, 1 unknown (robot2)", "bad"),
@@ -91,14 +97,14 @@ def test_what_is_unknown_is_not_green() -> None:
 def test_a_graph_that_could_not_be_read_is_unknown_and_so_is_a_cluster() -> None:
     alone = {**OFF, "cluster": "robot2", "role": "server"}
     problems = [{"where": "a", "what": "b", "graph": "robot1"}, {"where": "c", "what": "d", "cluster": "robot2"}]
-    found = {count.label: count.words for count in counts({"hosts": [UP, alone], "problems": problems})}
+    found = {count.label: count.words for count in counts(status(hosts=[UP, alone], problems=problems))}
     assert found["ROS nodes"] == "robot1, robot2 unknown"
     assert found["Apps"] == found["Nodes"] == "robot2 unknown"
 
 
 def test_a_shared_graph_is_that_of_all_robots() -> None:
     rows = [{"robot": "(shared)", "reachable": True}]
-    assert [count.words for count in counts({"hosts": [UP, OFF], "ros_nodes": rows})][1:] == ["1 of 1 up"]
+    assert [count.words for count in counts(status(hosts=[UP, OFF], ros_nodes=rows))][1:] == ["1 of 1 up"]
 
 
 def test_many_names_are_a_few_and_a_number() -> None:
@@ -108,36 +114,19 @@ def test_many_names_are_a_few_and_a_number() -> None:
 
 
 def test_a_line_per_host() -> None:
-    status = {
-        "hosts": [UP, OFF],
-        "nodes": [{"name": "robot1", "ready": True, "reason": ""}],
-        "masters": [app("robot1")],
-        "apps": [app("robot1"), app("robot1", 0)],
-        "ros_nodes": [{"robot": "robot1", "reachable": True}],
-        "topics": [{"robot": "robot1", "rate": 10.0}, {"robot": "robot1", "rate": None}],
-        "outcomes": [{"host": "robot1", "outcome": "updated"}],
-    }
-    first, second = host_lines(status)
-    assert first == {
-        "host": "robot1",
-        "group": "robots",
-        "state": "up",
-        "node": "Ready",
-        "master": "1/1",
-        "apps": "1/2",
-        "ros_nodes": "1/1",
-        "topics": 2,
-        "messages": 10.0,
-        "outcome": "updated",
-        "level": "bad",
-    }
-    assert (second["state"], second["node"], second["apps"], second["messages"], second["level"]) == (
-        "offline",
-        "",
-        "",
-        None,
-        "warn",
+    found = status(
+        hosts=[UP, OFF],
+        nodes=[{"name": "robot1", "ready": True}],
+        masters=[app("robot1")],
+        apps=[app("robot1"), app("robot1", 0)],
+        ros_nodes=[{"robot": "robot1", "reachable": True}],
+        topics=[{"robot": "robot1", "rate": 10.0}, {"robot": "robot1"}],
+        outcomes=[{"host": "robot1", "outcome": "updated"}],
     )
+    assert [tuple(vars(line).values()) for line in host_lines(found)] == [
+        ("robot1", "robots", "up", "Ready", "1/1", "1/2", "1/1", 2, 10.0, "updated", "bad"),
+        ("robot2", "robots", "offline", "", "", "", "", None, None, "", "warn"),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -145,4 +134,4 @@ def test_a_line_per_host() -> None:
     [("1Ki", 512, 0.5), ("", 512, None), ("much", 512, None), ("1Ki", None, None), ("0", 1, None)],
 )
 def test_how_full_a_claim_is(size: str, used: int | None, share: float | None) -> None:
-    assert used_share({"size": size, "used_bytes": used}) == share
+    assert used_share(Claim(size=size, used_bytes=used)) == share

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host as Part
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
     Member,
     clusters_of,
@@ -16,6 +16,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     unmeasured,
     usage_of,
 )
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Asked
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Host, Promise, Workload
 from ansible_collections.rosops.fleet.tests.unit.robots import fleet
 
 GROUPS = {"edge": ["edge1"], "robots": ["robot1", "robot2", "lone"]}
@@ -33,7 +35,12 @@ def found(
 ) -> list[Member]:
     hostvars = {name: {**own, **(every or {}), **more.get(name, {})} for name, own in VARIABLES.items()}
     run = {name: hostvars[name] for name in names or hostvars}
-    return members(fleet(GROUPS, hostvars), run, dict.fromkeys(off, OFF))
+    addresses = {name: str(own.get("ansible_host", name)) for name, own in run.items()}
+    return members(fleet(GROUPS, hostvars), addresses, dict.fromkeys(off, OFF))
+
+
+def pods(robot: str, *addresses: str) -> Workload:
+    return Workload(robot, "base", addresses=addresses)
 
 
 def service(namespace: str, address: str, name: str = "ros-master") -> dict[str, Any]:
@@ -41,25 +48,9 @@ def service(namespace: str, address: str, name: str = "ros-master") -> dict[str,
 
 
 def test_rows_of_hosts() -> None:
-    edge, robot = (one.row() for one in found("edge1", "robot2", off=("robot2",)))
-    assert edge == {
-        "name": "edge1",
-        "group": "edge",
-        "address": "10.0.0.11",
-        "role": "server",
-        "cluster": "edge",
-        "reachable": True,
-        "reason": "",
-    }
-    assert robot == {
-        "name": "robot2",
-        "group": "robots",
-        "address": "robot2",
-        "role": "agent",
-        "cluster": "edge",
-        "reachable": False,
-        "reason": "timed out",
-    }
+    edge, robot = (one.row for one in found("edge1", "robot2", off=("robot2",)))
+    assert edge == Host("edge1", "edge", "10.0.0.11", "server", "edge")
+    assert robot == Host("robot2", "robots", "robot2", "agent", "edge", False, "timed out")
 
 
 def test_each_cluster_is_asked_with_one_of_its_hosts() -> None:
@@ -78,7 +69,7 @@ def test_servers_outside_of_the_limit_may_be_up() -> None:
 
 
 def test_one_server_that_answers_is_enough() -> None:
-    part = Host("server", "edge", ("a", "b", "c"), False, "")
+    part = Part("server", "edge", ("a", "b", "c"), False, "")
     hosts = [Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
     assert list(clusters_of(hosts)[0]) == ["edge"]
 
@@ -88,19 +79,11 @@ def test_every_robot_reads_its_own_masters_graph() -> None:
         "edge": [service("robot-robot1", "10.43.0.1"), service("robot-robot2", "10.43.0.2"), service("fleet", "x")],
         "lone": [service("robot-lone", "10.43.0.1", "other"), service("robot-lone", "10.43.0.3")],
     }
-    apps = [
-        {"robot": "robot1", "addresses": ["10.42.0.7"]},
-        {"robot": "robot2", "addresses": []},
-        {"robot": "(shared)", "addresses": ["10.42.0.9"]},
-    ]
+    apps = [pods("robot1", "10.42.0.7"), pods("robot2"), pods("(shared)", "10.42.0.9")]
     assert graphs_to_read(found(), services, apps) == {
-        "robot1": {
-            "robot": "robot1",
-            "master_uri": "http://10.43.0.1:11311",
-            "addresses": ["10.42.0.7", "10.42.0.9"],
-        },
-        "robot2": {"robot": "robot2", "master_uri": "http://10.43.0.2:11311", "addresses": ["10.42.0.9"]},
-        "lone": {"robot": "lone", "master_uri": "http://10.43.0.3:11311", "addresses": ["10.42.0.9"]},
+        "robot1": Asked("robot1", "http://10.43.0.1:11311", ("10.42.0.7", "10.42.0.9")),
+        "robot2": Asked("robot2", "http://10.43.0.2:11311", ("10.42.0.9",)),
+        "lone": Asked("lone", "http://10.43.0.3:11311", ("10.42.0.9",)),
     }
 
 
@@ -112,18 +95,16 @@ def test_a_robot_that_is_off_or_has_no_master_reads_nothing() -> None:
 def test_a_shared_masters_graph_is_read_by_the_first_robot_that_answers() -> None:
     services = {"edge": [service("fleet", "10.43.0.9")], "lone": [service("fleet", "10.43.0.8")]}
     every = {"ros_master_mode": "shared"}
-    lone = {"robot": "lone", "master_uri": "http://10.43.0.8:11311", "addresses": []}  # shares with nobody
-    shared = {"robot": "(shared)", "master_uri": "http://10.43.0.9:11311", "addresses": ["10.42.0.7"]}
-    apps = [{"robot": "robot2", "addresses": ["10.42.0.7"]}]
+    lone = Asked("lone", "http://10.43.0.8:11311")  # shares with nobody
+    shared = Asked("(shared)", "http://10.43.0.9:11311", ("10.42.0.7",))
+    apps = [pods("robot2", "10.42.0.7")]
     assert graphs_to_read(found(every=every), services, apps) == {"robot1": shared, "lone": lone}
     assert graphs_to_read(found(every=every, off=("robot1",)), services, apps) == {"robot2": shared, "lone": lone}
 
 
 def test_an_external_master_needs_no_service() -> None:
     external = {"ros_master_mode": "external", "ros_master_uri": "http://hall:11311"}
-    assert graphs_to_read(found(robot2=external), {}, []) == {
-        "robot2": {"robot": "robot2", "master_uri": "http://hall:11311", "addresses": []}
-    }
+    assert graphs_to_read(found(robot2=external), {}, []) == {"robot2": Asked("robot2", "http://hall:11311")}
 
 
 def test_what_volumes_hold() -> None:
@@ -146,7 +127,7 @@ def test_a_host_whose_volumes_take_too_long_is_a_problem() -> None:
         "stuck": {"rc": 137},
         "off": OFF,
     }
-    assert [problem["where"] for problem in unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
+    assert [problem.where for problem in unmeasured(results)] == ["volumes of slow", "volumes of stuck"]
 
 
 def test_rates_that_apps_promise() -> None:
@@ -156,7 +137,7 @@ def test_rates_that_apps_promise() -> None:
     told = promised_rates(found("robot1", "edge1", robot1={"ros_apps": [app, fused]}))
     assert told == {
         "robot1": {
-            "/odom": {"min_rate": 18, "app": "base", "robot": "robot1"},
-            "/scan": {"min_rate": 10, "app": "fused", "robot": "robot1"},
+            "/odom": Promise(18, "base", "robot1"),
+            "/scan": Promise(10, "fused", "robot1"),
         }
     }

@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from typing import Any
 
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import (
     REASON_KEPT,
     kept_object,
@@ -13,19 +16,13 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import (
     kept_runs,
     kept_steps,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Status
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import events_map
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
 
-RUN = {"playbook": "update.yml", "started": "2026-11-22T06:00:00Z"}
-ROW = {
-    "host": "robot1",
-    "outcome": "rolled-back",
-    "reason": "an edge is missing",
-    "changed": 2,
-    "failed_task": None,
-    **RUN,
-}
+WHEN = "2026-11-22T06:00:00Z"
+RUN = HostRun("robot1", "update.yml", WHEN, RobotOutcome("rolled-back", "an edge is missing"), 2)
 STEP = StepResult(
     id="abc",
     name="talker, listener",
@@ -39,14 +36,23 @@ STEP = StepResult(
 )
 
 
+def shown(*runs: HostRun, **reports: str) -> Status:
+    return status_of(Look(Status(), runs=runs), {}, reports)
+
+
 def test_what_was_kept_is_shown_on_another_control_node() -> None:
-    kept = kept_object(kept_part([ROW, {**ROW, "host": "edge1", "outcome": "failed", "failed_task": "Start k3s"}]))
-    shown = status_rows({"runs": kept_runs(kept)}, {}, {})
-    assert shown["outcomes"] == [
-        {"host": "edge1", "outcome": "failed", "changed": 2, "note": "an edge is missing (task: Start k3s)", **RUN},
-        {"host": "robot1", "outcome": "rolled-back", "changed": 2, "note": "an edge is missing", **RUN},
-    ]
-    assert shown["problems"] == []
+    edge = replace(RUN, host="edge1", outcome=replace(RUN.outcome, outcome="failed"), failed_task="Start k3s")
+    kept = kept_object(kept_part([RUN, edge]))
+    assert json.loads(kept["data"]["robot1"]) == {
+        "host": "robot1", "playbook": "update.yml", "started": WHEN, "outcome": "rolled-back", "changed": 2,
+        "reason": "an edge is missing", "failed_task": None,
+    }  # fmt: skip
+    found = shown(*kept_runs(kept))
+    assert found.outcomes == (
+        LastRun("edge1", "failed", "update.yml", WHEN, 2, "an edge is missing (task: Start k3s)"),
+        LastRun("robot1", "rolled-back", "update.yml", WHEN, 2, "an edge is missing"),
+    )
+    assert found.problems == ()
 
 
 def test_of_two_the_newer_counts_wherever_it_is_kept() -> None:
@@ -55,19 +61,15 @@ def test_of_two_the_newer_counts_wherever_it_is_kept() -> None:
         '[{"host": "robot1", "outcome": "updated", "changed": ["Apply"]}]}'
     )
     for started, playbook in (("2026-11-22T05:00:00Z", "update.yml"), ("2026-11-22T07:00:00Z", "site.yml")):
-        rows = status_rows({"runs": kept_runs(kept_object(kept_part([ROW])))}, {}, {"a.json": report % started})
-        assert [row["playbook"] for row in rows["outcomes"]] == [playbook]
-
-
-def test_runs_on_other_hosts_are_not_written_over() -> None:
-    assert set(kept_part([ROW])["data"]) == {"robot1"}
+        found = shown(*kept_runs(kept_object(kept_part([RUN]))), a=report % started)
+        assert [row.playbook for row in found.outcomes] == [playbook]
 
 
 def test_a_long_reason_is_cut_and_what_somebody_spoilt_is_left_out() -> None:
-    kept = kept_object(kept_part([{**ROW, "reason": "x" * 9999}]))
+    kept = kept_object(kept_part([replace(RUN, outcome=RobotOutcome("failed", "x" * 9999))]))
     kept["data"] |= {"robot2": "{", "robot3": "[]", "robot4": "{}"}
     (run,) = kept_runs(kept)
-    assert len(run["hosts"][0]["reason"]) == REASON_KEPT
+    assert len(run.outcome.reason) == REASON_KEPT
     assert kept_runs(None) == kept_runs({"data": None}) == []
 
 
@@ -78,13 +80,15 @@ def test_the_latest_steps_are_those_of_the_robots_own_record() -> None:
         "metadata": {"name": "robot-updates", "namespace": "mine"},
         "data": {"updates.json": "{}"},
     }
-    shown = status_rows({"updates": kept_steps([record, foreign])}, {}, {})
-    assert [(row["robot"], row["name"], row["outcome"]) for row in shown["steps"]] == [
+    found = shown(*kept_steps([record, foreign]))
+    assert [(row.robot, row.name, row.outcome) for row in found.steps] == [
         ("robot1", "talker, listener", "updated"),
         ("robot1", "map", "running"),
     ]
-    step, now = shown["steps"]
-    assert (step["id"], step["from"], step["to"]) == ("abc", ["a:1 (11111111)"], ["a:2 (22222222)"] * 2)
-    assert (step["seconds"], step["busy_wait"], step["handoff"]) == (3.5, 1.0, "overlap")
-    assert now["note"] == "begun 2026-11-22T06:01:40Z"
-    assert shown["outcomes"] == []
+    step, now = found.steps
+    assert (step.id, step.before, step.after) == ("abc", ("a:1 (11111111)",), ("a:2 (22222222)",) * 2)
+    assert (step.seconds, step.busy_wait, step.handoff) == (3.5, 1.0, "overlap")
+    assert now.note == "begun 2026-11-22T06:01:40Z"
+    assert found.outcomes == ()
+    spoilt = {**record, "data": {"updates.json": '{"updates": [{"app": "a", "started": 1, "phases": 7}]}'}}
+    assert kept_steps([spoilt]) == []

@@ -5,83 +5,64 @@
 from __future__ import annotations
 
 import base64
-import copy
 import hashlib
 import re
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
-import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import UNFOLDED, status_page
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import status_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
+    Claim,
+    Host,
+    LastRun,
+    Node,
+    Placed,
+    RosNode,
+    Status,
+    Step,
+    Topic,
+    Trouble,
+    Workload,
+)
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report import a_robot
 from ansible_collections.rosops.fleet.tests.unit.plugins.plugin_utils._report.html_check import Page
 
 MADE = "2026-11-21T09:07:52Z"
 HOSTILE = "<script>alert(1)</script>\"'><img src=http://example.org/x onerror=alert(1)>&amp;\x00\u202e"
 
-STATUS: dict[str, Any] = {
-    "problems": [],
-    "hosts": [
-        {
-            "name": "edge1",
-            "group": "edge",
-            "address": "10.0.0.11",
-            "role": "server",
-            "cluster": "edge",
-            "reachable": True,
-        },
-        {"name": "robot1", "group": "robots", "role": "agent", "cluster": "edge", "reachable": True},
-        {"name": "robot2", "group": "robots", "cluster": "edge", "reachable": False, "reason": "timed out"},
-    ],
-    "nodes": [
-        {"name": "robot1", "ready": True, "reason": "", "version": "v1", "placement": "local", "robot": "robot1"},
-        {"name": "robot2", "ready": False, "reason": "NodeStatusUnknown", "placement": "local", "robot": "robot2"},
-    ],
-    "placement": [{"node": "robot1", "placement": "local", "runs": ["robot1/sensor"]}],
-    "masters": [{"name": "ros-master", "robot": "robot1", "ready": 1, "wanted": 1, "nodes": ["robot1"], "note": ""}],
-    "apps": [
-        {
-            "name": "sensor",
-            "robot": "robot1",
-            "ready": 1,
-            "wanted": 1,
-            "nodes": ["robot1"],
-            "images": ["a:1"],
-            "note": "",
-        }
-    ],
-    "ros_nodes": [{"robot": "robot1", "name": "/sensor", "reachable": True, "services": ["/a", "/b"]}],
-    "topics": [
-        {"robot": "robot1", "name": "/temperature", "type": "a/B", "rate": 499.83, "note": ""},
-        {"robot": "robot1", "name": "/slow", "type": "a/B", "rate": 0.5, "note": ""},
-        {"robot": "robot1", "name": "/never", "type": "a/B", "rate": None, "note": "no publisher answers"},
-    ],
-    "claims": [
-        {"robot": "robot1", "name": "logs-pvc", "bound": True, "phase": "Bound", "size": "1Gi", "used_bytes": 2**29}
-    ],
-    "outcomes": [
-        {"host": "robot1", "outcome": "updated", "playbook": "update.yml", "started": MADE, "changed": 3, "note": ""}
-    ],
-    "steps": [
-        {
-            "robot": "robot1",
-            "id": "0123456789ab",
-            "name": "sensor",
-            "handoff": "overlap",
-            "outcome": "updated",
-            "from": ["a:1 (1)"],
-            "to": ["a:2 (2)"],
-            "seconds": 8.5,
-            "busy_wait": 0.0,
-            "phases": {"gate": 1.0, "apply": 7.5},
-            "note": "",
-        }
-    ],
-}
+STATUS = Status(
+    hosts=(
+        Host("edge1", "edge", "10.0.0.11", "server", "edge"),
+        Host("robot1", "robots", "", "agent", "edge"),
+        Host("robot2", "robots", "", "", "edge", reachable=False, reason="timed out"),
+    ),
+    nodes=(
+        Node("robot1", True, version="v1", placement="local", robot="robot1"),
+        Node("robot2", reason="NodeStatusUnknown", placement="local", robot="robot2"),
+    ),
+    placement=(Placed("robot1", "local", ("robot1/sensor",)),),
+    masters=(Workload("robot1", "ros-master", ready=1, nodes=("robot1",)),),
+    apps=(Workload("robot1", "sensor", ready=1, nodes=("robot1",), images=("a:1",)),),
+    ros_nodes=(RosNode("robot1", "/sensor", reachable=True, services=("/a", "/b")),),
+    topics=(
+        Topic("robot1", "/temperature", "a/B", rate=499.83),
+        Topic("robot1", "/slow", "a/B", rate=0.5),
+        Topic("robot1", "/never", "a/B", note="no publisher answers"),
+    ),
+    claims=(Claim("robot1", "logs-pvc", bound=True, phase="Bound", size="1Gi", used_bytes=2**29),),
+    outcomes=(LastRun("robot1", "updated", "update.yml", MADE, 3),),
+    steps=(
+        Step(
+            "robot1", "sensor", "0123456789ab", "overlap", "updated", ("a:1 (1)",), ("a:2 (2)",), 8.5,
+            phases={"gate": 1.0, "apply": 7.5},
+        ),
+    ),
+)  # fmt: skip
+DOWN = replace(STATUS.apps[0], ready=0, note="CrashLoopBackOff")
 
 
-def page(status: dict[str, Any] | None = None, **more: str) -> Page:
-    return Page(status_page(STATUS if status is None else status, MADE, **more))
+def page(status: Status = STATUS, **more: str) -> Page:
+    return Page(status_page(status, MADE, **more))
 
 
 def section(text: str, key: str) -> str:
@@ -91,12 +72,15 @@ def section(text: str, key: str) -> str:
 
 
 def hostile(value: Any) -> Any:
+    """Every text of a status as somebody writes it who wants the page to run something."""
     if isinstance(value, str):
         return HOSTILE
-    if isinstance(value, list):
-        return [hostile(item) for item in value]
+    if isinstance(value, tuple):
+        return tuple(map(hostile, value))
     if isinstance(value, dict):
-        return {key: hostile(item) for key, item in value.items()}
+        return {hostile(key): hostile(item) for key, item in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{item.name: hostile(getattr(value, item.name)) for item in fields(value)})
     return value
 
 
@@ -108,6 +92,7 @@ def test_the_page_is_whole_and_needs_nothing_else() -> None:
     assert ("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}) in found.attributes
     assert found.texts.count("Fleet status") == 2  # title and heading
     assert page(name="my <fleet>").texts.count("my <fleet>: fleet status") == 2
+    assert "<code>robot1:&amp;x</code>" in status_page(STATUS, MADE, limit="robot1:&x")
 
 
 def test_the_check_of_this_test_finds_what_is_wrong() -> None:
@@ -136,11 +121,9 @@ def test_every_cell_belongs_to_a_header() -> None:
 
 
 def test_what_comes_from_elsewhere_is_text() -> None:
-    status = {key: [{**hostile(row), "name": HOSTILE} for row in rows] for key, rows in STATUS.items()}
-    status["steps"][0]["phases"] = {HOSTILE: 1.0}
-    status["nodes"][0]["labels"] = {HOSTILE: HOSTILE}
-    status["problems"] = [{"where": HOSTILE, "what": HOSTILE}]
-    text = status_page(status, HOSTILE, limit=HOSTILE)
+    labelled = replace(STATUS.nodes[0], labels={"zone": "a"})
+    given = replace(STATUS, nodes=(labelled,), problems=(Trouble("a", "b"),))
+    text = status_page(hostile(given), HOSTILE, limit=HOSTILE)
     found = Page(text)
     assert found.problems == []
     assert not {"script", "img"} & {*found.tags}
@@ -149,78 +132,56 @@ def test_what_comes_from_elsewhere_is_text() -> None:
 
 
 def test_who_hears_whom_is_a_table_and_what_is_not_connected_is_seen() -> None:
-    status = {"links": a_robot.rows(broken=(("/merger", "/amcl"), ("/ekf", "/docking")))}
+    status = Status(links=tuple(a_robot.rows(broken=(("/merger", "/amcl"), ("/ekf", "/docking")))))
     text = section(status_page(status, MADE), "links")
     [scan, *_more] = re.findall('<tr role="row" class="warn">(.*?)</tr>', text, re.DOTALL)
     assert re.findall("<span>(.*?)</span>", scan) == [
         "robot1", "/odometry/filtered", "no", "/ekf", "/amcl, /move_base, /slam, /docking", "/ekf and /docking",
     ]  # fmt: skip
     assert ("not connected" in text, text.count('class="warn"')) == (True, 2)
-    assert "not connected" not in section(status_page({"links": a_robot.rows()}, MADE), "links")
+    assert "not connected" not in section(status_page(Status(links=tuple(a_robot.rows())), MADE), "links")
 
 
 def test_an_empty_fleet() -> None:
-    found = page(status_rows({}, {}, {}))
+    found = page(Status())
     assert found.problems == []
     assert {"Nothing was found.", "No update has been reported yet.", "None."} <= {*found.texts}
-    assert Page(status_page({}, MADE)).problems == []
 
 
-def test_a_robot_that_is_off() -> None:
-    text = status_page(STATUS, MADE)
-    wants = section(text, "problems")
-    assert "<strong>host robot2</strong>: offline: timed out" in wants
-    assert "NodeStatusUnknown" not in wants  # told with its host
-    assert '<tr role="row" class="warn">' in section(text, "nodes")
-    assert 'class="bad"' not in text
-
-
-def test_what_is_wrong_comes_first() -> None:
-    status = copy.deepcopy(STATUS)
-    status["apps"][0].update(ready=0, note="CrashLoopBackOff")
-    status["outcomes"][0].update(outcome="rolled-back", note="half the rate")
-    status["problems"] = [{"where": "cluster edge", "what": "does not answer"}]
-    items = re.findall(
-        '<li class="(bad|warn)">.*?<strong>(.*?)</strong>', section(status_page(status, MADE), "problems")
+def test_what_is_wrong_comes_first_and_a_robot_that_is_off_last() -> None:
+    status = replace(
+        STATUS,
+        apps=(DOWN,),
+        outcomes=(LastRun("robot1", "rolled-back", "update.yml", note="half the rate"),),
+        problems=(Trouble("cluster edge", "does not answer"),),
     )
-    assert items == [
+    text = status_page(status, MADE)
+    wants = section(text, "problems")
+    assert re.findall('<li class="(bad|warn)">.*?<strong>(.*?)</strong>', wants) == [
         ("bad", "cluster edge"),
         ("bad", "app sensor of robot1"),
         ("bad", "last update.yml on robot1"),
         ("warn", "host robot2"),
     ]
+    assert "<strong>host robot2</strong>: offline: timed out" in wants
+    assert "NodeStatusUnknown" not in wants  # told with its host
+    assert '<tr role="row" class="warn">' in section(text, "nodes")
 
 
 def test_a_large_fleets_tables_are_folded() -> None:
-    status = copy.deepcopy(STATUS)
-    status["topics"] = [{**STATUS["topics"][0], "name": f"/t{number}", "rate": number + 1.0} for number in range(500)]
-    status["hosts"] = [{**STATUS["hosts"][1], "name": f"robot{number}"} for number in range(100)]
-    text = status_page(status, MADE)
+    topics = tuple(Topic("robot1", f"/t{number}", rate=number + 1.0) for number in range(500))
+    hosts = tuple(Host(f"robot{number}", "robots") for number in range(100))
+    text = status_page(replace(STATUS, topics=topics, hosts=hosts), MADE)
     assert "<details><summary><h2>Topics</h2>" in text and UNFOLDED < 500
     assert "<details><summary><h2>By host</h2>" in text
     assert "<details open><summary><h2>Apps</h2>" in text
 
 
-def test_a_new_time_alone_makes_no_new_page() -> None:
+def test_a_new_time_or_a_rate_that_trembles_makes_no_new_page() -> None:
+    trembles = (replace(STATUS.topics[0], rate=499.9), *STATUS.topics[1:])
     first = status_page(STATUS, MADE)
-    assert status_page(STATUS, "2026-11-21T10:00:00Z", first) == first
-    changed = copy.deepcopy(STATUS)
-    changed["apps"][0]["ready"] = 0
-    second = status_page(changed, "2026-11-21T10:00:00Z", first)
+    for status in (STATUS, replace(STATUS, topics=trembles)):
+        assert status_page(status, "2026-11-21T10:00:00Z", first) == first
+    assert status_page(STATUS, MADE, '<time id="made">').startswith("<!DOCTYPE html>")  # a page of another make
+    second = status_page(replace(STATUS, apps=(DOWN,)), "2026-11-21T10:00:00Z", first)
     assert second != first and "2026-11-21 10:00:00 UTC" in second
-
-
-def test_a_rate_that_trembles_makes_no_new_page() -> None:
-    trembling = copy.deepcopy(STATUS)
-    trembling["topics"][0]["rate"] = 499.9
-    first = status_page(STATUS, MADE)
-    assert status_page(trembling, "2026-11-21T10:00:00Z", first) == first
-
-
-@pytest.mark.parametrize("previous", ["", "something else", '<time id="made">'])
-def test_a_page_of_another_make_is_replaced(previous: str) -> None:
-    assert status_page(STATUS, MADE, previous).startswith("<!DOCTYPE html>")
-
-
-def test_a_limited_run_says_so() -> None:
-    assert "<code>robot1:&amp;x</code>" in status_page(STATUS, MADE, limit="robot1:&x")

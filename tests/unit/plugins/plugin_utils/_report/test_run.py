@@ -7,19 +7,14 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import (
-    RunReport,
-    TaskInfo,
-    message_of,
-    note_of,
-    screen,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import message_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
 CHANGED = {**OK, "changed": 1}
 FAILED = {**OK, "failures": 1}
 DARK = {"ok": 0, "unreachable": 1}
-BUSY_FACT = {"ansible_facts": {"fleet_outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE"}}}
 UNMET = {
     "verdict": "wait",
     "elapsed": 60.02,
@@ -38,7 +33,7 @@ def started(*hosts: str, **info: Any) -> RunReport:
 
 
 def row(report: RunReport, host: str = "robot1", **stats: Any) -> dict[str, Any]:
-    rows: list[dict[str, Any]] = report.finish(stats or {host: OK}, 9.0)["hosts"]
+    rows: list[dict[str, Any]] = report.finish(stats or {host: OK}, 9.0).as_dict()["hosts"]
     return next(one for one in rows if one["host"] == host)
 
 
@@ -47,47 +42,56 @@ def outcome(report: RunReport, counts: dict[str, int]) -> tuple[str, str]:
     return found["outcome"], found["reason"]
 
 
-def test_unchanged() -> None:
+def declared(word: Any) -> tuple[str, dict[str, Any]]:
+    return "ok", {"ansible_facts": {"fleet_outcome": word}}
+
+
+CHANGES, LOST = ("ok", {"changed": True}), ("unreachable", {"msg": "no route"})
+BUSY = {"outcome": "deferred-busy", "reason": "goal ACTIVE"}
+
+
+@pytest.mark.parametrize(
+    ("events", "counts", "expected"),
+    [
+        ([("ok", {"changed": False})], OK, ("unchanged", "")),
+        ([CHANGES], CHANGED, ("updated", "")),
+        ([("failed", {"failed": True, "msg": "Task failed: no such image"})], FAILED, ("failed", "no such image")),
+        ([("failed", {"msg": "oh"})], {**OK, "rescued": 1}, ("unchanged", "")),
+        ([CHANGES, LOST], {**DARK, "changed": 1}, ("deferred-offline", "no route")),
+        ([CHANGES, LOST], OK, ("deferred-offline", "no route")),  # the play goes on without the host
+        ([declared(BUSY)], CHANGED, ("deferred-busy", "goal ACTIVE")),
+        ([declared(BUSY)], FAILED, ("deferred-busy", "goal ACTIVE")),
+        ([declared({**BUSY, "steps": ["of another shape"]})], OK, ("deferred-busy", "goal ACTIVE")),
+        ([declared("rolled-back")], FAILED, ("rolled-back", "")),
+        ([declared("updated")], FAILED, ("failed", "")),
+        ([declared("updated")], OK, ("updated", "")),
+        ([declared("unchanged")], OK, ("unchanged", "")),
+        ([("ok", {"ansible_facts": {"fleet_k3s_outcome": "rolled-back"}})], FAILED, ("rolled-back", "")),
+        ([declared("unchanged")], {**OK, "changed": 2}, ("updated", "")),
+        ([declared("splendid")], OK, ("unchanged", "")),
+        ([declared({"outcome": "updated"})], DARK, ("deferred-offline", "")),
+        ([("ok", {"ansible_facts": "nonsense"})], OK, ("unchanged", "")),
+    ],
+)
+def test_what_becomes_of_a_host(
+    events: list[tuple[str, dict[str, Any]]], counts: dict[str, int], expected: tuple[str, str]
+) -> None:
     report = started()
-    report.ok("t1", "robot1", {"changed": False}, 2.0)
-    assert outcome(report, OK) == ("unchanged", "")
+    for at, (what, result) in enumerate(events):
+        getattr(report, what)("t1", "robot1", result, 2.0 + at)
+    assert outcome(report, counts) == expected
 
 
-def test_changed_tasks_are_named_once() -> None:
+def test_changed_tasks_are_named_once_and_the_one_that_failed() -> None:
     report = started()
     report.ok("t1", "robot1", {"changed": True}, 2.0)
     report.ok("t1", "robot1", {"changed": True}, 3.0)
-    found = row(report, robot1=CHANGED)
-    assert (found["outcome"], found["changed"]) == ("updated", ["Apply"])
-
-
-def test_a_failure_has_its_task_and_message() -> None:
-    report = started()
-    report.failed("t1", "robot1", {"failed": True, "msg": "Task failed: no such image"}, 2.0)
-    found = row(report, robot1=FAILED)
-    assert (found["outcome"], found["failed_task"], found["reason"]) == ("failed", "Apply", "no such image")
-
-
-@pytest.mark.parametrize("ignored", [True, False])
-def test_a_failure_that_was_ignored_or_rescued_is_none(ignored: bool) -> None:
-    report = started()
-    report.failed("t1", "robot1", {"msg": "oh"}, 2.0, ignored=ignored)
-    found = row(report, robot1={**OK, "rescued": 1})
-    assert (found["outcome"], found["failed_task"], found["reason"]) == ("unchanged", None, "")
-
-
-def test_unreachable_is_deferred_even_after_changes() -> None:
-    report = started()
-    report.ok("t1", "robot1", {"changed": True}, 2.0)
-    report.unreachable("t1", "robot1", {"unreachable": True, "msg": "no route"}, 3.0)
-    assert outcome(report, {**DARK, "changed": 1}) == ("deferred-offline", "no route")
-
-
-def test_unreachable_is_deferred_where_the_play_goes_on_without_the_host() -> None:
-    report = started()
-    report.ok("t1", "robot1", {"changed": True}, 2.0)
-    report.unreachable("t1", "robot1", {"unreachable": True, "msg": "no route"}, 3.0)
-    assert outcome(report, OK) == ("deferred-offline", "no route")
+    report.failed("t1", "robot1", {"msg": "oh"}, 4.0)
+    assert (row(report, robot1=FAILED)["changed"], row(report, robot1=FAILED)["failed_task"]) == (["Apply"], "Apply")
+    assert row(report, robot1=OK)["failed_task"] is None
+    ignored = started()
+    ignored.failed("t1", "robot1", {"msg": "oh"}, 2.0, ignored=True)
+    assert row(ignored, robot1=FAILED)["reason"] == ""
 
 
 def test_a_run_once_failure_ends_the_run_for_all() -> None:
@@ -106,7 +110,7 @@ def test_what_ended_the_run_is_told_of_those_for_whom_there_was_more_to_do(how: 
     getattr(report, how)("t1", "edge1", {"msg": "no such host"}, 3.0)
     counts = {"edge1": FAILED if how == "failed" else DARK, "robot1": OK}
     report.cut_short()
-    found = {host["host"]: host for host in report.finish(counts, 4.0)["hosts"]}
+    found = {host["host"]: host for host in report.finish(counts, 4.0).as_dict()["hosts"]}
     told = "Apply failed" if how == "failed" else "the connection was lost"
     assert found["robot1"]["outcome"] == "failed"
     assert found["robot1"]["reason"] == f"not carried on: the run ended on edge1: {told}: no such host"
@@ -118,53 +122,22 @@ def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
     assert (found["outcome"], found["reason"]) == ("unchanged", "no task ran for it")
 
 
-@pytest.mark.parametrize(
-    ("fact", "counts", "expected"),
-    [
-        (BUSY_FACT, CHANGED, ("deferred-busy", "goal ACTIVE")),
-        (BUSY_FACT, FAILED, ("deferred-busy", "goal ACTIVE")),
-        ({"ansible_facts": {"fleet_outcome": "rolled-back"}}, FAILED, ("rolled-back", "")),
-        ({"ansible_facts": {"fleet_outcome": "updated"}}, FAILED, ("failed", "")),
-        ({"ansible_facts": {"fleet_outcome": "updated"}}, OK, ("updated", "")),
-        ({"ansible_facts": {"fleet_outcome": "unchanged"}}, OK, ("unchanged", "")),
-        ({"ansible_facts": {"fleet_k3s_outcome": "rolled-back"}}, FAILED, ("rolled-back", "")),
-        ({"ansible_facts": {"fleet_outcome": "unchanged"}}, {**OK, "changed": 2}, ("updated", "")),
-        ({"ansible_facts": {"fleet_outcome": "splendid"}}, OK, ("unchanged", "")),
-        ({"ansible_facts": {"fleet_outcome": {"outcome": "updated"}}}, DARK, ("deferred-offline", "")),
-        ({"ansible_facts": "nonsense"}, OK, ("unchanged", "")),
-    ],
-)
-def test_declared_outcomes(fact: dict[str, Any], counts: dict[str, int], expected: tuple[str, str]) -> None:
+@pytest.mark.parametrize("action", ["_robot_update", "_update_trial", "_guarded", "other"])
+def test_an_update_says_its_outcome_itself(action: str) -> None:
+    said = {"outcome": {**BUSY, "steps": [{"name": "dock"}]}, "ansible_facts": {"fleet_outcome": "splendid"}}
     report = started()
-    report.ok("t1", "robot1", fact, 2.0)
-    assert outcome(report, counts) == expected
+    report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)
+    report.ok("t2", "robot1", said, 2.0)
+    assert outcome(report, OK)[0] == ("unchanged" if action == "other" else "deferred-busy")
+    assert [step["name"] for step in row(report)["steps"]] == ([] if action == "other" else ["dock"])
 
 
-def test_an_update_says_its_outcome_itself() -> None:
-    busy = {"outcome": {"outcome": "deferred-busy", "reason": "goal ACTIVE", "steps": [{"name": "dock"}]}}
-    ours = ("_robot_update", "_update_soak", "_guarded")
-    for action in (*ours, "other"):
-        report = started()
-        report.task("t2", TaskInfo("Do it", f"rosops.fleet.{action}"), 1.0)
-        report.ok("t2", "robot1", {**busy, "ansible_facts": {"fleet_outcome": "splendid"}}, 2.0)
-        word = "deferred-busy" if action in ours else "unchanged"
-        assert outcome(report, OK)[0] == word
-        assert bool(row(report)["steps"]) == (action in ours)
-
-
-def test_the_verdict_of_ros_ready() -> None:
+def test_the_verdicts_of_our_own_waits() -> None:
     report = started()
     report.failed("t1", "robot1", UNMET, 2.0)
-    assert row(report)["ready"] == {
-        "verdict": "wait",
-        "elapsed": 60.02,
-        "checks": 2,
-        "unmet": ["topic /chatter: no publisher"],
-    }
-
-
-def test_the_verdicts_of_rollout_ready() -> None:
-    report = started()
+    unmet = ["topic /chatter: no publisher"]
+    assert row(report)["ready"] == {"verdict": "wait", "elapsed": 60.02, "checks": 2, "unmet": unmet}
+    assert row(report)["rollout"] is None
     report.task("t2", TaskInfo("Wait", "rollout_ready"), 2.0)
     rows = [
         {"kind": "Pod", "namespace": "n", "name": "a", "verdict": "fail", "reason": "ErrImagePull"},
@@ -172,7 +145,6 @@ def test_the_verdicts_of_rollout_ready() -> None:
     ]
     report.failed("t2", "robot1", {"objects": rows, "elapsed": 2.5}, 3.0)
     assert row(report)["rollout"] == {"elapsed": 2.5, "objects": 2, "unmet": ["Pod n/a: ErrImagePull"]}
-    assert row(report)["ready"] is None
 
 
 MESSAGES = [
@@ -204,7 +176,7 @@ def test_durations_of_tasks_stages_and_plays() -> None:
     report.play("Second", ["a"], 6.0)
     report.task("t1", TaskInfo("Install", "k3s", stage="k3s"), 7.0)  # the same task in a further batch of hosts
     report.ok("t1", "a", {}, 8.0)
-    done = report.finish({"a": OK, "b": CHANGED}, 10.0, check_mode=False)
+    done = report.finish({"a": OK, "b": CHANGED}, 10.0).as_dict()
     assert done["plays"] == [{"name": "First", "seconds": 5.0}, {"name": "Second", "seconds": 4.0}]
     assert done["stages"] == [{"name": "k3s", "seconds": 4.5}, {"name": "First", "seconds": 0.5}]
     assert done["slowest_tasks"][0] == {
@@ -225,16 +197,16 @@ def test_ten_slowest_tasks() -> None:
     for number in range(15):
         report.task(f"t{number}", TaskInfo(f"task {number}", "command"), number * 100.0)
         report.ok(f"t{number}", "a", {}, number * 100.0 + number)
-    names = [task["name"] for task in report.finish({"a": OK}, 2000.0)["slowest_tasks"]]
+    names = [task["name"] for task in report.finish({"a": OK}, 2000.0).as_dict()["slowest_tasks"]]
     assert names == [f"task {number}" for number in range(14, 4, -1)]
 
 
 def test_localhost_is_no_robot() -> None:
     report = started("robot1", "localhost")
     report.ok("t1", "localhost", {}, 2.0)
-    assert [host["host"] for host in report.finish({"robot1": OK, "localhost": OK}, 3.0)["hosts"]] == ["robot1"]
+    assert [host.host for host in report.finish({"robot1": OK, "localhost": OK}, 3.0).hosts] == ["robot1"]
     alone = started("localhost")
-    assert [host["host"] for host in alone.finish({"localhost": OK}, 3.0)["hosts"]] == ["localhost"]
+    assert [host.host for host in alone.finish({"localhost": OK}, 3.0).hosts] == ["localhost"]
 
 
 def test_an_unknown_task_does_no_harm() -> None:
@@ -248,8 +220,8 @@ def test_what_a_host_left_the_run_for_comes_without_the_task() -> None:
     report = started()
     report.task("t9", TaskInfo("Leave the run", "rosops.fleet._leave"), 2.0)
     report.failed("t9", "robot1", {"msg": "bringup: rate /imu: 45.4 Hz of 90 Hz"}, 2.0)
-    found = row(report, robot1=FAILED)
-    assert (found["failed_task"], note_of(found)) == (None, "bringup: rate /imu: 45.4 Hz of 90 Hz")
+    [found] = report.finish({"robot1": FAILED}, 9.0).hosts
+    assert (found.as_dict()["failed_task"], found.note) == (None, "bringup: rate /imu: 45.4 Hz of 90 Hz")
 
 
 def test_the_screen_says_a_cause_to_its_end() -> None:
@@ -262,7 +234,7 @@ def test_the_screen_says_a_cause_to_its_end() -> None:
     assert said == f"{cause} (task: Apply)"
 
 
-def example(check_mode: bool = False) -> dict[str, Any]:
+def example(check_mode: bool = False) -> Report:
     report = started("edge1", "robot1", "robot2", "robot3")
     report.ok("t1", "robot1", {"changed": True, "verdict": "pass", "elapsed": 3.21, "checks": []}, 4.0)
     report.failed("t1", "robot2", {"msg": "no\nsuch image"}, 4.0)
@@ -271,22 +243,20 @@ def example(check_mode: bool = False) -> dict[str, Any]:
     return report.finish(stats, 9.5, check_mode=check_mode)
 
 
-def test_the_screen() -> None:
-    assert screen(example()) == [
+@pytest.mark.parametrize(
+    ("check", "words"), [(False, ("unchanged", "updated")), (True, ("would not change", "would change"))]
+)
+def test_the_screen(check: bool, words: tuple[str, str]) -> None:
+    """In check mode in the conditional."""
+    same, other = (word.ljust(16) for word in words)
+    assert screen(example(check)) == [
         "host    outcome           ros graph   changed  note",
-        "edge1   unchanged         -           0        -",
-        "robot1  updated           pass 3.2 s  1        -",
+        f"edge1   {same}  -           0        -",
+        f"robot1  {other}  pass 3.2 s  1        -",
         "robot2  failed            -           0        no such image (task: Apply)",
         "robot3  deferred-offline  -           0        Connection timed out",
         "9.5 s: Robots 3.0 s",
     ]
-
-
-def test_check_mode_speaks_in_the_conditional() -> None:
-    lines = screen(example(check_mode=True))
-    assert lines[1].startswith("edge1   would not change  ")
-    assert "would change" in lines[2]
-    assert "failed" in lines[3]
 
 
 def test_no_hosts() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import rate_words, table, words
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import rate_words, size_words, table, words
 
 
 @pytest.mark.parametrize(
@@ -56,3 +56,10 @@ def test_it_fits(width: int) -> None:
 
 def test_only_headers() -> None:
     assert table(["a", "b"], []) == ["a  b"]
+
+
+@pytest.mark.parametrize(
+    ("count", "said"), [(None, ""), (0, "0 B"), (1023, "1023 B"), (1536, "1.5 KiB"), (3 * 2**40, "3072.0 GiB")]
+)
+def test_sizes(count: int | None, said: str) -> None:
+    assert size_words(count) == said

@@ -291,7 +291,7 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         (
             "image",
             ["ros", "ros:noetic", "example.org:5000/a/b_c:1.0", "a@sha256:" + "0" * 64, "localhost/x:1"],
-            ["", "A", "a:", "a@", "http://a", "a//b", "a b", ":1"],
+            ["", "A", "a:", "a@", "a@sha256:0123", "http://a", "a//b", "a b", ":1"],
         ),
         ("app-name", ["a", "a-1"], ["", "1a", "-a", "a-", "A", "a_b", "a.b", "a" * 41]),
         ("robot-name", ["robot1", "7", "a-b"], ["", "a.b", "a_b", "A", "a" * 58, "robot1\n"]),
@@ -299,7 +299,10 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         (
             "host-path",
             ["/data", "/data/x", "/dev/input", "/home/a"],
-            ["/home", "/dev", "/", "/datax", "/data//x", "/data/./x"],
+            [
+                *("/home", "/dev", "/", "/datax", "/data-x", "/data//x", "/data/./x", "data/x", "/etc/ssh", "/proc"),
+                *("/sys/class/gpio", "/run/k3s/containerd/containerd.sock", "/var/lib/rancher/k3s", "/var/lib/kubelet"),
+            ],
         ),
         ("device", ["/dev/ttyUSB0", "/dev/bus/usb/"], ["/dev", "/dev/..", "/devices", "dev/x", "/dev/mem"]),
         ("mount-path", ["/a", "/a/b/"], ["", "/", "a", "/a:b", "/a/../b", "/a b"]),
@@ -309,7 +312,7 @@ def test_overrides_of_any_shape_do_not_crash() -> None:
         (
             "master-uri",
             ["http://a:1", "http://1.2.3.4:11311/"],
-            ["a:1", "http://a", "http://1.2.3:1", "http://a:0", "http://:1"],
+            ["a:1", "http://a", "http://1.2.3:1", "http://a:0", "http://a:113110", "https://a:1", "http://:1"],
         ),
         ("env-name", ["A", "_a1"], ["", "1A", "A-B", "A B"]),
         ("unicode", ["", "a: ä\n"], ["\ud800"]),  # half of a surrogate pair

@@ -1,0 +1,146 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a run made of a host, wherever that is kept: in reports, in the hosts' clusters, in the run's own note. Pure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Step, Trouble
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+
+# Runs that only look. Whoever looks twice still wants to know what became of the last change.
+LOOKING = frozenset({"status.yml", "validate.yml"})
+
+
+@dataclass(frozen=True)
+class HostRun:
+    """What one run made of one host. `started` is in UTC; `changed` is how many tasks did."""
+
+    host: str
+    playbook: str
+    started: str
+    outcome: RobotOutcome
+    changed: int = 0
+    failed_task: str = ""
+
+    @property
+    def note(self) -> str:
+        return note_of(self.outcome.reason, self.failed_task)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the cluster and the note have it."""
+        return {
+            "host": self.host,
+            "playbook": self.playbook,
+            "started": self.started,
+            **self.outcome.as_dict(),
+            "changed": self.changed,
+            "failed_task": self.failed_task or None,
+        }
+
+    @classmethod
+    def from_dict(cls, told: Mapping[str, Any]) -> HostRun:
+        """What `as_dict` made of it, or a report with the run's own keys beside; a report has the names of the tasks.
+
+        Raises AttributeError, KeyError, TypeError or ValueError for what is of another shape.
+        """
+        changed = told.get("changed") or 0
+        return cls(
+            str(told["host"]),
+            str(told["playbook"]),
+            str(told["started"]),
+            RobotOutcome.from_dict(told),
+            changed if isinstance(changed, int) else len(changed),
+            str(told.get("failed_task") or ""),
+        )
+
+
+def note_of(reason: str, failed_task: str) -> str:
+    """What there is to say of a host's outcome, in one line: the cause, and then where it showed."""
+    first = " ".join(line.strip() for line in reason.strip().splitlines()[:2])
+    return f"{first} (task: {failed_task})".strip() if failed_task else first
+
+
+@dataclass(frozen=True)
+class Noted:
+    """What is known of a run at hand: what became of each host if it is still here, and if the run has lost it."""
+
+    playbook: str = ""
+    started: str = ""
+    here: Mapping[str, HostRun] = field(default_factory=dict)
+    lost: Mapping[str, HostRun] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        sides = {"here": self.here, "lost": self.lost}
+        hosts = {side: [run.as_dict() for run in runs.values()] for side, runs in sides.items()}
+        return {"playbook": self.playbook, "started": self.started, **hosts}
+
+    @classmethod
+    def from_dict(cls, told: Mapping[str, Any]) -> Noted:
+        here, lost = (
+            {run.host: run for run in map(HostRun.from_dict, told.get(side) or ())} for side in ("here", "lost")
+        )
+        return cls(str(told.get("playbook") or ""), str(told.get("started") or ""), here, lost)
+
+
+def read_reports(texts: Mapping[str, str]) -> tuple[list[HostRun], list[Trouble]]:
+    """Of reports by file name: hosts' runs that may have changed something, and which files cannot be read."""
+    found: list[HostRun] = []
+    problems: list[Trouble] = []
+    for name, text in sorted(texts.items()):
+        try:
+            report = json.loads(text)
+            run = {"playbook": report["playbook"], "started": report["started"]}
+            runs = [HostRun.from_dict({**host, **run}) for host in report["hosts"]]
+            looking = report["check_mode"] or report["playbook"] in LOOKING
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            what = f"not a report of fleet_report ({type(error).__name__})"
+            problems.append(Trouble(name, what, "take the file away from the reports"))
+            continue
+        found += [] if looking else runs
+    return found, problems
+
+
+def outcome_rows(runs: Iterable[HostRun]) -> list[LastRun]:
+    """What the newest run that had the host made of it. Of a robot's steps alone nobody knows that."""
+    return [
+        LastRun(run.host, run.outcome.outcome, run.playbook, run.started, run.changed, run.note)
+        for run in _newest(runs, lambda run: bool(run.outcome.outcome))
+    ]
+
+
+def step_rows(runs: Iterable[HostRun]) -> list[Step]:
+    """The steps of each robot's newest run that had any, in their order."""
+    newest = _newest(runs, lambda run: bool(run.outcome.steps))
+    return [_step(run.host, step) for run in newest for step in run.outcome.steps]
+
+
+def _newest(runs: Iterable[HostRun], counts: Callable[[HostRun], bool]) -> list[HostRun]:
+    """The newest one of each host, by host; of those that began together the last one."""
+    newest = {run.host: run for run in sorted(runs, key=lambda run: run.started) if counts(run)}
+    return [newest[host] for host in sorted(newest)]
+
+
+def _step(robot: str, step: StepResult) -> Step:
+    before, after = (
+        tuple(f"{version.get('image', '')} ({version.get('revision', '')})" for version in apps.values())
+        for apps in (step.before, step.after)
+    )
+    return Step(
+        robot=robot,
+        name=step.name,
+        id=step.id,
+        handoff=step.handoff,
+        outcome=step.outcome,
+        before=before,
+        after=after,
+        seconds=round(sum(step.phases.values()), 3),
+        busy_wait=step.phases.get("wait", 0.0),
+        phases=step.phases,
+        note=step.reason,
+    )

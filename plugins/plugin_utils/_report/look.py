@@ -1,0 +1,101 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A look at the fleet, first at its clusters, then at its graphs -> how it stands. Pure.
+
+Of reports there may be none, several (one per playbook or kept by hand), and spoilt ones; each host's newest run
+counts, be it of a report or kept by the host's cluster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import ending_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import (
+    HostRun,
+    outcome_rows,
+    read_reports,
+    step_rows,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import (
+    Graphs,
+    Places,
+    Promises,
+    launched_rows,
+    links,
+    node_rows,
+    topic_rows,
+)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Promise, Status, Trouble
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Whose graph a robot reads, at which master, and the addresses of the pods that may be in it."""
+
+    robot: str
+    master_uri: str = ""
+    addresses: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the clusters said: sections of the status, which robots are to read which graphs, and the last runs."""
+
+    status: Status
+    graphs: Mapping[str, Asked] = field(default_factory=dict)
+    promised: Promises = field(default_factory=dict)
+    runs: tuple[HostRun, ...] = ()
+    name: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the tasks between: the sections beside the rest."""
+        runs = [run.as_dict() for run in self.runs]
+        more = {"graphs": plain(self.graphs), "promised": plain(self.promised), "name": self.name, "runs": runs}
+        return {**plain(self.status), **more}
+
+    @classmethod
+    def from_dict(cls, told: Mapping[str, Any]) -> Look:
+        """What `as_dict` made of it."""
+        return cls(
+            read(Status, told),
+            {host: read(Asked, one) for host, one in told["graphs"].items()},
+            {
+                graph: {topic: read(Promise, one) for topic, one in topics.items()}
+                for graph, topics in (told.get("promised") or {}).items()
+            },
+            tuple(HostRun.from_dict(run) for run in told.get("runs") or ()),
+            str(told.get("name") or ""),
+        )
+
+
+def status_of(
+    look: Look, graphs: Graphs, reports: Mapping[str, str], problems: Iterable[Trouble] = ()
+) -> Status:  # fmt: skip
+    """All sections, with the ROS graphs by robot, the texts of reports by file name, and further problems.
+
+    Nothing is promised by apps that are not there yet.
+    """
+    seen = look.status
+    there = {(row.robot, row.name) for row in seen.workloads}
+    kept = {
+        graph: {topic: one for topic, one in topics.items() if (one.robot, one.app) in there}
+        for graph, topics in look.promised.items()
+    }
+    crashes, ended = launched_rows(seen.apps, graphs)
+    found, unreadable = read_reports(reports)
+    runs = [*found, *look.runs]
+    return replace(
+        seen,
+        problems=(*seen.problems, *problems, *ending_rows(seen.workloads), *crashes, *unreadable),
+        ended=tuple(ended),
+        ros_nodes=tuple(node_rows(graphs, Places(seen.workloads, seen.nodes))),
+        topics=tuple(topic_rows(graphs, kept)),
+        links=tuple(links(graphs)),
+        outcomes=tuple(outcome_rows(runs)),
+        steps=tuple(step_rows(runs)),
+    )

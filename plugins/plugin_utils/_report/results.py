@@ -1,0 +1,98 @@
+# Copyright: (c) 2026, rosops.fleet contributors
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What results of tasks say: their message, the outcome of a host, the verdicts of our own waits. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import OUTCOMES
+from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+
+Result = Mapping[str, Any]  # of a task, as Ansible has it
+
+FACTS = ("fleet_outcome", "fleet_k3s_outcome")  # the latter is site's own, of its stage k3s
+ACTIONS = ("_robot_update", "_update_trial", "_guarded")  # whose result has an outcome
+HIDDEN = "hidden by no_log"
+CORE_PREFIX = "Task failed: "  # ansible-core 2.19 puts it before every message of a plugin
+MESSAGE_KEPT = 4000  # a result is not a log
+
+
+@dataclass(frozen=True)
+class Ready:
+    """ros_ready's verdict, how many conditions it judged, and those that do not hold."""
+
+    verdict: str
+    elapsed: float | None
+    checks: int
+    unmet: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """How many objects rollout_ready waited for, and those that are not rolled out."""
+
+    elapsed: float | None
+    objects: int
+    unmet: tuple[str, ...]
+
+
+def message_of(result: Result) -> str:
+    """What a failed result says: its message, or those of its failed items, or what the command wrote."""
+    if "censored" in result:
+        return HIDDEN
+    items = [item for item in result.get("results") or [] if isinstance(item, Mapping)]
+    failed = [item for item in items if item.get("failed") or item.get("unreachable")]
+    if failed:
+        said = dict.fromkeys(message_of(item) for item in failed)
+        return "; ".join(said)[:MESSAGE_KEPT]
+    text = str(result.get("msg") or "").strip().removeprefix(CORE_PREFIX)
+    if text in ("", "non-zero return code", "MODULE FAILURE"):
+        more = str(result.get("stderr") or result.get("module_stderr") or result.get("stdout") or "").strip()
+        text = f"{text}: {more}".strip(": ")
+    return (text or "failed without a message")[:MESSAGE_KEPT]
+
+
+def ready_of(action: str, result: Result) -> Ready | None:
+    if action not in ("ros_ready", "_robot_update") or "verdict" not in result:
+        return None
+    checks = [check for check in result.get("checks") or [] if isinstance(check, Mapping)]
+    unmet = [f"{check.get('kind')} {check.get('name')}: {check.get('reason')}" for check in checks
+             if check.get("verdict") != "pass"]  # fmt: skip
+    return Ready(str(result["verdict"]), _seconds(result), len(checks), tuple(unmet))
+
+
+def rollout_of(action: str, result: Result) -> Rollout | None:
+    if action != "rollout_ready" or "objects" not in result:
+        return None
+    rows = [row for row in result["objects"] or [] if isinstance(row, Mapping)]
+    unmet = [f"{row.get('kind')} {row.get('namespace')}/{row.get('name')}: {row.get('reason')}" for row in rows
+             if row.get("verdict") != "pass"]  # fmt: skip
+    return Rollout(_seconds(result), len(rows), tuple(unmet))
+
+
+def _seconds(result: Result) -> float | None:
+    elapsed = result.get("elapsed")
+    return elapsed if isinstance(elapsed, (int, float)) else None
+
+
+def outcome_of(action: str, result: Result) -> RobotOutcome | None:
+    """An outcome that an action of ours says, or that a play decided itself, with `set_fact: fleet_outcome`."""
+    if action in ACTIONS:
+        return declared_in(result.get("outcome"))
+    facts = result.get("ansible_facts")
+    told = [declared_in(facts.get(name)) for name in FACTS] if isinstance(facts, Mapping) else []
+    return next(filter(None, told), None)
+
+
+def declared_in(value: object) -> RobotOutcome | None:
+    """What a word or `{outcome, reason, steps}` says; None where it is no outcome. Steps of another shape are none."""
+    said = value if isinstance(value, Mapping) else {"outcome": str(value or "")}
+    try:
+        found = RobotOutcome.from_dict(said)
+    except (AttributeError, TypeError, ValueError):
+        found = RobotOutcome.from_dict({**said, "steps": ()})
+    return found if found.outcome in OUTCOMES else None

@@ -1,0 +1,135 @@
+# GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A fleet's Kubernetes objects and its graph, and how it stands by them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import Object
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look, status_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Host, Status
+
+NOW = 1_795_536_750.0  # 2026-11-24T16:12:30Z
+
+
+def node(name: str, ready: str = "True", **labels: str) -> Object:
+    return {
+        "metadata": {
+            "name": name,
+            "labels": {
+                "kubernetes.io/hostname": name,
+                "beta.kubernetes.io/os": "linux",
+                "node.kubernetes.io/instance-type": "k3s",
+                "deploymentType": "local" if name.startswith("robot") else "remote",
+                **({"rosops.fleet/robot": name} if name.startswith("robot") else {}),
+                **labels,
+            },
+        },
+        "spec": {},
+        "status": {
+            "conditions": [
+                {"type": "Ready", "status": ready, "reason": "KubeletReady" if ready == "True" else "NoKubelet"}
+            ],
+            "addresses": [{"type": "Hostname", "address": name}, {"type": "InternalIP", "address": "10.0.0.11"}],
+            "nodeInfo": {"kubeletVersion": "v1.34.2+k3s1"},
+        },
+    }
+
+
+def workload(name: str, ready: int = 1, remote: bool = False, manager: str = "rosops.fleet") -> Object:
+    robot = "robot1"
+    where = {"deploymentType": "remote"} if remote else {"rosops.fleet/robot": robot}
+    own = {"app.kubernetes.io/managed-by": manager, "rosops.fleet/app": name, "rosops.fleet/robot": robot}
+    pod_spec = {"nodeSelector": where, "containers": [{"name": "ros-app", "image": "lab/apps:1.0"}]}
+    return {
+        "metadata": {"name": name, "namespace": f"robot-{robot}", "labels": own},
+        "spec": {"replicas": 1, "template": {"spec": pod_spec}},
+        "status": {"readyReplicas": ready},
+    }
+
+
+def pod(app: str, node_name: str, robot: str = "robot1", ready: bool = True, restarts: int = 0) -> Object:
+    waiting = {"waiting": {"reason": "ImagePullBackOff", "message": "no such image"}}
+    container = {"name": "ros-app", "image": "lab/apps:1.0", "restartCount": restarts}
+    return {
+        "metadata": {"name": f"{app}-1", "namespace": f"robot-{robot}", "labels": {"rosops.fleet/app": app}},
+        "spec": {"nodeName": node_name},
+        "status": {
+            **({"podIP": "10.42.0.7"} if ready else {}),
+            "conditions": [{"type": "Ready", "status": "True" if ready else "False"}],
+            "containerStatuses": [{**container, "state": {"running": {}} if ready else waiting}],
+        },
+    }
+
+
+def claim(phase: str = "Bound") -> Object:
+    return {
+        "metadata": {"name": "logs-pvc", "namespace": "robot-robot1", "labels": {"rosops.fleet/robot": "robot1"}},
+        "spec": {"storageClassName": "local-path", "resources": {"requests": {"storage": "100Mi"}}},
+        "status": {"phase": phase, "capacity": {"storage": "1Gi"}} if phase == "Bound" else {},
+    }
+
+
+GRAPH = {
+    "nodes": {
+        "/sensor": {
+            "pid": 1,
+            "publications": ["/temperature", "/rosout"],
+            "subscriptions": [],
+            "services": ["/s"],
+        },
+        "/ghost": {"error": "connection refused"},
+    },
+    "topics": {
+        "/temperature": {
+            "type": "demo/Sample",
+            "publishers": ["/sensor"],
+            "subscribers": ["/stats"],
+            "connections": [{"publisher": "/sensor", "subscriber": "/stats"}],
+            "rate": 499.83,
+        },
+        "/rosout": {"type": "rosgraph_msgs/Log"},
+        "/idle": {"type": "std_msgs/String", "rate": None, "rate_error": "no publisher answers"},
+    },
+}
+HOSTS = (
+    Host("edge1", "edge", "10.0.0.11", "server", "edge"),
+    Host("robot2", "robots", "", "agent", "edge", reachable=False, reason="timed out"),
+)
+SOURCES: dict[str, Any] = {
+    "hosts": HOSTS,
+    "nodes": [
+        node("robot1", "Unknown"),
+        node("edge1", **{"node-role.kubernetes.io/control-plane": "true", "zone": "a"}),
+    ],
+    "deployments": [
+        workload("temperature-sensor"),
+        workload("stats", remote=True, ready=0),
+        workload("ros-master"),
+        workload("not-ours", manager="helm"),
+    ],
+    "pods": [
+        pod("temperature-sensor", "robot1", restarts=2),
+        pod("stats", "edge1", ready=False),
+        pod("ros-master", "robot1"),
+        pod("stats", "edge9", robot="robot9"),
+    ],
+    "claims": [claim()],
+    "graphs": {"robot1": GRAPH},
+    "usage": {"robot-robot1/logs-pvc": 5_345_678},
+}
+
+
+def fleet_status(sources: dict[str, Any]) -> Status:
+    kinds = {
+        "Node": "nodes", "Deployment": "deployments", "Pod": "pods", "PersistentVolumeClaim": "claims",
+        "StorageClass": "classes",
+    }  # fmt: skip
+    found = {kind: sources[key] for kind, key in kinds.items() if key in sources}
+    held = cluster_rows([found], sources.get("usage", {}), NOW)
+    look = Look(replace(held, hosts=sources.get("hosts", ())), promised=sources.get("promised", {}))
+    return status_of(look, {robot: Reading.from_dict(one) for robot, one in sources.get("graphs", {}).items()}, {})
