@@ -15,9 +15,10 @@ import socket
 import xmlrpc.client
 from functools import partial
 from pathlib import Path
-from typing import Any, Iterable, Iterator, Mapping
+from typing import Iterable, Iterator, Mapping
 from urllib.parse import urlsplit
 
+from .._common.documents import Data, Document
 from .._common.errors import RosError
 from .._ros.client import Ros1Client
 from .._ros.graph import MasterState, Node, Questions, Service, StatusReading, host_of
@@ -47,12 +48,12 @@ def is_here(uri: str) -> bool:
     return True
 
 
-def state_of(node: Node, services: Mapping[str, str]) -> dict[str, Any]:
+def state_of(node: Node, services: Mapping[str, str]) -> Data:
     """What later calls need to know without a master."""
     return {"node": node.name, "uri": node.uri, "pid": node.pid, "services": dict(services)}
 
 
-def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
+def find_node(settings: Document, seconds: float = TIMEOUT) -> tuple[OwnNode | None, str]:
     """The own node where an earlier call found it, else where the master says; or why there is none.
 
     `seconds` is for each that is asked. A node that does not answer in them may be at work: only one whose port is
@@ -84,7 +85,7 @@ def find_node(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[Ow
     return OwnNode(name, found.uri, uris), ""
 
 
-def names_here(ros: Ros1Client, settings: Mapping[str, Any], state: MasterState) -> dict[str, str]:
+def names_here(ros: Ros1Client, settings: Document, state: MasterState) -> dict[str, str]:
     """Name -> address of all nodes that are registered from this pod. None of them is asked."""
     space = settings.get("space", "").rstrip("/")
     known = ros.addresses([name for name in state.nodes() if name.startswith(f"{space}/")])[0]
@@ -97,7 +98,7 @@ def names_here(ros: Ros1Client, settings: Mapping[str, Any], state: MasterState)
     return found
 
 
-def nodes_here(settings: Mapping[str, Any], seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
+def nodes_here(settings: Document, seconds: float = TIMEOUT) -> tuple[list[OwnNode], str]:
     """All ROS nodes of the pod, found by its address, for an app that names them itself; or why there are none."""
     ros = ros_of(os.environ, seconds)
     try:

@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Callable, Collection, Iterable, Mapping, Sequence
 
+from .._common.documents import Document
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend
@@ -65,7 +66,7 @@ class Outside:
     sleep: Callable[[float], None] = time.sleep
 
 
-def started(settings: Mapping[str, Any], before: Mapping[str, Any], ros: Backend, outside: Outside) -> str:
+def started(settings: Document, before: Document, ros: Backend, outside: Outside) -> str:
     """Why the app is not ready, beginning with how bad that is; or nothing. `before`: what the last call left."""
     look = Starting(settings, ros, outside)
     patient = bool(before.get("failed"))
@@ -112,7 +113,7 @@ def _fallen(child: Child, said: str) -> Check:
 class Starting:
     """One look after the other, and what has to be remembered between them."""
 
-    def __init__(self, settings: Mapping[str, Any], ros: Backend, outside: Outside) -> None:
+    def __init__(self, settings: Document, ros: Backend, outside: Outside) -> None:
         self.settings, self.ros, self.outside, self.now = settings, ros, outside, outside.now
         self.registered: Any = None
         self.since = 0.0

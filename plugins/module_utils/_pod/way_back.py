@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any, Iterable, Mapping, Sequence
+from typing import Iterable, Mapping, Sequence
 
+from .._common.documents import Data
 from .._step.objects import (
     Object,
     annotations_of,
@@ -262,7 +263,7 @@ def holder_of(lease: Object | None) -> str:
     return str(((lease or {}).get("spec") or {}).get("holderIdentity") or "")
 
 
-def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> dict[str, Any]:
+def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> Data:
     """The Lease with this holder, or with none; the API refuses it if somebody else has written it since `found`."""
     spec = (found or {}).get("spec") or {}
     ours = holder_of(found) == KEEPER
@@ -281,12 +282,12 @@ def lease_of(found: Object | None, namespace: str, holder: str, time: str) -> di
     }
 
 
-def proven(record: Object) -> dict[str, Any]:
+def proven(record: Object) -> Data:
     """The ConfigMap to apply once its version is proven."""
     return anew(record, record_of(record).fulfilled().data())
 
 
-def restored(member: Member, reason: str, time: str) -> dict[str, Any]:
+def restored(member: Member, reason: str, time: str) -> Data:
     """What to apply: the version before as it was applied, without the mark, and how it came back."""
     before = member.before or {}
     notes = {key: value for key, value in annotations_of(before).items() if key not in (UPDATING, SOAKING)}
