@@ -130,10 +130,11 @@ elapsed:
 
 import contextlib
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping
+from typing import Callable, Iterable, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError, RosError
 from ..module_utils._common.poll import FAIL, PASS, WAIT, Seen, poll
 from ..module_utils._host.idle_hold import CONSECUTIVE, Held, hold_when_idle
@@ -146,7 +147,7 @@ from ..module_utils._ros.listener import Listener
 from ..module_utils._ros.rpc import in_parallel, tell_publishers
 
 CALLER = "/rosops_fleet_step"
-HOLD_ARGS: dict[str, dict[str, Any]] = {
+HOLD_ARGS: dict[str, Data] = {
     "state": {"type": "str", "choices": ["held", "released"], "default": "held"},
     "actions": {
         "type": "list",
@@ -164,7 +165,7 @@ HOLD_ARGS: dict[str, dict[str, Any]] = {
 class Robot:
     """The world of _action_hold on the network."""
 
-    def __init__(self, params: dict[str, Any], conditions: Conditions) -> None:
+    def __init__(self, params: Data, conditions: Conditions) -> None:
         self.ros = Ros1Client(params["master_uri"], params["node_timeout"], CALLER)
         self.keeper = KeeperCalls(params["keeper_uri"] or "", CALLER)
         self.seconds, self.conditions = params["seconds"], conditions
@@ -193,7 +194,7 @@ def _at_once(calls: Mapping[str, Callable[[], str]]) -> Mapping[str, str]:
     return in_parallel(calls, TIMEOUT + 1, lambda _action, error: str(error))
 
 
-def release(keeper: KeeperCalls, actions: list[str], params: dict[str, Any], check_mode: bool) -> dict[str, Any]:
+def release(keeper: KeeperCalls, actions: list[str], params: Data, check_mode: bool) -> Data:
     """Let go what is held of the actions. A keeper that is away is asked again until the time is over."""
     there: set[str] = set()
 
@@ -212,7 +213,7 @@ def release(keeper: KeeperCalls, actions: list[str], params: dict[str, Any], che
     return {"changed": bool(there), "verdict": PASS, "reason": "", "held": [], "elapsed": round(ended.elapsed, 3)}
 
 
-def result_of(ended: Held) -> dict[str, Any]:
+def result_of(ended: Held) -> Data:
     """What the module returns of a hold; its reason is every unmet check of the last look, and what is not held."""
     last: Look = ended.last
     return {

@@ -208,10 +208,10 @@ elapsed:
 """
 
 import time
-from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError
 from ..module_utils._host.service_sockets import ServiceConnections
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
@@ -233,7 +233,7 @@ INFO_ARGS = {
 }
 
 
-def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
+def read(ros: Ros1Client, params: Data) -> Data:
     """The graph, and what was asked for beside it."""
     sockets = ServiceConnections() if params["service_connections"] else None
     state = ros.state(types=True)
@@ -247,7 +247,7 @@ def read(ros: Ros1Client, params: dict[str, Any]) -> dict[str, Any]:
     return {**found.as_dict(params["definitions"]), "launched": launched(ros, graph, params)}
 
 
-def launched(ros: Ros1Client, graph: Graph, params: dict[str, Any]) -> list[dict[str, Any]]:
+def launched(ros: Ros1Client, graph: Graph, params: Data) -> list[Data]:
     """What launch files have started in the pods of the wanted nodes, or of all, and in those that are named.
 
     Only there: an address of a pod that is gone would be waited for, and nobody takes it from the parameter server.
@@ -257,13 +257,13 @@ def launched(ros: Ros1Client, graph: Graph, params: dict[str, Any]) -> list[dict
     return [row(child, graph) for child in children(ros, hosts)]
 
 
-def rates(ros: Ros1Client, heard: Graph, params: dict[str, Any]) -> dict[str, Rate]:
+def rates(ros: Ros1Client, heard: Graph, params: Data) -> dict[str, Rate]:
     """The rates of what is wanted of the publishers that are heard, by topic."""
     named = heard.topics if params["rate_topics"] is None else params["rate_topics"]
-    wanted = [name for name in named if name in heard.topics]
+    wanted, seconds = [name for name in named if name in heard.topics], float(params["rate_seconds"])
     if params["rate_source"] == "counters":
-        return sent(ros, heard, wanted, params["rate_seconds"])
-    return ros.rates(heard, dict.fromkeys(wanted, params["rate_seconds"]), patient=True)
+        return sent(ros, heard, wanted, seconds)
+    return ros.rates(heard, dict.fromkeys(wanted, seconds), patient=True)
 
 
 def main() -> None:

@@ -157,10 +157,10 @@ checks:
       sample: {"type": "std_msgs/String", "missing": ["/listener_c"], "connections": 2}
 """
 
-from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError
 from ..module_utils._common.poll import PASS, Polled, Seen, poll
 from ..module_utils._ros.client import ROS_ARGS, Ros1Client
@@ -170,7 +170,7 @@ from ..module_utils._ros.listener import Listener
 from ..module_utils._ros.silence import Silence
 
 
-def result_of(ended: Polled) -> dict[str, Any]:
+def result_of(ended: Polled) -> Data:
     """What the module returns, whichever way the poll ended."""
     last: Look = ended.last
     return {

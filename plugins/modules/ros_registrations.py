@@ -109,6 +109,7 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils._common.documents import Data
 from ..module_utils._common.errors import FleetError, SpecError
 from ..module_utils._ros import registrations
 from ..module_utils._ros.client import ROS_ARGS
@@ -116,7 +117,7 @@ from ..module_utils._ros.graph import Graph
 from ..module_utils._ros.registrar import Registrar
 from ..module_utils._ros.registrations import Entry, Plan
 
-REGISTRATION_ARGS: dict[str, dict[str, Any]] = {
+REGISTRATION_ARGS: dict[str, Data] = {
     "state": {"type": "str", "choices": ["present", "absent"], "default": "present"},
     "graph": {"type": "dict"},
     "nodes": {"type": "list", "elements": "str", "default": []},

@@ -1,7 +1,7 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mappings that Ansible hands on, of any content. What is ours in them gets a type where it comes in."""
+"""Mappings that others give a form, of any content. What is ours in them gets a type where it comes in."""
 
 from __future__ import annotations
 
@@ -10,3 +10,5 @@ from typing import Any, Dict, Mapping
 Arguments = Mapping[str, Any]  # what a module or an action is given
 Result = Dict[str, Any]  # what a module or an action answers
 Variables = Mapping[str, Any]  # of a host, a role or a task
+Document = Mapping[str, Any]  # JSON of another kind, as it is read, and fields of ROS messages
+Data = Dict[str, Any]  # the same, as it is made

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Iterable, Mapping, NamedTuple, Sequence, Tuple
+from typing import Any, Iterable, Mapping, NamedTuple, Sequence, Tuple
 
 from .snapshot import REASONS, GraphMetrics, Snapshot
 
@@ -31,18 +31,19 @@ def _ros(ros: GraphMetrics) -> list[Family]:
     """The graph's metrics."""
     master: list[Sample] = [] if ros.master is None else [({}, float(ros.master))]
     flows = [(node, flow, count) for node, counts in ros.counts.items() for flow, count in counts.items()]
+    messages = "Messages of a topic by the node's own count: published (each once, however many subscribe) or received"
+    goals = {(action, state): number for action, states in ros.goals.items() for state, number in states.items()}
+    alive = {name: child.alive for name, child in ros.launched.items()}
+    starts = {name: child.spawned for name, child in ros.launched.items()}
+    there = "Whether a process that a launch file started is there; one that has done its work is not"
+    started = "How many times a launch file's process was started by its roslaunch"
     return [
         Family("ros_master_up", GAUGE, "Whether the ROS master answers", master),
-        Family(
-            "ros_node_up",
-            GAUGE,
-            "Whether a registered node answers at its address",
-            [({"node": name}, float(up)) for name, up in sorted(ros.nodes.items())],
-        ),
+        Family("ros_node_up", GAUGE, "Whether a registered node answers at its address", _by("node", ros.nodes)),
         Family(
             "ros_topic_messages_total",
             COUNTER,
-            "Messages of a topic by the node's own count: published (each once, however many subscribe) or received",
+            messages,
             [(_flow(node, *flow), float(count.messages)) for node, flow, count in flows],
         ),
         Family(
@@ -57,36 +58,17 @@ def _ros(ros: GraphMetrics) -> list[Family]:
             "ros_topic_connections",
             GAUGE,
             "Open connections of a topic by the node's word",
-            [(_flow(node, topic, way), float(n)) for (topic, node, way), n in sorted(ros.connections.items())],
+            _by("topic node direction", ros.connections),
         ),
         Family(
             "ros_service_up",
             GAUGE,
             "Whether a service answers the handshake of a client",
-            [({"service": name, "node": node}, float(up)) for (name, node), up in sorted(ros.services.items())],
+            _by("service node", ros.services),
         ),
-        Family(
-            "ros_action_goals",
-            GAUGE,
-            "Goals in an action's status by state",
-            [
-                ({"action": action, "state": state}, float(number))
-                for action, states in sorted(ros.goals.items())
-                for state, number in states.items()
-            ],
-        ),
-        Family(
-            "ros_launch_process_up",
-            GAUGE,
-            "Whether a process that a launch file started is there; one that has done its work is not",
-            [({"node": name}, float(child.alive)) for name, child in sorted(ros.launched.items())],
-        ),
-        Family(
-            "ros_launch_process_starts_total",
-            COUNTER,
-            "How many times a launch file's process was started by its roslaunch",
-            [({"node": name}, float(child.spawned)) for name, child in sorted(ros.launched.items())],
-        ),
+        Family("ros_action_goals", GAUGE, "Goals in an action's status by state", _by("action state", goals)),
+        Family("ros_launch_process_up", GAUGE, there, _by("node", alive)),
+        Family("ros_launch_process_starts_total", COUNTER, started, _by("node", starts)),
     ]
 
 
@@ -94,33 +76,26 @@ def _flow(node: str, topic: str, direction: str) -> dict[str, str]:
     return {"topic": topic, "node": node, "direction": direction}
 
 
-def _by(label: str, numbers: Mapping[str, float]) -> list[Sample]:
-    return [({label: name}, float(number)) for name, number in sorted(numbers.items())]
+def _by(labels: str, numbers: Mapping[Any, float]) -> list[Sample]:
+    """A sample for each; a key has one word for each of the labels."""
+    names = labels.split()
+    return [
+        (dict(zip(names, key if isinstance(key, tuple) else (key,))), float(number))
+        for key, number in sorted(numbers.items())
+    ]
 
 
 def _own(snapshot: Snapshot) -> list[Family]:
     """The exporter's metrics of itself."""
-    polled = snapshot.polls > 0
+    errors = {why: snapshot.errors.get(why, 0) for why in REASONS}
+    asked = "Questions to the master or a node that got no usable answer"
+    took: list[Sample] = [({}, snapshot.duration)] if snapshot.polls else []
+    began: list[Sample] = [({}, snapshot.at)] if snapshot.polls else []
     return [
-        Family(
-            "ros_exporter_scrape_errors_total",
-            COUNTER,
-            "Questions to the master or a node that got no usable answer",
-            [({"reason": why}, float(snapshot.errors.get(why, 0))) for why in REASONS],
-        ),
+        Family("ros_exporter_scrape_errors_total", COUNTER, asked, _by("reason", errors)),
         Family("ros_exporter_polls_total", COUNTER, "Looks at the graph", [({}, float(snapshot.polls))]),
-        Family(
-            "ros_exporter_poll_duration_seconds",
-            GAUGE,
-            "How long the last look took",
-            [({}, snapshot.duration)] if polled else [],
-        ),
-        Family(
-            "ros_exporter_last_poll_timestamp_seconds",
-            GAUGE,
-            "When the last look began",
-            [({}, snapshot.at)] if polled else [],
-        ),
+        Family("ros_exporter_poll_duration_seconds", GAUGE, "How long the last look took", took),
+        Family("ros_exporter_last_poll_timestamp_seconds", GAUGE, "When the last look began", began),
     ]
 
 
@@ -139,18 +114,13 @@ def claim_families(used: Mapping[str, int], capacity: Mapping[str, int]) -> list
 
 def statistics_families(rows: Iterable[tuple[tuple[str, str, str], float, int]]) -> list[Family]:
     """Latency and drops by (topic, publisher, subscriber)."""
-    found = [({"topic": key[0], "publisher": key[1], "subscriber": key[2]}, age, lost) for key, age, lost in rows]
+    found = list(rows)
+    aged = "Mean age of messages by their stamp when they came in, by the subscriber's word"
+    ages = _by("topic publisher subscriber", {key: age for key, age, _lost in found})
+    lost = _by("topic publisher subscriber", {key: lost for key, _age, lost in found})
     return [
+        Family("ros_topic_latency_seconds", GAUGE, aged, ages),
         Family(
-            "ros_topic_latency_seconds",
-            GAUGE,
-            "Mean age of messages by their stamp when they came in, by the subscriber's word",
-            [(labels, age) for labels, age, _lost in found],
-        ),
-        Family(
-            "ros_topic_dropped_messages_total",
-            COUNTER,
-            "Messages that the subscriber missed, by its own word",
-            [(labels, float(lost)) for labels, _age, lost in found],
+            "ros_topic_dropped_messages_total", COUNTER, "Messages that the subscriber missed, by its own word", lost
         ),
     ]

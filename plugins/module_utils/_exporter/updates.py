@@ -9,80 +9,93 @@ The record is a file that others write (the ConfigMap `robot-updates`): what mak
 from __future__ import annotations
 
 import json
+from dataclasses import asdict, dataclass
 from typing import Any, Mapping
 
+from .._common.documents import Document
 from .families import GAUGE, Family, Sample
 
 FILE = "/etc/rosops-fleet/updates/updates.json"
-TEXTS = ("id", "app", "handoff", "outcome")
-OPTIONAL_TEXTS = ("reason", "from", "to")
 # A line is repeated after a restart of the exporter only for what happened just before: the record holds the latest
 # update of each app for ever.
 RECENT = 600.0
 MAX_FILE = 1 << 20
 
 
-def parse(text: str) -> list[dict[str, Any]]:
+@dataclass(frozen=True)
+class Update:
+    """The latest one of an app. Times are in seconds since 1970, None where nobody knows them yet."""
+
+    id: str
+    app: str
+    handoff: str
+    outcome: str
+    reason: str
+    before: str  # revisions
+    after: str
+    started: float | None
+    finished: float | None
+    busy_wait: float | None
+    phases: Mapping[str, float]  # seconds
+
+    @property
+    def last(self) -> float:
+        return self.finished or self.started or 0.0
+
+    def line(self) -> str:
+        """One line of JSON, which is how an update gets into the logs."""
+        told = {_WORDS.get(key, key): value for key, value in asdict(self).items()}
+        return json.dumps({"event": "update", **told}, sort_keys=True)
+
+
+_WORDS = {"before": "from", "after": "to"}  # as the record has it
+_NEEDED = ("id", "app", "handoff", "outcome")
+
+
+def parse(text: str) -> list[Update]:
     """The well-formed entries, one per app."""
     try:
         content = json.loads(text)
     except ValueError:
         return []
     listed = content.get("updates") if isinstance(content, dict) else None
-    found: dict[str, dict[str, Any]] = {}
-    for entry in listed if isinstance(listed, list) else ():
-        if isinstance(entry, dict) and all(isinstance(entry.get(key), str) for key in TEXTS):
-            found[entry["app"]] = _clean(entry)
+    entries = [entry for entry in (listed if isinstance(listed, list) else ()) if isinstance(entry, dict)]
+    good = [entry for entry in entries if all(isinstance(entry.get(key), str) for key in _NEEDED)]
+    found = {entry["app"]: _update(entry) for entry in good}
     return [found[app] for app in sorted(found)]
 
 
-def _clean(entry: Mapping[str, Any]) -> dict[str, Any]:
+def _update(entry: Document) -> Update:
     phases = entry.get("phases")
-    return {
-        **{key: entry[key] for key in TEXTS},
-        **{key: entry[key] if isinstance(entry.get(key), str) else "" for key in OPTIONAL_TEXTS},
-        **{key: _number(entry.get(key)) for key in ("started", "finished", "busy_wait")},
-        "phases": {
-            str(name): seconds
-            for name, seconds in ((name, _number(raw)) for name, raw in phases.items())
-            if seconds is not None
-        }
-        if isinstance(phases, dict)
-        else {},
-    }
+    read = {str(name): _number(raw) for name, raw in phases.items()} if isinstance(phases, dict) else {}
+    known = {name: seconds for name, seconds in read.items() if seconds is not None}
+    reason, before, after = (
+        str(entry[key]) if isinstance(entry.get(key), str) else "" for key in ("reason", "from", "to")
+    )
+    started, finished, waited = (_number(entry.get(key)) for key in ("started", "finished", "busy_wait"))
+    words = [str(entry[key]) for key in _NEEDED]
+    return Update(words[0], words[1], words[2], words[3], reason, before, after, started, finished, waited, known)
 
 
 def _number(value: Any) -> float | None:
     return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
-def families(updates: list[dict[str, Any]]) -> list[Family]:
+def families(updates: list[Update]) -> list[Family]:
     """The latest update of each app."""
 
     def of(key: str) -> list[Sample]:
-        return [({"app": entry["app"]}, entry[key]) for entry in updates if entry[key] is not None]
+        return [({"app": one.app}, getattr(one, key)) for one in updates if getattr(one, key) is not None]
 
     info = [
-        (
-            {
-                "app": entry["app"],
-                "id": entry["id"],
-                "revision": entry["to"],
-                "previous": entry["from"],
-                "handoff": entry["handoff"],
-                "outcome": entry["outcome"],
-            },
-            1.0,
-        )
-        for entry in updates
-    ]
-    phases = [
-        ({"app": entry["app"], "phase": phase}, seconds)
-        for entry in updates
-        for phase, seconds in sorted(entry["phases"].items())
-    ]
+        {"app": one.app, "id": one.id, "revision": one.after, "previous": one.before, "handoff": one.handoff,
+         "outcome": one.outcome}
+        for one in updates
+    ]  # fmt: skip
+    phases = [({"app": one.app, "phase": phase}, took) for one in updates for phase, took in sorted(one.phases.items())]
+    told = "The latest update of an app and its outcome"
     return [
-        Family("robot_update_info", GAUGE, "The latest update of an app and its outcome", info),
+        Family("robot_update_info", GAUGE, told, [(labels, 1.0) for labels in info]),
         Family("robot_update_started_timestamp_seconds", GAUGE, "When it began", of("started")),
         Family("robot_update_finished_timestamp_seconds", GAUGE, "When it ended; none while it runs", of("finished")),
         Family("robot_update_phase_seconds", GAUGE, "How long a phase of it took", phases),
@@ -95,7 +108,7 @@ class Updates:
 
     def __init__(self, path: str = FILE) -> None:
         self.path = path
-        self.entries: list[dict[str, Any]] = []
+        self.entries: list[Update] = []
         self.said: set[tuple[str, str]] = set()
         self.began = False
 
@@ -108,17 +121,8 @@ class Updates:
             self.entries = []
         except (OSError, UnicodeError):
             return []  # being replaced: the next look will do
-        new = [entry for entry in self.entries if (entry["id"], entry["outcome"]) not in self.said]
+        new = [entry for entry in self.entries if (entry.id, entry.outcome) not in self.said]
         # only the latest: the record does not grow, and neither may this
-        self.said = {(entry["id"], entry["outcome"]) for entry in self.entries}
+        self.said = {(entry.id, entry.outcome) for entry in self.entries}
         first, self.began = not self.began, True
-        return [line(entry) for entry in new if not first or now - _last(entry) < RECENT]
-
-
-def _last(entry: Mapping[str, Any]) -> float:
-    return float(entry["finished"] or entry["started"] or 0.0)
-
-
-def line(entry: Mapping[str, Any]) -> str:
-    """One line of JSON, which is how an update gets into the logs."""
-    return json.dumps({"event": "update", **entry}, sort_keys=True)
+        return [entry.line() for entry in new if not first or now - entry.last < RECENT]

@@ -13,8 +13,9 @@ that is gone, a master that is silent.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Sequence
+from typing import Sequence
 
+from .._common.documents import Data
 from .._ros import contract as ros_contract
 from .._ros.backend import Backend
 from .._ros.checks import Check
@@ -86,7 +87,7 @@ class Soak:
         return found.seconds >= step.soak and found.counted and not found.why
 
 
-def conditions(step: Step, rates: bool) -> dict[str, list[Any]]:
+def conditions(step: Step, rates: bool) -> Data:
     """Options of ros_ready: what the step's apps owe. A master owes nothing: nodes come to it, and go."""
     parts = [
         ros_contract.conditions(part)
@@ -94,7 +95,7 @@ def conditions(step: Step, rates: bool) -> dict[str, list[Any]]:
         if member.name != MASTER
         for part in member.record.contract.parts
     ]
-    found: dict[str, list[Any]] = {key: [item for part in parts for item in part[key]] for key in LISTS}
+    found: Data = {key: [item for part in parts for item in part[key]] for key in LISTS}
     if not rates:
         found["topics"] = ros_contract.unstreamed(found["topics"])
     return found

@@ -9,8 +9,9 @@ Pure. `wait` is the verdict for everything that time may mend; `fail` only for w
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any, Iterable, Sequence
+from typing import Iterable, Sequence
 
+from .._common.documents import Data
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
 from .contract import is_tool
@@ -39,9 +40,9 @@ class Check:
     name: str
     verdict: str
     reason: str
-    observed: dict[str, Any] = field(default_factory=dict)
+    observed: Data = field(default_factory=dict)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         return asdict(self)
 
     def __str__(self) -> str:
@@ -130,7 +131,7 @@ def check_action(graph: Graph, wanted: ActionCondition) -> Check:
     }
     if not (parts["publishes its status"] or goal.subscribers):
         return Check("action", wanted.name, WAIT, "no action server is registered with the master")
-    observed: dict[str, Any] = {"servers": names_of(action.servers)}
+    observed: Data = {"servers": names_of(action.servers)}
     if not action.servers:
         lacking = " and ".join(what for what, keys in parts.items() if not keys) or "does all of it at once"
         return Check("action", wanted.name, WAIT, f"no whole action server: no node {lacking}", observed)
@@ -235,7 +236,7 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     if topic is None:
         return Check("topic", wanted.name, WAIT, "nobody has registered it with the master")
     parts: list[tuple[str, str]] = []
-    observed: dict[str, Any] = {
+    observed: Data = {
         "type": topic.type,
         "publishers": names_of(topic.publishers),
         "subscribers": names_of(topic.subscribers),

@@ -13,6 +13,7 @@ import xmlrpc.client
 from functools import partial
 from typing import Any, Callable, Iterable, Mapping, Sequence
 
+from .._common.documents import Data
 from .._common.errors import RosError
 from .graph import (
     BUSY_STATES,
@@ -32,7 +33,7 @@ from .rpc import Api, Deadline, TimedSocket, in_parallel, reason
 from .streams import count_messages
 from .transport import greet, read_states, subscribe, subscribe_status
 
-ROS_ARGS: dict[str, dict[str, Any]] = {
+ROS_ARGS: dict[str, Data] = {
     "master_uri": {"type": "str", "default": "http://localhost:11311"},
     "node_timeout": {"type": "float", "default": 2.0},
 }

@@ -11,28 +11,29 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Callable, Mapping, TypeVar
+from typing import Any, Callable, TypeVar
 
+from .._common.documents import Data, Document
 from .._common.errors import SpecError
 from .names import resolve
 
 
-def _each(**options: Mapping[str, Any]) -> dict[str, Any]:
+def _each(**options: Document) -> Data:
     """A list of these."""
     return {"type": "list", "elements": "dict", "default": [], "options": options}
 
 
 _NUMBER, _COUNT, _WORD = {"type": "float"}, {"type": "int"}, {"type": "str"}
 _FLAG, _WANTED = {"type": "bool", "default": False}, {"type": "str", "required": True}
-_NAMES: dict[str, Any] = {"type": "list", "elements": "str", "default": []}
+_NAMES: Data = {"type": "list", "elements": "str", "default": []}
 # the options of ros_ready: how long to look, and what for
-WAIT_ARGS: dict[str, dict[str, Any]] = {
+WAIT_ARGS: dict[str, Data] = {
     "timeout": {"type": "float", "default": 60.0},
     "interval": {"type": "float", "default": 0.5},
     "consecutive": {"type": "int", "default": 1},
     "stable": {"type": "float", "default": 0.0},
 }
-GATE_ARGS: dict[str, dict[str, Any]] = {
+GATE_ARGS: dict[str, Data] = {
     "nodes": _NAMES,
     "topics": _each(
         name=_WANTED, type=_WORD, publishers=_COUNT, subscribers=_COUNT, connected=_FLAG, min_rate=_NUMBER,
@@ -49,7 +50,7 @@ GATE_ARGS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 # what messages must say, for whoever waits for that
-VALUE_ARGS: dict[str, dict[str, Any]] = {
+VALUE_ARGS: dict[str, Data] = {
     "values": _each(
         topic=_WANTED, field={"type": "str", "default": ""}, above=_NUMBER, below=_NUMBER, equals={"type": "raw"},
         quiet=_NUMBER, still=_NUMBER, tolerance={"type": "float", "default": 0.0},
@@ -156,7 +157,7 @@ class Conditions:
     values: tuple[ValueCondition, ...] = ()
 
 
-def conditions_from(params: Mapping[str, Any]) -> Conditions:
+def conditions_from(params: Document) -> Conditions:
     """Module options (or a probe's JSON) -> conditions. Every bad value is named in one error."""
     reader = _Reader(params)
     found = Conditions(
@@ -177,7 +178,7 @@ def conditions_from(params: Mapping[str, Any]) -> Conditions:
 class _Reader:
     """Reads options, and notes what is wrong with them."""
 
-    def __init__(self, params: Mapping[str, Any]) -> None:
+    def __init__(self, params: Document) -> None:
         self.params = params
         self.errors: list[str] = []
         self.space, self.timeout = params.get("namespace") or "/", params.get("timeout")
@@ -204,7 +205,7 @@ class _Reader:
     def each(self, option: str, read: Callable[[str, Any], _Read]) -> tuple[_Read, ...]:
         return tuple(read(f"{option}[{i}]", item) for i, item in enumerate(self.params.get(option) or ()))
 
-    def topic(self, path: str, item: Mapping[str, Any]) -> TopicCondition:
+    def topic(self, path: str, item: Document) -> TopicCondition:
         if item.get("type") and not _TYPE.match(item["type"]):
             self.errors.append(f"{path}.type: {item['type']!r} is not a message type (package/Type)")
         for key in ("publishers", "subscribers", "min_rate"):
@@ -221,21 +222,21 @@ class _Reader:
             bool(item.get("latched")),
         )
 
-    def action(self, path: str, item: Mapping[str, Any]) -> ActionCondition:
+    def action(self, path: str, item: Document) -> ActionCondition:
         state = item.get("state") or "up"
         if state not in ("up", "idle"):
             self.errors.append(f"{path}.state: {state!r} is neither up nor idle")
         server = self.name(f"{path}.server", item["server"]) if item.get("server") else ""
         return ActionCondition(self.name(f"{path}.name", item.get("name")), state, server)
 
-    def edge(self, path: str, item: Mapping[str, Any]) -> EdgeCondition:
+    def edge(self, path: str, item: Document) -> EdgeCondition:
         peer = item.get("peer") or ""
         if peer not in ("", "publisher", "subscriber"):
             self.errors.append(f"{path}.peer: {peer!r} is neither publisher nor subscriber")
         names = {key: self.name(f"{path}.{key}", item.get(key)) for key in ("publisher", "topic", "subscriber")}
         return EdgeCondition(**names, peer=peer)
 
-    def value(self, path: str, item: Mapping[str, Any]) -> ValueCondition:
+    def value(self, path: str, item: Document) -> ValueCondition:
         given = {key: item[key] for key in VALUE_KEYS if item.get(key) is not None}
         spans, bounds = [key for key in given if key in SPANS], [key for key in given if key not in SPANS]
         if len(spans) + bool(bounds) != 1 or ("equals" in bounds and len(bounds) > 1):

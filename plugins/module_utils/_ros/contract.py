@@ -22,8 +22,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from typing import Any, Callable, Iterable, Mapping, Sequence, Tuple
+from typing import Callable, Iterable, Mapping, Sequence, Tuple
 
+from .._common.documents import Data, Document
 from .graph import ANY_TYPE, Graph, NodeKey, Topic, names_of
 from .names import ANONYMOUS, KEEPER
 
@@ -100,12 +101,12 @@ class Sent:
             return float(self.least)
         return max(round((self.rate or 0.0) * (1 - tolerance), 3), 0.0)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         least = {} if self.least is None else {"least": self.least}
         return {"rate": self.rate, **least, **({"latched": True} if self.latched else {})}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Sent:
+    def from_dict(cls, data: Document) -> Sent:
         return cls(data.get("rate"), data.get("least"), bool(data.get("latched")))
 
 
@@ -116,11 +117,11 @@ class Definition:
     type: str = ""
     md5sum: str = ""
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         return {"type": self.type, "md5sum": self.md5sum or None}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Definition:
+    def from_dict(cls, data: Document) -> Definition:
         return cls(data.get("type") or "", data.get("md5sum") or "")
 
 
@@ -137,12 +138,12 @@ class Published:
         publishers = {node: change(sent) for node, sent in self.publishers.items()}
         return replace(self, first=change(self.first), publishers=publishers)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         publishers = {node: sent.as_dict() for node, sent in self.publishers.items()}
         return {**self.definition.as_dict(), **self.first.as_dict(), "publishers": publishers}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Published:
+    def from_dict(cls, data: Document) -> Published:
         publishers = {node: Sent.from_dict(one) for node, one in (data.get("publishers") or {}).items()}
         return cls(Definition.from_dict(data), Sent.from_dict(data), publishers)
 
@@ -228,7 +229,7 @@ class Contract:
             others=self.others.owed(intended) if self.others else None,
         )
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         """As JSON has it; keepers and pods of the version before read it, too."""
         return {
             "revision": self.revision,
@@ -246,7 +247,7 @@ class Contract:
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Contract:
+    def from_dict(cls, data: Document) -> Contract:
         """What is missing is not owed. AttributeError, TypeError or ValueError where it is no contract."""
         return cls(
             data.get("node") or "",
@@ -404,14 +405,14 @@ def known(word: str) -> str:
 # ---- what is asked for afterwards
 
 
-def conditions(contract: Contract, tolerance: float | None = None, absent: Sequence[str] = ()) -> dict[str, Any]:
+def conditions(contract: Contract, tolerance: float | None = None, absent: Sequence[str] = ()) -> Data:
     """The contract as options of ros_ready. `absent`: the nodes of the old revision.
 
     An edge's end that is not ours may leave by itself, which is not the update's fault.
     """
     share = contract.tolerance if tolerance is None else tolerance
     ours = {contract.node, *contract.nodes}
-    topics: list[dict[str, Any]] = []
+    topics: list[Data] = []
     for name, topic in contract.topics.items():
         for publisher, sent in topic.publishers.items():
             least = sent.least_rate(share)
@@ -427,7 +428,7 @@ def conditions(contract: Contract, tolerance: float | None = None, absent: Seque
     }
 
 
-def unstreamed(topics: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def unstreamed(topics: Iterable[Document]) -> list[Data]:
     """Conditions on topics without those for which streams are opened."""
     return [{key: topic[key] for key in topic if key not in STREAMED} for topic in topics]
 

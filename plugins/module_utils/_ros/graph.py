@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Collection, Iterable, Mapping, NamedTuple, Tuple
+from typing import Collection, Iterable, Mapping, NamedTuple, Tuple
 from urllib.parse import urlsplit
+
+from .._common.documents import Data, Document
 
 ANY_TYPE = "*"  # what a node says that takes any message type
 # s for a peer that does not answer (a laptop asleep, a process that hangs). One that is only slow, or has only just
@@ -422,7 +424,7 @@ class Graph:
 
     # ---- JSON
 
-    def as_dict(self, definitions: bool = False) -> dict[str, Any]:
+    def as_dict(self, definitions: bool = False) -> Data:
         """The graph as JSON-able data, the shape that ros_graph_info returns. Nodes are called by their names alone."""
         return {
             "nodes": {name: _node_dict(self.node(name)) for name in self.names},
@@ -432,7 +434,7 @@ class Graph:
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Graph:
+    def from_dict(cls, data: Document) -> Graph:
         """What `as_dict` made, or somebody wrote by hand: what is missing is not known.
 
         AttributeError, KeyError, TypeError or ValueError where it is no graph.
@@ -492,7 +494,7 @@ def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:
     )
 
 
-def _node_dict(node: Node) -> dict[str, Any]:
+def _node_dict(node: Node) -> Data:
     return {
         "uri": node.uri,
         "pid": node.pid,
@@ -505,7 +507,7 @@ def _node_dict(node: Node) -> dict[str, Any]:
     }
 
 
-def _node_of(name: str, data: Mapping[str, Any]) -> Node:
+def _node_of(name: str, data: Document) -> Node:
     uri, error = data.get("uri") or "", data.get("error") or ""
     pid = data.get("pid") if data.get("reachable", True) else None
     topics = tuple(data.get("publications") or ()), tuple(data.get("subscriptions") or ())
@@ -513,7 +515,7 @@ def _node_of(name: str, data: Mapping[str, Any]) -> Node:
     return Node(name, uri, pid, bool(uri or error), error, *topics, services, refused=bool(data.get("refused")))
 
 
-def _topic_dict(topic: Topic, definitions: bool) -> dict[str, Any]:
+def _topic_dict(topic: Topic, definitions: bool) -> Data:
     return {
         "type": topic.type,
         "md5sum": topic.md5sum or None,
@@ -528,17 +530,17 @@ def _topic_dict(topic: Topic, definitions: bool) -> dict[str, Any]:
     }
 
 
-def _service_dict(service: Service) -> dict[str, Any]:
+def _service_dict(service: Service) -> Data:
     said = asdict(service.said)
     return {"providers": names_of(service.providers), **said, "up": service.up, "connections": service.connections}
 
 
-def _probe_of(data: Mapping[str, Any]) -> ServiceProbe | None:
+def _probe_of(data: Document) -> ServiceProbe | None:
     parts = {part: data.get(part) or "" for part in ("uri", "provider", "type", "error", "md5sum")}
     return ServiceProbe(**parts) if data.get("up", bool(parts["uri"])) or parts["error"] else None
 
 
-def _action_dict(action: Action) -> dict[str, Any]:
+def _action_dict(action: Action) -> Data:
     states = [GOAL_STATES.get(state, str(state)) for listed in action.goals.values() for state in listed]
     return {
         "type": action.type,
@@ -550,7 +552,7 @@ def _action_dict(action: Action) -> dict[str, Any]:
     }
 
 
-def _statuses_of(data: Mapping[str, Any], servers: Keys) -> dict[NodeKey, StatusReading]:
+def _statuses_of(data: Document, servers: Keys) -> dict[NodeKey, StatusReading]:
     """JSON does not say whose an action's goals are: they are the first server's."""
     numbers = {word: number for number, word in GOAL_STATES.items()}
     told = (data.get("goals") or {}).items()

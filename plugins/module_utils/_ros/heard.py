@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Mapping
 
+from .._common.documents import Data, Document
 from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT
 from .checks import Check, listed
@@ -32,7 +33,7 @@ class Heard:
     wrong: str = ""  # what its publisher itself says against the condition
     unheard: Mapping[str, str] = field(default_factory=dict)  # publisher -> why it cannot be heard
 
-    def take(self, message: Mapping[str, Any], now: float, wrong: str = "") -> None:
+    def take(self, message: Document, now: float, wrong: str = "") -> None:
         """A message came; or one that cannot be read, and why."""
         self.came, self.wrong, self.value = now, wrong, message
         if self.condition.field and not wrong:
@@ -56,7 +57,7 @@ def check_value(graph: Graph, heard: Heard, now: float) -> Check:
     """Who cannot be heard may say anything: that is waited for."""
     wanted = heard.condition
     publishers = names_of(graph.topic(wanted.topic).publishers)
-    observed: dict[str, Any] = {"publishers": publishers}
+    observed: Data = {"publishers": publishers}
     if heard.unheard:
         told = listed(f"{node} ({why})" for node, why in heard.unheard.items())
         verdict, reason = WAIT, f"not known, as publishers cannot be heard: {told}"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from .._common.documents import Data
 from .._common.errors import RosError
 from .replies import unwrap
 from .rpc import Api, Deadline, reason
@@ -33,10 +34,10 @@ class KeeperCalls:
         """Why it does not keep all that the node at `uri` has latched, or nothing if it does. It takes that itself."""
         return self._problem(seconds, "keep_latched", node, uri, seconds * 0.8)
 
-    def held(self) -> dict[str, Any]:
+    def held(self) -> Data:
         """Action -> what is held of it. Raises what went wrong."""
         with Api(self.uri, self.caller, Deadline(TIMEOUT)) as api:
-            found: dict[str, Any] = api.raw("state")[2]
+            found: Data = api.raw("state")[2]
         return found
 
     def _problem(self, seconds: float, method: str, *params: Any) -> str:

@@ -10,6 +10,7 @@ import time
 from functools import partial
 from typing import Any, Callable, Mapping, Sequence, Tuple
 
+from .._common.documents import Data
 from .._common.errors import RosError
 from .checks import Check
 from .conditions import ValueCondition
@@ -90,7 +91,7 @@ class Listener:
 
     def _took(self, topic: str, header: Mapping[str, str], body: bytes) -> None:
         now, wrong = self._now(), ""
-        message: dict[str, Any] = {}
+        message: Data = {}
         try:
             message = self._definition(header).decode(body)
         except RosError as error:

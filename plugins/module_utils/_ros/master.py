@@ -10,6 +10,7 @@ import os
 import time
 from typing import Any, Callable, Iterable, Sequence, TypeVar
 
+from .._common.documents import Data
 from .._common.errors import RosError
 from .graph import MasterState
 from .replies import master_state
@@ -73,13 +74,13 @@ class Master:
             known = self._states[types is None] = (system_state, types, master_state(system_state, types))
         return known[2]
 
-    def look_up(self, nodes: Iterable[str], services: Iterable[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
+    def look_up(self, nodes: Iterable[str], services: Iterable[str] = ()) -> tuple[Data, Data]:
         """Addresses of nodes and services; a RosError in place of one that is not to be had."""
         requests = [
             *(("lookupNode", self.caller, name) for name in nodes),
             *(("lookupService", self.caller, name) for name in services),
         ]
-        found: dict[str, dict[str, Any]] = {"lookupNode": {}, "lookupService": {}}
+        found: dict[str, Data] = {"lookupNode": {}, "lookupService": {}}
         for (method, _caller, name), result in zip(requests, self.calls(requests)):
             found[method][name] = result if isinstance(result, (str, RosError)) else RosError("it has no address")
         return found["lookupNode"], found["lookupService"]

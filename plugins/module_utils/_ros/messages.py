@@ -16,6 +16,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any, Iterator
 
+from .._common.documents import Data
 from .._common.errors import RosError
 from .tcpros import Reader
 
@@ -66,9 +67,9 @@ class Definition:
             raise RosError(f"{self.name} has more than {MOST} values")
         return counted[kind]
 
-    def decode(self, body: bytes) -> dict[str, Any]:
+    def decode(self, body: bytes) -> Data:
         """A message's fields by their names: numbers, texts, lists, messages; a time in seconds."""
-        found: dict[str, Any] = self._one(self.name, Reader(body))
+        found: Data = self._one(self.name, Reader(body))
         return found
 
     def _one(self, kind: str, reader: Reader) -> Any:

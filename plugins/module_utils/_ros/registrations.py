@@ -11,8 +11,9 @@ process of the same name registered is that one's, and a node that is only slow 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Iterable, Mapping, Sequence
+from typing import Iterable, Mapping, Sequence
 
+from .._common.documents import Data, Document
 from .graph import ANY_TYPE, Graph, MasterState
 
 ALIVE = "alive"
@@ -35,7 +36,7 @@ class Entry:
     subscriptions: Mapping[str, str] = field(default_factory=dict)
     services: Mapping[str, str] = field(default_factory=dict)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Data:
         return {
             "uri": self.uri,
             "pid": self.pid,
@@ -135,7 +136,7 @@ def from_master(state: MasterState, uris: Mapping[str, str], service_uris: Mappi
     return entries
 
 
-def from_dict(data: Mapping[str, Any]) -> Entry:
+def from_dict(data: Document) -> Entry:
     """The reverse of Entry.as_dict()."""
     return Entry(data["uri"], data["pid"], data["publications"], data["subscriptions"], data["services"])
 
@@ -274,7 +275,7 @@ def after(present: Snapshot, calls: Iterable[Call]) -> dict[str, Entry]:
     }
 
 
-def difference(present: Snapshot, calls: Sequence[Call]) -> dict[str, Any]:
+def difference(present: Snapshot, calls: Sequence[Call]) -> Data:
     """The module's diff: the registrations that change, before and after."""
     then = after(present, calls)
     nodes = sorted(node for node in {*present, *then} if present.get(node) != then.get(node))
@@ -284,7 +285,7 @@ def difference(present: Snapshot, calls: Sequence[Call]) -> dict[str, Any]:
     }
 
 
-def _shown(entry: Entry) -> dict[str, Any]:
+def _shown(entry: Entry) -> Data:
     shown = entry.as_dict()
     del shown["pid"]  # the master does not know it
     return shown

@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, Callable, Container, Iterable, Mapping, Sequence
 
+from .._common.documents import Data
 from .graph import Graph, host_of
 from .master import Master
 from .replies import unwrap
@@ -76,7 +77,7 @@ def crash(child: Child, graph: Graph = Graph()) -> str:  # noqa: B008 - it is fr
     return " and ".join(part for part in (again, ended) if part)
 
 
-def row(child: Child, graph: Graph) -> dict[str, Any]:
+def row(child: Child, graph: Graph) -> Data:
     """A process as JSON-able data, with its node's name and what is wrong with it."""
     return {**asdict(child), "node": child.node, "crash": crash(child, graph)}
 

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping
+from typing import Iterable
 
+from .._common.documents import Document
 from . import graph as ros
 from .graph import Graph
 from .messages import HEADER, Definition
@@ -115,7 +116,7 @@ class Traffic:
                     found.append(f"{name}: {app} was not connected in {looks} of {self.looks} looks")
         return found
 
-    def as_dict(self) -> dict[str, Mapping[str, Any]]:
+    def as_dict(self) -> dict[str, Document]:
         return {
             name: {
                 "messages": topic.messages,

@@ -9,8 +9,9 @@ import struct
 import threading
 import time
 from functools import partial
-from typing import Any, Callable, Tuple
+from typing import Callable, Tuple
 
+from .._common.documents import Data
 from .._common.errors import RosError
 from .client import Ros1Client
 from .graph import Questions
@@ -65,7 +66,7 @@ class Watcher:
         stream.connect(self._ros.timeout)
         self._streams[key] = stream
 
-    def result(self, may_pause: list[str]) -> dict[str, Any]:
+    def result(self, may_pause: list[str]) -> Data:
         """What there was, and what of it was lost."""
         with self._lock:
             traffic = self.traffic

@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
 from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
@@ -26,12 +25,12 @@ class ImageSource:
     """
 
     node: NodeImages
-    archives: Sequence[Mapping[str, Any]] = ()
+    archives: Sequence[Object] = ()
     names: Sequence[str] = ()
     keep: Sequence[str] = ()
 
 
-RunModule = Callable[[str, Mapping[str, Any]], Mapping[str, Any]]  # name and arguments to result; AwayError
+RunModule = Callable[[str, Object], Object]  # name and arguments to result; AwayError
 
 
 class ModuleHost:
@@ -52,7 +51,7 @@ class ModuleHost:
         return brought.changed
 
     def graph(self, master: str, rate_seconds: float = 0.0, nodes: Sequence[str] = ()) -> Graph:
-        asked: dict[str, Any] = {"md5sums": True, "service_connections": True}
+        asked: Object = {"md5sums": True, "service_connections": True}
         if nodes:
             asked = {"rates": True, "rate_seconds": rate_seconds, "rate_nodes": list(nodes)}
         return Graph.from_dict(self._well("ros_graph_info", {"master_uri": master, **asked})["graph"])
@@ -83,14 +82,14 @@ class ModuleHost:
     def reap(self, master: str, nodes: Sequence[str]) -> None:
         self._well("ros_registrations", {"master_uri": master, "nodes": list(nodes), "state": "absent"})
 
-    def _well(self, name: str, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _well(self, name: str, arguments: Object) -> Object:
         result = self._run(name, arguments)
         if result.get("failed"):
             raise RosError(str(result.get("msg") or f"{name} failed without a word"))
         return result
 
 
-def _verdict(result: Mapping[str, Any]) -> str:
+def _verdict(result: Object) -> str:
     """A module that broke off without a verdict can tell nothing, whatever it was asked."""
     found = result.get("verdict")
     return str(found) if found in (PASS, WAIT, FAIL) else FAIL

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import NOTHING, Contract
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
@@ -37,7 +36,7 @@ class Bounds:
     ready_timeout: float
 
 
-def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[dict[str, Any]]:
+def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, now: float) -> list[Object]:
     """The contracts and the way back first, then the new versions with the mark of what is not proven yet."""
     maps = [_update_map(item, step, contracts.get(app_of(item), NOTHING), bounds, now) for item in step.workloads]
     # the node's name is taken by what runs: for the time of the step the old one goes first
@@ -45,7 +44,7 @@ def step_objects(step: Step, contracts: Mapping[str, Contract], bounds: Bounds, 
     return [*maps, *marked(objects, run_of(now))]
 
 
-def with_strategy(objects: Iterable[Object], strategy: Mapping[str, Any]) -> list[Object]:
+def with_strategy(objects: Iterable[Object], strategy: Object) -> list[Object]:
     """These objects, with their Deployments' pods replaced in this way."""
     return [
         {**item, "spec": {**item["spec"], "strategy": dict(strategy)}} if item["kind"] == "Deployment" else item
@@ -53,25 +52,25 @@ def with_strategy(objects: Iterable[Object], strategy: Mapping[str, Any]) -> lis
     ]
 
 
-def installing(objects: Sequence[Object], step: Step, bounds: Bounds, now: float) -> list[dict[str, Any]]:
+def installing(objects: Sequence[Object], step: Step, bounds: Bounds, now: float) -> list[Object]:
     """The records of an installation first, each app's by itself, then what it brings, marked."""
     each = [(item, replace(step, apps=[app_of(item)])) for item in step.workloads]
     maps = [_update_map(item, one, INSTALL, bounds, now) for item, one in each]
     return [*maps, *marked(objects, run_of(now))]
 
 
-def installed(workloads: Iterable[Object], step: Step, bounds: Bounds, now: float) -> list[dict[str, Any]]:
+def installed(workloads: Iterable[Object], step: Step, bounds: Bounds, now: float) -> list[Object]:
     """That these of its Deployments were proven, each by itself; their graph is recorded before their next step."""
     each = [(item, replace(step, apps=[app_of(item)])) for item in workloads]
     return fulfilled([_update_map(item, one, INSTALL, bounds, now) for item, one in each])
 
 
-def fulfilled(maps: Iterable[Object]) -> list[dict[str, Any]]:
+def fulfilled(maps: Iterable[Object]) -> list[Object]:
     """The records of a step, once its contracts are fulfilled. Only then may the mark come off."""
     return [{**item, "data": record_of(item).fulfilled().data()} for item in maps]
 
 
-def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> list[dict[str, Any]]:
+def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> list[Object]:
     """The records of a step that its run has found good; `pods` are those of the new version."""
     own: dict[str, list[Object]] = {}
     for pod in pods:
@@ -81,7 +80,7 @@ def found_good(maps: Iterable[Object], soak: float, pods: Iterable[Object]) -> l
     ]
 
 
-def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> dict[str, Any]:
+def _update_map(deployment: Object, step: Step, contract: Contract, bounds: Bounds, now: float) -> Object:
     """No clock ends a contract: it counts for its revision until it says `proven`."""
     app, metadata = app_of(deployment), deployment["metadata"]
     # one that is taken over from an earlier step says nothing of this one
@@ -106,13 +105,13 @@ def _history(app: str, step: Step, now: float) -> list[Object]:
     return [first, *rest][:HISTORY_KEPT]
 
 
-def marked(objects: Iterable[Object], run: str, key: str = UPDATING) -> list[dict[str, Any]]:
+def marked(objects: Iterable[Object], run: str, key: str = UPDATING) -> list[Object]:
     """The objects with the mark of an unproven version on the Deployments; SOAKING: of one that was found good."""
-    found = []
+    found: list[Object] = []
     for item in objects:
         if item["kind"] == "Deployment":
             mark = {key: str(Mark(run, revision_of(item)))}
             found.append({**item, "metadata": {**item["metadata"], "annotations": {**annotations_of(item), **mark}}})
         else:
-            found.append(dict(item))
+            found.append(item)
     return found

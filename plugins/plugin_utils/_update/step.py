@@ -348,7 +348,7 @@ def _images_missing(step: Step, present: Mapping[str, Collection[str]]) -> list[
 # --- what has to hold afterwards ------------------------------------------------------------------------------------
 
 
-def proof(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
+def proof(step: Step, gate: Gate, tolerance: float) -> Object:
     """Options of ros_ready: the contracts are restored, and the new revisions' own readiness holds."""
     old, new = {*step.old_nodes.values(), *gate.succession.nodes}, {*step.new_nodes.values()}
     gone = sorted(old - new - {*gate.succession.nodes.values()} - {""})
@@ -356,12 +356,12 @@ def proof(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
     return _united(parts, absent=gone if step.handoff == "overlap" else ())
 
 
-def proves_nothing(conditions: Mapping[str, Any]) -> bool:
+def proves_nothing(conditions: Object) -> bool:
     """Whether all of it holds of any version that leaves: nothing was recorded, and nothing is promised."""
     return not any(conditions.get(key) for key in LISTS if key != "absent")
 
 
-def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
+def proof_of_old(step: Step, gate: Gate, tolerance: float) -> Object:
     """The same after a way back: the contracts hold under the old names, whatever the new revision promised.
 
     Rates are left out: there is no third version to go to from an old one that is slower than it was.
@@ -371,16 +371,15 @@ def proof_of_old(step: Step, gate: Gate, tolerance: float) -> dict[str, Any]:
         contract = gate.contracts.get(app, NOTHING)
         old |= _names_in(contract, replace(launch, old=launch.new, new=launch.old)).renames
     found = _united(_conditions([one.renamed(old) for one in gate.contracts.values()], tolerance))
-    found["topics"] = ros_contract.unstreamed(found["topics"])
-    return found
+    return {**found, "topics": ros_contract.unstreamed(found["topics"])}
 
 
-def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[dict[str, Any]]:
+def _conditions(contracts: Iterable[Contract], tolerance: float) -> list[Object]:
     return [ros_contract.conditions(part, tolerance) for contract in contracts for part in contract.parts]
 
 
-def _united(parts: Sequence[Mapping[str, Any]], absent: Sequence[str] = ()) -> dict[str, Any]:
-    found: dict[str, Any] = {key: [] for key in LISTS}
+def _united(parts: Sequence[Object], absent: Sequence[str] = ()) -> Object:
+    found: dict[str, list[Any]] = {key: [] for key in LISTS}
     for part in parts:
         for key in LISTS:
             found[key] += [item for item in part.get(key) or [] if item not in found[key]]

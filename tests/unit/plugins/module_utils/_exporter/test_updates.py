@@ -53,7 +53,7 @@ def test_nonsense_is_left_out(wrong: str) -> None:
 
 def test_nonsense_beside_sense() -> None:
     odd = {**ENTRY, "phases": {"a": "x", "b": 1}, "started": "soon", "busy_wait": True, "reason": None}
-    assert parse(text(7, odd))[0]["phases"] == {"b": 1.0}
+    assert parse(text(7, odd))[0].phases == {"b": 1.0}
     assert shown(odd)["robot_update_started_timestamp_seconds"] == []
 
 
@@ -82,4 +82,4 @@ def test_a_restart_repeats_only_what_just_happened(tmp_path: Path) -> None:
     path.write_text(text(ENTRY, old))
     updates = Updates(str(path))
     assert said(updates) == [("0123456789ab", "updated")]
-    assert [entry["app"] for entry in updates.entries] == ["camera", "old"]
+    assert [entry.app for entry in updates.entries] == ["camera", "old"]

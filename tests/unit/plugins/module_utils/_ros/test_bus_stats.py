@@ -89,58 +89,50 @@ def test_rows_without_sense_are_left_out(entry: Any) -> None:
 # ---- counting
 
 
-def test_counting_begins_at_the_first_look() -> None:
-    """A restarted exporter must not count again."""
-    assert after(rospy([1, 9000, 500, True])).totals[TALK] == Count(0, 0)
-    assert after(rospy([1, 9000, 500, True]), rospy([1, 9100, 510, True])).totals[TALK] == Count(10, 100)
+def heard(*rows: tuple[int, int]) -> Stats:
+    """What rospy's node got over connections."""
+    return stats([1, "", [[], [["/chatter", [[number, count * 10, count, -1, True] for number, count in rows]]], []]])
 
 
-def test_a_node_that_is_younger_than_the_last_look_counts_whole() -> None:
+def heard_by_roscpp(connection: int, messages: int) -> Stats:
+    return stats([[], [["/chatter", [[connection, messages * 9, messages, 0, 0]]]]])
+
+
+def sent(*rows: tuple[int, int]) -> Stats:
+    """What rospy's node sent over connections."""
+    return rospy(*([number, 0, count, True] for number, count in rows))
+
+
+@pytest.mark.parametrize(
+    ("replies", "flow", "messages"),
+    [
+        # a restarted exporter must not count again
+        ([sent((1, 500))], TALK, 0),
+        ([sent((1, 500)), sent((1, 510))], TALK, 10),
+        # a message to three subscribers is one, messages of two publishers are two
+        ([sent((1, 0), (2, 0), (3, 0)), sent((1, 10), (2, 9), (3, 10))], TALK, 10),
+        ([heard((1, 5), (2, 5)), heard((1, 9), (2, 9))], HEAR, 8),
+        # a late subscriber adds nothing that others had
+        ([sent((1, 100)), sent((1, 150), (2, 20))], TALK, 50),
+        # the fastest connection leaves: what is left goes on from its own count, nothing falls back
+        ([sent((1, 100), (2, 10)), sent((1, 150), (2, 60)), sent((2, 70)), sent((2, 75))], TALK, 50 + 10 + 5),
+        # a connection that comes back is another
+        ([sent((1, 100)), rospy(), sent((4, 3)), sent((4, 8))], TALK, 8),
+        # of two publishers roscpp shows the last one's connection; when that ends the first one's, which is not new
+        ([heard_by_roscpp(*row) for row in ((1, 5000), (1, 5010), (4, 20), (4, 50), (1, 9000), (1, 9007))], HEAR, 67),
+        # rospy's counts do not wrap
+        ([sent((1, 100)), sent((1, 40))], TALK, 40),
+    ],
+)
+def test_how_many_messages_there_were(replies: list[Stats], flow: tuple[str, str], messages: int) -> None:
+    assert after(*replies).totals[flow].messages == messages
+
+
+def test_bytes_are_those_of_all_connections() -> None:
+    before, now = rospy([1, 0, 0, True], [2, 0, 0, True]), rospy([1, 100, 10, True], [2, 90, 9, True])
+    assert after(before, now).totals[TALK] == Count(10, 190)
+    # a node that is younger than the last look counts whole
     assert after(rospy([1, 9000, 500, True]), fresh=True).totals[TALK] == Count(500, 9000)
-
-
-def test_a_message_to_three_subscribers_is_one() -> None:
-    first = rospy([1, 0, 0, True], [2, 0, 0, True], [3, 0, 0, True])
-    last = rospy([1, 100, 10, True], [2, 90, 9, True], [3, 100, 10, True])
-    assert after(first, last).totals[TALK] == Count(10, 290)
-
-
-def test_messages_of_two_publishers_are_two() -> None:
-    def reply(messages: int) -> Stats:
-        return stats([1, "", [[], [["/chatter", [[i, messages * 10, messages, -1, True] for i in (1, 2)]]], []]])
-
-    assert after(reply(5), reply(9)).totals[HEAR] == Count(8, 80)
-
-
-def test_a_late_subscriber_adds_nothing_that_others_had() -> None:
-    found = after(rospy([1, 0, 100, True]), rospy([1, 0, 150, True], [2, 0, 20, True]))
-    assert found.totals[TALK].messages == 50
-
-
-def test_the_fastest_connection_leaves() -> None:
-    """What is left goes on from its own count: nothing falls back."""
-    found = after(
-        rospy([1, 0, 100, True], [2, 0, 10, True]),
-        rospy([1, 0, 150, True], [2, 0, 60, True]),
-        rospy([2, 0, 70, True]),
-        rospy([2, 0, 75, True]),
-    )
-    assert found.totals[TALK].messages == 50 + 10 + 5
-
-
-def test_a_connection_that_comes_back_is_another() -> None:
-    found = after(rospy([1, 0, 100, True]), rospy(), rospy([4, 0, 3, True]), rospy([4, 0, 8, True]))
-    assert found.totals[TALK].messages == 8
-
-
-def test_roscpp_names_now_this_connection_and_now_that() -> None:
-    """Of two publishers it shows the last one's connection; when that ends, the first one's, which is not new."""
-
-    def reply(connection: int, messages: int) -> Stats:
-        return stats([[], [["/chatter", [[connection, messages * 9, messages, 0, 0]]]]])
-
-    found = after(reply(1, 5000), reply(1, 5010), reply(4, 20), reply(4, 50), reply(1, 9000), reply(1, 9007))
-    assert found.totals[HEAR].messages == 10 + 20 + 30 + 0 + 7
 
 
 def test_another_process_counts_from_nothing() -> None:
@@ -150,10 +142,6 @@ def test_another_process_counts_from_nothing() -> None:
     # the same id and a greater count, but of another process: no continuation of the old one
     found = advance(before, (ME[0], 8), rospy([1, 0, 160, True]), fresh=True)
     assert found.totals[TALK].messages == 50 + 160
-
-
-def test_rospys_counts_do_not_wrap() -> None:
-    assert after(rospy([1, 0, 100, True]), rospy([1, 0, 40, True])).totals[TALK].messages == 40
 
 
 @pytest.mark.parametrize(
