@@ -101,7 +101,7 @@ def _status_message(body: bytes) -> str:
         return body[:200].decode("utf-8", "replace").strip()
 
 
-class Connection:
+class ApiConnection:
     """To one cluster's API. Thread-safe; `close` it, or use it as a context.
 
     What may succeed a moment later (nothing listens, the connection broke, 429, 5xx) is tried again for `patience`

@@ -17,8 +17,8 @@ from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import (
     FIRST_PAUSE,
     LONGEST_PAUSE,
+    ApiConnection,
     ApiError,
-    Connection,
     broken_off,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
@@ -72,7 +72,7 @@ class Watch:
     the server has forgotten (410 Gone) starts over with a list. Use it as a context: leaving it ends the threads.
     """
 
-    def __init__(self, kube: Connection, targets: Iterable[Target]) -> None:
+    def __init__(self, kube: ApiConnection, targets: Iterable[Target]) -> None:
         self._kube = kube
         self._changes: queue.Queue[StreamEvent] = queue.Queue()
         self._over = threading.Event()
