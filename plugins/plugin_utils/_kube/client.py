@@ -18,8 +18,8 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection impo
     JSON,
     MANAGER,
     MERGE,
+    ApiConnection,
     ApiError,
-    Connection,
     Query,
     anew,
 )
@@ -36,7 +36,7 @@ LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one
 OURS_ALONE = ("DaemonSet", "Deployment", "Service")  # kinds whose whole spec is ours: nobody else sets a part
 
 
-class Kube(Connection):
+class Kube(ApiConnection):
     """One cluster."""
 
     # --- reading ----------------------------------------------------------------------------------------------------

@@ -29,8 +29,11 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Access, access_from, forget_key_files
 
+BROKEN: tuple[type[Exception], ...] = (OSError,)  # what a broken connection raises
 with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses
     import urllib3
+
+    BROKEN = (urllib3.exceptions.HTTPError, OSError)
 
 Answer = TypeVar("Answer")
 Query = Mapping[str, str | int]
@@ -68,11 +71,6 @@ class ApiError(KubeError):
         self.misfit = misfit or status == 401
 
 
-def broken_off(exc: BaseException) -> bool:
-    """Whether this is what a broken connection raises while an answer is read."""
-    return isinstance(exc, (urllib3.exceptions.HTTPError, OSError))
-
-
 def _cause(exc: BaseException) -> str:
     """The innermost cause in one line, without urllib3's object names."""
     text = str(exc)
@@ -101,7 +99,7 @@ def _status_message(body: bytes) -> str:
         return body[:200].decode("utf-8", "replace").strip()
 
 
-class Connection:
+class ApiConnection:
     """To one cluster's API. Thread-safe; `close` it, or use it as a context.
 
     What may succeed a moment later (nothing listens, the connection broke, 429, 5xx) is tried again for `patience`
@@ -185,7 +183,7 @@ class Connection:
                 retries=False,
                 timeout=timeout,
             )
-        except (urllib3.exceptions.HTTPError, OSError) as exc:
+        except BROKEN as exc:
             raise self._unreachable(exc) from exc
         if not 200 <= answer.status < 300:
             raise self._refused(answer, path if method == "GET" else f"{method} {path}")
@@ -209,7 +207,7 @@ class Connection:
         status = int(answer.status)
         try:
             message = _status_message(answer.data)
-        except (urllib3.exceptions.HTTPError, OSError):
+        except BROKEN:
             message = ""
         todo = TODO.get(status, "").format(source=self._access.source)
         if status == 404 and message.startswith("namespaces "):
@@ -249,7 +247,7 @@ class Connection:
         """A whole answer. Tried once."""
         try:
             return bytes(self._open(method, path, query, *body).data)
-        except (urllib3.exceptions.HTTPError, OSError) as exc:  # the connection broke within the body
+        except BROKEN as exc:  # the connection broke within the body
             raise self._unreachable(exc) from exc
 
     def _object(self, method: str, path: str, query: Query, *body: Any, also: Sequence[int] = ()) -> Object:

@@ -112,10 +112,18 @@ def _exit(ended: Object) -> str:
     return _words(f"{code} ({why})" if code and why else code or why, _message(ended))
 
 
+def _last_end(container: Object) -> Object:
+    """How the container ended that was there before this one."""
+    return dict((container.get("lastState") or {}).get("terminated") or {})
+
+
+def _restarts(container: Object) -> str:
+    again = int(container.get("restartCount") or 0)
+    return f"{again} restart" + ("" if again == 1 else "s")
+
+
 def _crash(container: Object) -> str:
-    last = dict((container.get("lastState") or {}).get("terminated") or {})
-    restarts = int(container.get("restartCount") or 0)
-    times = f"{restarts} restart" + ("" if restarts == 1 else "s")
+    last, times = _last_end(container), _restarts(container)
     return _words(CRASH_LOOP, f"{times}, last {_exit(last)}" if last else times)
 
 
@@ -164,10 +172,9 @@ def error_end(pod: Object, before: Mapping[str, int]) -> Verdict | None:
     for container in containers(pod):
         name = str(container.get("name", "?"))
         again = int(container.get("restartCount") or 0)
-        last = dict((container.get("lastState") or {}).get("terminated") or {}) if again > before.get(name, 0) else {}
-        for ended in (_state(container, "terminated"), last):
+        for ended in (_state(container, "terminated"), _last_end(container) if again > before.get(name, 0) else {}):
             if ended.get("exitCode"):
-                times = f" ({again} restart{'' if again == 1 else 's'})" if again else ""
+                times = f" ({_restarts(container)})" if again else ""
                 where = f"pod {name_of(pod)}, container {name}"
                 return Verdict(FAIL, f"{where}: ended with {_exit(ended)}{times}")
     return None
@@ -181,8 +188,7 @@ def last_end(pod: Object) -> tuple[str, str] | None:
     sandbox = str(condition(pod, "PodReadyToStartContainers").get("lastTransitionTime") or "")
     found = []
     for container in containers(pod):
-        again = int(container.get("restartCount") or 0)
-        ended = dict((container.get("lastState") or {}).get("terminated") or {})
+        again, ended = int(container.get("restartCount") or 0), _last_end(container)
         at = str(ended.get("finishedAt") or "")
         if again and at and at >= sandbox:
             times = f"restarted {again} time{'' if again == 1 else 's'}"

@@ -15,11 +15,11 @@ from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import (
+    BROKEN,
     FIRST_PAUSE,
     LONGEST_PAUSE,
+    ApiConnection,
     ApiError,
-    Connection,
-    broken_off,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
 
@@ -72,7 +72,7 @@ class Watch:
     the server has forgotten (410 Gone) starts over with a list. Use it as a context: leaving it ends the threads.
     """
 
-    def __init__(self, kube: Connection, targets: Iterable[Target]) -> None:
+    def __init__(self, kube: ApiConnection, targets: Iterable[Target]) -> None:
         self._kube = kube
         self._changes: queue.Queue[StreamEvent] = queue.Queue()
         self._over = threading.Event()
@@ -180,12 +180,10 @@ class Watch:
                 if kind in ("ADDED", "MODIFIED", "DELETED"):
                     self._tell("gone" if kind == "DELETED" else "set", target, obj)
                 yield version
+        except BROKEN:
+            return  # nothing to report: it is resumed where it stood, and only a failure of that is worth a word
         except (ValueError, KeyError, TypeError):
             yield ""  # cut off within a line, or no watch event at all: a fresh list tells the truth
-        except Exception as exc:
-            if not broken_off(exc):
-                raise
-            # Nothing to report: it is resumed where it stood, and only a failure of that is worth a word.
         finally:
             self._answers.pop(target, None)
             answer.close()

@@ -15,7 +15,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._common.documents imp
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 
 VARIABLE = "fleet"
 UNNAMED = "fleet"  # the name of a fleet whose inventory says no `fleet_name`
@@ -29,7 +29,7 @@ class Fleet:
     """
 
     robots: Mapping[str, Robot]
-    hosts: Mapping[str, Host]
+    hosts: Mapping[str, ClusterPart]
     edge_nodes: tuple[str, ...]
     name: str = ""
 
@@ -48,7 +48,7 @@ class Fleet:
 class Home:
     """The cluster that a host belongs to: the host's part in it, and the name of the fleet whose it is."""
 
-    part: Host
+    part: ClusterPart
     fleet: str
 
 
@@ -57,7 +57,7 @@ def home_from_vars(task_vars: Variables) -> Home | None:
     found = task_vars.get(VARIABLE)
     hosts = found.get("hosts") if isinstance(found, Mapping) else None
     host = (hosts or {}).get(str(task_vars.get("inventory_hostname")))
-    return Home(read(Host, host), str(found["name"])) if isinstance(found, Mapping) and host else None
+    return Home(read(ClusterPart, host), str(found["name"])) if isinstance(found, Mapping) and host else None
 
 
 def home_of(task_vars: Variables) -> Home:

@@ -23,7 +23,7 @@ Groups = Mapping[str, object]  # Ansible's, by name; those that are lists of hos
 
 
 @dataclass(frozen=True)
-class Host:
+class ClusterPart:
     """One host's part: `server` or `agent` of a cluster, whose servers are these; `init` starts the cluster.
 
     `node` is its name in the cluster.
@@ -36,18 +36,20 @@ class Host:
     node: str
 
 
-def fleet_topology(groups: Groups, modes: Mapping[str, str], nodes: Mapping[str, str] | None = None) -> dict[str, Host]:
+def fleet_topology(
+    groups: Groups, modes: Mapping[str, str], nodes: Mapping[str, str] | None = None
+) -> dict[str, ClusterPart]:
     """The part of every host of the groups `edge` and `robots`, of which nothing is wrong (`topology_problems`).
 
     `modes` is robot -> `agent` or `standalone`. Without the group `k3s_server` all edge hosts are servers. The first of
     them starts the cluster (`edge_ordered`). `nodes` are the names of hosts that are called otherwise in their cluster.
     """
     servers = edge_servers(groups)
-    hosts: dict[str, Host] = {}
+    hosts: dict[str, ClusterPart] = {}
     for host in [*members(groups, "edge"), *members(groups, "robots")]:
         cluster, of = (host, [host]) if modes.get(host) == "standalone" else (EDGE_CLUSTER, servers)
         role, node = "server" if host in of else "agent", (nodes or {}).get(host, host)
-        hosts[host] = Host(role, cluster, tuple(of), host == of[0], node)
+        hosts[host] = ClusterPart(role, cluster, tuple(of), host == of[0], node)
     return hosts
 
 

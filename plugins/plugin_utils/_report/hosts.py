@@ -14,7 +14,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import met
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Asked
@@ -33,7 +33,7 @@ class Member:
 
     name: str
     address: str
-    part: Host
+    part: ClusterPart
     robot: Robot | None = None
     away: str | None = None
 

@@ -21,9 +21,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError, ServersAwayError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import kubeconfig_head
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 
-HOME = Home(Host("agent", "edge", ("edge1", "edge2", "edge3"), False, "robot1"), "production")
+HOME = Home(ClusterPart("agent", "edge", ("edge1", "edge2", "edge3"), False, "robot1"), "production")
 HOSTVARS: dict[str, dict[str, Any]] = {
     "edge1": {"ansible_host": "10.0.0.1"},
     "edge2": {"ansible_host": "2001:db8::2"},

@@ -20,9 +20,9 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._action import leftov
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import Fetch
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import OWNER, USED, has_ended, sweep
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 
-HOME = Home(Host("server", "edge", ("edge1",), True, "edge1"), "production")
+HOME = Home(ClusterPart("server", "edge", ("edge1",), True, "edge1"), "production")
 ADMIN = yaml.safe_dump({"clusters": [{"cluster": {"server": "https://x:6443"}}], "users": [{"user": {"token": "t"}}]})
 OWN = ["rosops-fleet-edge.lock", "rosops-fleet-edge.yaml", OWNER, USED]
 FORKED = multiprocessing.get_context("fork")

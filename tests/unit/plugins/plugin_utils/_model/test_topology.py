@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
-    Host,
+    ClusterPart,
     edge_ordered,
     fleet_topology,
     members,
@@ -17,12 +17,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology impor
 )
 
 
-def agent(host: str, *servers: str) -> Host:
-    return Host("agent", "edge", servers, False, host)
+def agent(host: str, *servers: str) -> ClusterPart:
+    return ClusterPart("agent", "edge", servers, False, host)
 
 
-def server(host: str, *servers: str, cluster: str = "edge") -> Host:
-    return Host("server", cluster, servers, host == servers[0], host)
+def server(host: str, *servers: str, cluster: str = "edge") -> ClusterPart:
+    return ClusterPart("server", cluster, servers, host == servers[0], host)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def server(host: str, *servers: str, cluster: str = "edge") -> Host:
         ({"all": ["x", "e"], "edge": ["e"], "robots": [], "reachable": ["x"]}, {}, [server("e", "e")]),
     ],
 )
-def test_each_hosts_part(groups: dict[str, Any], modes: dict[str, str], expected: list[Host]) -> None:
+def test_each_hosts_part(groups: dict[str, Any], modes: dict[str, str], expected: list[ClusterPart]) -> None:
     assert list(fleet_topology(groups, modes).items()) == [(part.node, part) for part in expected]
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import Host as Part
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
     Member,
     clusters_of,
@@ -69,7 +69,7 @@ def test_servers_outside_of_the_limit_may_be_up() -> None:
 
 
 def test_one_server_that_answers_is_enough() -> None:
-    part = Part("server", "edge", ("a", "b", "c"), False, "")
+    part = ClusterPart("server", "edge", ("a", "b", "c"), False, "")
     hosts = [Member(name, "", part, away=None if name == "c" else "off") for name in part.servers]
     assert list(clusters_of(hosts)[0]) == ["edge"]
 
