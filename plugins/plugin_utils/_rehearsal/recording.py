@@ -21,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import hos
 KIND, VERSION = "rosops.fleet/recording", 1
 OTHERS = "rehearsal-others"  # plays the nodes that are no app's
 LOG_NODE, LOG_TOPICS = "/rosout", ("/rosout", "/rosout_agg")
+Recorded = Mapping[str, Any]  # an app, or the graph, as the file has it
 # Of an action, in Hz, whoever listens. A goal of zeros would begin work in a server, and nobody asked for it.
 RATES = {"goal": 0.0, "cancel": 0.0, "status": 5.0}
 
@@ -74,7 +75,7 @@ def parts(data: Any, where: str) -> dict[str, Part]:
         raise SpecError(f"{where} is damaged ({told}): record the robot again") from error
 
 
-def _parts(apps: list[Mapping[str, Any]], graph: Mapping[str, Any]) -> dict[str, Part]:
+def _parts(apps: list[Recorded], graph: Recorded) -> dict[str, Part]:
     at: dict[str, list[str]] = {}
     for app in apps:
         for address in app["addresses"]:
@@ -89,7 +90,7 @@ def _parts(apps: list[Mapping[str, Any]], graph: Mapping[str, Any]) -> dict[str,
     return {app: Part(placements.get(app, "local"), tuple(own.values())) for app, own in sorted(nodes.items())}
 
 
-def _node(graph: Mapping[str, Any], node: str) -> Node:
+def _node(graph: Recorded, node: str) -> Node:
     topics = {name: topic for name, topic in sorted(graph["topics"].items()) if name not in LOG_TOPICS}
     subscribes = (_called(name, topic) for name, topic in topics.items() if node in topic["subscribers"])
     services = (
@@ -100,7 +101,7 @@ def _node(graph: Mapping[str, Any], node: str) -> Node:
     return Node(stable(node), tuple(_published(graph, topics, node)), tuple(subscribes), tuple(services))
 
 
-def _published(graph: Mapping[str, Any], topics: Mapping[str, Any], node: str) -> Iterator[Published]:
+def _published(graph: Recorded, topics: Recorded, node: str) -> Iterator[Published]:
     """A topic's publishers have an even share of its rate. One whose type nobody told cannot be played."""
     fixed = {f"{action}/{word}": hz for action in graph["actions"] for word, hz in RATES.items()}
     for name, topic in topics.items():
@@ -109,5 +110,5 @@ def _published(graph: Mapping[str, Any], topics: Mapping[str, Any], node: str) -
             yield Published(stable(name), topic["type"], str(topic["definition"]), bool(topic["latched"]), rate)
 
 
-def _called(name: str, one: Mapping[str, Any]) -> Called:
+def _called(name: str, one: Recorded) -> Called:
     return Called(stable(name), known(one["type"]), known(one["md5sum"]))
