@@ -1,23 +1,22 @@
 # Copyright: (c) 2026, rosops.fleet contributors
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lab's builds of the real programs do their work: samples, alerts and log lines go all the way on loopback."""
+"""The lab's builds of the real programs do their work: samples and alerts go all the way on loopback.
+
+That log lines do is a case of test_configs.
+"""
 
 from __future__ import annotations
 
-import subprocess
 import urllib.parse
 from collections.abc import Iterator
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import minimal
 import pytest
-from loopback import Program, eventually, free_port, get, get_json, image_files, program, running
-
-LINES = 100
+from loopback import Program, eventually, free_port, get_json, image_files, program, running
 
 
 @pytest.fixture
@@ -30,17 +29,6 @@ def query(prometheus: Program, expression: str) -> list[dict[str, Any]]:
     found = get_json(f"{prometheus.url}/api/v1/query?query={urllib.parse.quote(expression)}")
     result: list[dict[str, Any]] = found["data"]["result"]
     return result
-
-
-def log_lines(loki: Program, selector: str) -> list[tuple[dict[str, str], str]]:
-    found = get_json(f"{loki.url}/loki/api/v1/query_range?query={urllib.parse.quote(selector)}")
-    return [(stream["stream"], line[1]) for stream in found["data"]["result"] for line in stream["values"]]
-
-
-def all_lines(loki: Program, robot: str) -> list[tuple[dict[str, str], str]]:
-    """Nothing until all of them are there."""
-    lines = log_lines(loki, f'{{robot="{robot}", app="talker"}}')
-    return lines if len(lines) == LINES else []
 
 
 def test_samples_and_alerts(tmp_path: Path, stack: ExitStack) -> None:
@@ -95,35 +83,3 @@ def test_samples_and_alerts(tmp_path: Path, stack: ExitStack) -> None:
             if alert["labels"]["alertname"] == "Always" and alert["labels"]["robot"] == "robot1"
         ],
     )
-
-
-def test_log_lines(tmp_path: Path, stack: ExitStack) -> None:
-    loki_path, otelcol_path = program("loki"), program("otelcol-contrib")
-    http, grpc, otelcol_own = free_port(), free_port(), free_port()
-    loki_config = minimal.write(tmp_path / "loki.yml", minimal.loki(tmp_path / "data", http, grpc))
-    log = tmp_path / "pod.log"
-    log.write_text("".join(f"line {number}\n" for number in range(LINES)))
-    loki = stack.enter_context(running(tmp_path / "loki", http, loki_path, f"-config.file={loki_config}"))
-    loki.ready("/ready")
-    collector = stack.enter_context(
-        running(
-            *(tmp_path / "otelcol", otelcol_own, otelcol_path),
-            "--config",
-            minimal.write(tmp_path / "otelcol.yml", minimal.otelcol(log, tmp_path / "queue", http, otelcol_own)),
-        )
-    )
-    lines = eventually(f"the lines of robot1\n{collector.tail}", partial(all_lines, loki, "robot1"))
-    assert {line for _labels, line in lines} == {f"line {number}" for number in range(LINES)}
-    labels = log_lines(loki, '{robot="robot1"}')[0][0]
-    assert (labels["placement"], labels["container"]) == ("local", "node")
-    assert "otelcol_exporter_sent_log_records" in get(f"{collector.url}/metrics")
-
-
-@pytest.mark.parametrize(("arguments", "status"), [(["up == 1"], 0), (["up == == 1"], 1)])
-def test_promtool_tells_good_rules_from_bad(tmp_path: Path, arguments: list[str], status: int) -> None:
-    rules = minimal.always_firing()
-    rules["groups"][0]["rules"][0]["expr"] = arguments[0]
-    path = minimal.write(tmp_path / "rules.yml", rules)
-    command = [program("promtool"), "check", "rules", path]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - a command of our own
-    assert done.returncode == status, done.stdout + done.stderr

@@ -13,7 +13,7 @@ that is gone, a master that is silent.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Sequence, Mapping
+from typing import Mapping, Sequence
 
 from .._common.documents import Data
 from .._ros import contract as ros_contract

@@ -54,7 +54,7 @@ def _stand_in(name: str, part: Part, image: str) -> Item:
 
 def _readiness(part: Part) -> Item:
     """All of it is there: nodes have the names that were recorded, not the app's."""
-    topics: dict[str, dict[str, Any]] = {}
+    topics: dict[str, dict[str, str | int]] = {}
     for node in part.nodes:
         for kind, found in (("publishers", node.publishes), ("subscribers", node.subscribes)):
             for topic in found:

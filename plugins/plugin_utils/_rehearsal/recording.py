@@ -21,6 +21,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Gra
 KIND, VERSION = "rosops.fleet/recording", 1
 OTHERS = "rehearsal-others"  # plays the nodes that are no app's
 LOG_NODE, LOG_TOPICS = "/rosout", ("/rosout", "/rosout_agg")
+Recorded = Mapping[str, Any]  # an app, or the graph, as the file has it
 # Of an action, in Hz, whoever listens. A goal of zeros would begin work in a server, and nobody asked for it.
 RATES = {"goal": 0.0, "cancel": 0.0, "status": 5.0}
 
@@ -75,7 +76,7 @@ def parts(data: Any, where: str) -> dict[str, Part]:
         raise SpecError(f"{where} is damaged ({told}): record the robot again") from error
 
 
-def _parts(apps: list[Mapping[str, Any]], graph: Graph) -> dict[str, Part]:
+def _parts(apps: list[Recorded], graph: Graph) -> dict[str, Part]:
     at: dict[str, list[str]] = {}
     for app in apps:
         for address in app["addresses"]:

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import spec_of
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
 
 
-def full(settings: Mapping[str, Any]) -> dict[str, Any]:
+def full(settings: Mapping[str, Any]) -> Spec:
     """`{"store_size": "1Gi", "loki": {"enabled": False}}` and the rest, by the spec's own keys."""
     options = role_options("observability")
     variables = {name: option.get("default") for name, option in options.items()}
