@@ -18,7 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Mapping, Tuple
 
-from . import replies
+from .._common.errors import RosError
+from .replies import unwrap
 
 OUT, IN = "out", "in"
 WRAP = 1 << 32
@@ -57,11 +58,13 @@ class Counted:
 
 def stats(reply: Any) -> Stats:
     """A raw reply of either library; RosError where it is neither."""
-    publishers, subscribers = replies.bus_stats(reply)
-    bare = not (reply and isinstance(reply[0], int))
+    bare = isinstance(reply, (list, tuple)) and bool(reply) and isinstance(reply[0], (list, tuple))
+    value = reply if bare else unwrap(reply)
+    if not isinstance(value, (list, tuple)) or len(value) < 2:
+        raise RosError("the reply is not a list of publishers and subscribers")
     links: dict[Link, Count] = {}
     flows = set()
-    for direction, entries in ((OUT, publishers), (IN, subscribers)):
+    for direction, entries in ((OUT, value[0]), (IN, value[1])):
         for entry in entries if isinstance(entries, (list, tuple)) else ():
             if not (isinstance(entry, (list, tuple)) and len(entry) > 1 and isinstance(entry[0], str)):
                 continue

@@ -194,17 +194,19 @@ def _counted(keys: Sequence[NodeKey]) -> Sequence[NodeKey]:
     return [key for key in keys if not is_tool(key.name)] or keys
 
 
-def _check_connected(graph: Graph, topic: Topic, whose: NodeKey | None) -> tuple[str, str, list[str]]:
-    """Every subscriber that lives must be a destination of one publisher, or of each that lives.
+def _check_connected(graph: Graph, topic: Topic) -> tuple[str, str, list[str]]:
+    """Every subscriber that lives must be a destination of every publisher that lives, and there must be one of each.
 
-    Without the one, there must be one of each. A laptop that fell asleep with a subscription is no fault of anybody's.
+    Somebody's laptop that fell asleep with a subscription is no fault of anybody's.
     """
-    registered = {"publisher": [whose] if whose else topic.publishers, "subscriber": topic.subscribers}
+    if not topic.publishers or not topic.subscribers:
+        lacking = "publisher" if not topic.publishers else "subscriber"
+        return WAIT, f"not connected: no {lacking} is registered", []
+    registered = {"publisher": topic.publishers, "subscriber": topic.subscribers}
     ends = {role: _counted(keys) for role, keys in registered.items()}
     alive = {role: [key for key in keys if not graph.at(key).gone] for role, keys in ends.items()}
-    for role, keys in () if whose else ends.items():
-        if not keys:
-            return WAIT, f"not connected: no {role} is registered", []
+    down = [key for keys in ends.values() for key in keys if graph.at(key).gone]
+    for role, keys in ends.items():
         if not alive[role]:
             told = listed(f"{key} ({graph.at(key).error})" for key in keys)
             return WAIT, f"not connected: every {role} is registered, but down: {told}", names_of(topic.subscribers)
@@ -219,11 +221,26 @@ def _check_connected(graph: Graph, topic: Topic, whose: NodeKey | None) -> tuple
         elif missing:
             have = len(alive["subscriber"]) - len(missing)
             reasons.append(f"{have} of {number} connected to {publisher}: missing {listed(missing)}")
-    down = [key for keys in ends.values() for key in keys if graph.at(key).gone]
     note = f"; down, so not counted: {listed(down)}" if down else ""
     if reasons:
         return WAIT, "; ".join(reasons) + note, names_of(sorted(missing_all))
-    return PASS, f"{number} connected to {whose or count(len(alive['publisher']), 'publisher')}{note}", []
+    return PASS, f"{number} connected to {count(len(alive['publisher']), 'publisher')}{note}", []
+
+
+def _check_connected_to(graph: Graph, topic: Topic, publisher: NodeKey) -> tuple[str, str, list[str]]:
+    """Every subscriber that lives must be a destination of this publisher; what died is no fault of it."""
+    counted = _counted(topic.subscribers)
+    missing = graph.unreached(topic.name, publisher, counted)
+    if missing is None:
+        return WAIT, _unknown(graph, publisher), names_of(counted)
+    dead = [key for key in missing if graph.at(key).gone]
+    missing = [key for key in missing if key not in dead]
+    alive = len(counted) - len(dead)
+    note = f"; down, so not counted: {listed(dead)}" if dead else ""
+    if missing:
+        have = f"{alive - len(missing)} of {count(alive, 'subscriber')}"
+        return WAIT, f"{have} connected to {publisher}: missing {listed(missing)}{note}", names_of(missing)
+    return PASS, f"{count(alive, 'subscriber')} connected to {publisher}{note}", []
 
 
 def _unknown(graph: Graph, publisher: NodeKey) -> str:
@@ -257,7 +274,8 @@ def check_topic(graph: Graph, wanted: TopicCondition) -> Check:
     if wanted.subscribers is not None:
         parts.append(_check_number(graph, "subscriber", topic.subscribers, wanted.subscribers))
     if wanted.connected and (not whose or parts[0][0] == PASS):
-        verdict, reason, missing = _check_connected(graph, topic, whose)
+        found = _check_connected_to(graph, topic, whose) if whose else _check_connected(graph, topic)
+        verdict, reason, missing = found
         parts.append((verdict, reason))
         observed["missing"] = missing
         observed["connections"] = len(topic.connections)

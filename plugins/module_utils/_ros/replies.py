@@ -47,16 +47,6 @@ def unwrap(reply: Any) -> Any:
     return reply[2]
 
 
-def bus_stats(reply: Any) -> Any:
-    """`[publishers, subscribers]` of a getBusStats reply: rospy wraps it as every call, roscpp gives the bare list."""
-    if isinstance(reply, (list, tuple)) and len(reply) >= 2 and isinstance(reply[0], (list, tuple)):
-        return [reply[0], reply[1]]
-    value = unwrap(reply)
-    if not isinstance(value, (list, tuple)) or len(value) < 2:
-        raise RosError("the reply is not a list of publishers and subscribers")
-    return [value[0], value[1]]
-
-
 def _rows(raw: Any, least: int) -> Iterable[Any]:
     """The rows of a list of lists that are at least so long; anything else is left out."""
     if isinstance(raw, (list, tuple)):

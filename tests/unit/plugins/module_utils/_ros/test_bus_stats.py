@@ -72,7 +72,7 @@ def test_a_roscpp_topic_without_subscribers() -> None:
     assert ("/rosout_agg", OUT) in stats(NODES["/rosout"]["getBusStats"]).flows
 
 
-@pytest.mark.parametrize("reply", [None, 7, [], [1, ""], [1, "", 7], [0, "no", []], "x"])
+@pytest.mark.parametrize("reply", [None, 7, [], [1, ""], [1, "", 7], [1, "", []], [0, "no", []], "x", [[]]])
 def test_what_is_no_reply_is_an_error(reply: Any) -> None:
     with pytest.raises(RosError):
         stats(reply)

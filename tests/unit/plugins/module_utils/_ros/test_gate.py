@@ -305,7 +305,7 @@ LEFT = "passes unconnected, as its peer left: "
         (ALL, on(connected=True, publisher="/talker_a"), PASS, f"*; down, so not counted: {DEAD}"),
         (long_silent(graph(LOST_AND_LATE)), on(connected=True, publisher="/talker_a"), PASS, "*"),
         (graph(silent("/talker_a")), on(connected=True, publisher="/talker_a"), WAIT,
-         "the connections of /talker_a are not known (it did not tell them); down, *"),
+         "the connections of /talker_a are not known (it did not tell them)"),
         (graph(subscribers={}), on(connected=True, publisher="/talker_a"), PASS, "*; 0 subscribers connected to *"),
         (graph(subscribers={}), on(connected=True), WAIT, "not connected: no subscriber is registered"),
         (graph(subscribers={}), on(connected=True, publisher="/talker_a", subscribers=1), WAIT,

@@ -26,7 +26,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import (
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.replies import (
     NodeAnswer,
     build,
-    bus_stats,
     connections,
     master_state,
     shared_uris,
@@ -70,21 +69,6 @@ def test_unwrap_takes_the_value_of_every_recorded_success() -> None:
 def test_unwrap_refuses_what_is_no_success(reply: Any, message: str) -> None:
     with pytest.raises(RosError, match=message):
         unwrap(reply)
-
-
-def test_bus_stats_of_rospy_and_of_roscpp() -> None:
-    publishers, subscribers = bus_stats(NODES["/talker_a"]["getBusStats"])
-    assert [row[0] for row in publishers] == ["/rosout", "/chatter"]
-    assert subscribers == []
-    publishers, subscribers = bus_stats(NODES["/relay"]["getBusStats"])
-    assert [row[0] for row in publishers] == ["/rosout", "/chatter_relay"]
-    assert [row[0] for row in subscribers] == ["/chatter"]
-
-
-@pytest.mark.parametrize("reply", [[0, "no", []], [1, "", []], [1, "", 5], [], "x"])
-def test_bus_stats_that_make_no_sense(reply: Any) -> None:
-    with pytest.raises(RosError):
-        bus_stats(reply)
 
 
 def test_bus_info_of_rospy() -> None:
