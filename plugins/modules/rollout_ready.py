@@ -37,7 +37,7 @@ notes:
   - "While a pod of the present template is up but not ready, the last line that its probe printed is part of the
     reason. A line with C(cannot become ready: ), as this collection's probe prints it where waiting would not help, is
     a failure at once."
-  - "An API that cannot be reached at the start is tried for 10 seconds. One that goes away later is tried to the end."
+  - "An API that cannot be reached at the start is tried for 60 seconds. One that goes away later is tried to the end."
 options:
   objects:
     description:
