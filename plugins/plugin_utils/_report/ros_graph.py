@@ -123,11 +123,9 @@ def _hosts(workloads: Iterable[Workload]) -> set[str]:
 def node_rows(graphs: Graphs, places: Places) -> Iterator[rows.RosNode]:
     for robot, graph in sorted(graphs.items()):
         for name, node in sorted(graph.nodes.items()):
-            at, app = places.of(robot, node.uri)
-            yield rows.RosNode(
-                robot, name, at, app, node.reachable, node.error,
-                len(node.publications), len(node.subscriptions), node.services,
-            )  # fmt: skip
+            sizes = len(node.publications), len(node.subscriptions)
+            where = places.of(robot, node.uri)
+            yield rows.RosNode(robot, name, *where, node.reachable, node.error, *sizes, node.services)
 
 
 def topic_rows(graphs: Graphs, promises: Promises) -> Iterator[rows.Topic]:
@@ -136,10 +134,9 @@ def topic_rows(graphs: Graphs, promises: Promises) -> Iterator[rows.Topic]:
         promised = promises.get(robot, {})
         for name, topic in sorted({**dict.fromkeys(promised, Topic()), **graph.topics}.items()):
             if name not in PLUMBING_TOPICS:
-                yield rows.Topic(
-                    robot, name, topic.type, len(topic.publishers), len(topic.subscribers), len(topic.connections),
-                    topic.rate, promised.get(name), topic.rate_error,
-                )  # fmt: skip
+                sizes = len(topic.publishers), len(topic.subscribers), len(topic.connections)
+                promise, why = promised.get(name), topic.rate_error
+                yield rows.Topic(robot, name, topic.type, *sizes, topic.rate, promise, why)
 
 
 def links(graphs: Graphs) -> list[rows.Link]:
