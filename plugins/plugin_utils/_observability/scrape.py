@@ -9,6 +9,7 @@ namespace, app, pod, placement, node.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Mapping, Sequence
 
@@ -27,7 +28,6 @@ ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 # there), and more than an app has a use for. A pod with more is one whose look failed, and not the end of the database.
 SAMPLES = {obs.ROS_EXPORTER: bounds.MOST + 5_000, "apps": 50_000}
 LABELS = {"label_limit": 64, "label_name_length_limit": 256, "label_value_length_limit": 2048}
-KEPT: Mapping[str, Sequence[str]] = filled("kept")  # metrics, by job
 # Jobs of one and the same discovery share its watches.
 PODS = {"role": "pod", "attach_metadata": {"node": True}}
 NODES = {"role": "node"}
@@ -181,8 +181,14 @@ def _secured() -> Config:
 # --- rules
 
 
+@functools.cache
+def kept() -> Mapping[str, Sequence[str]]:
+    """Metrics that are kept, as patterns, by job; of other jobs all are."""
+    return filled("kept")
+
+
 def _kept(job: str) -> Config:
-    return _where("__name__", "|".join(KEPT[job]))
+    return _where("__name__", "|".join(kept()[job]))
 
 
 def _where(label: str, regex: str, action: str = "keep") -> Config:

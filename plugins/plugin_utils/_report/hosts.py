@@ -46,9 +46,7 @@ class Member:
     @property
     def row(self) -> rows.Host:
         group, away = "robots" if self.robot else "edge", self.away
-        return rows.Host(
-            self.name, group, self.address, self.part.role, self.part.cluster, away is None, away or ""
-        )  # fmt: skip
+        return rows.Host(self.name, group, self.address, self.part.role, self.part.cluster, away is None, away or "")
 
 
 def members(fleet: Fleet, addresses: Mapping[str, str], results: Mapping[str, Result]) -> list[Member]:

@@ -30,7 +30,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph imp
     node_rows,
     topic_rows,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Promise, Status, Trouble
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status, Trouble
 
 
 @dataclass(frozen=True)
@@ -61,22 +61,12 @@ class Look:
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> Look:
         """What `as_dict` made of it."""
-        return cls(
-            read(Status, told),
-            {host: read(Asked, one) for host, one in told["graphs"].items()},
-            {
-                graph: {topic: read(Promise, one) for topic, one in topics.items()}
-                for graph, topics in (told.get("promised") or {}).items()
-            },
-            tuple(HostRun.from_dict(run) for run in told.get("runs") or ()),
-            str(told.get("name") or ""),
-        )
+        runs = tuple(map(HostRun.from_dict, told.get("runs") or ()))
+        return replace(read(cls, {**told, "status": told, "runs": ()}), runs=runs)
 
 
-def status_of(
-    look: Look, graphs: Graphs, reports: Mapping[str, str], problems: Iterable[Trouble] = ()
-) -> Status:  # fmt: skip
-    """All sections, with the ROS graphs by robot, the texts of reports by file name, and further problems.
+def status_of(look: Look, graphs: Graphs, reports: Mapping[str, str], more: Iterable[Trouble] = ()) -> Status:
+    """All sections, with the ROS graphs by robot, the texts of reports by file name, and more problems.
 
     Nothing is promised by apps that are not there yet.
     """
@@ -91,7 +81,7 @@ def status_of(
     runs = [*found, *look.runs]
     return replace(
         seen,
-        problems=(*seen.problems, *problems, *ending_rows(seen.workloads), *crashes, *unreadable),
+        problems=(*seen.problems, *more, *ending_rows(seen.workloads), *crashes, *unreadable),
         ended=tuple(ended),
         ros_nodes=tuple(node_rows(graphs, Places(seen.workloads, seen.nodes))),
         topics=tuple(topic_rows(graphs, kept)),

@@ -97,25 +97,20 @@ def _hosts(workloads: Iterable[Workload]) -> set[str]:
 
 def node_rows(graphs: Graphs, places: Places) -> Iterator[rows.RosNode]:
     for robot, one in sorted(graphs.items()):
-        for name in one.graph.names:
-            node = one.graph.node(name)
-            at, app = places.of(robot, node.uri)
-            yield rows.RosNode(
-                robot, name, at, app, node.reachable, node.error,
-                len(node.publications), len(node.subscriptions), node.services,
-            )  # fmt: skip
+        for node in map(one.graph.node, one.graph.names):
+            sizes = len(node.publications), len(node.subscriptions)
+            where = places.of(robot, node.uri)
+            yield rows.RosNode(robot, node.name, *where, node.reachable, node.error, *sizes, node.services)
 
 
 def topic_rows(graphs: Graphs, promises: Promises) -> Iterator[rows.Topic]:
     """What is there, and what is promised."""
     for robot, one in sorted(graphs.items()):
         promised = promises.get(robot, {})
-        for name in sorted({*promised, *one.graph.topics} - PLUMBING_TOPICS):
-            topic = one.graph.topic(name)
-            yield rows.Topic(
-                robot, name, topic.type, len(topic.publishers), len(topic.subscribers), len(topic.connections),
-                topic.rate, promised.get(name), topic.rate_error,
-            )  # fmt: skip
+        for topic in map(one.graph.topic, sorted({*promised, *one.graph.topics} - PLUMBING_TOPICS)):
+            sizes = len(topic.publishers), len(topic.subscribers), len(topic.connections)
+            promise, why = promised.get(topic.name), topic.rate_error
+            yield rows.Topic(robot, topic.name, topic.type, *sizes, topic.rate, promise, why)
 
 
 def links(graphs: Graphs) -> list[rows.Link]:

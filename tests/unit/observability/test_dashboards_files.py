@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import dashboards as _dashboards
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.scrape import KEPT
+from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.scrape import kept
 from dashboards import build
 from dashboards.lint import fleet_findings, logql_findings, page_findings, promql_findings
 from dashboards.queries import FILES, Query, all_queries, filled, needs, of_rules
@@ -105,7 +105,7 @@ def test_the_apps_metrics_are_those_of_the_validation_apps() -> None:
 
 @pytest.mark.parametrize("job", ["kubelet", "cadvisor", "apiserver"])
 def test_what_is_asked_for_is_kept_when_it_is_scraped(job: str) -> None:
-    patterns = [*KEPT[job], *(KEPT["kubelet-probes"] if job == "kubelet" else ())]
+    patterns = [*kept()[job], *(kept()["kubelet-probes"] if job == "kubelet" else ())]
     asked = {word for query in QUERIES for word in re.findall(r"[a-z_]\w+", query.expr)} & set(listed(job))
     lost = {name for name in asked if not any(re.fullmatch(pattern, name) for pattern in patterns)}
     if job == "apiserver":

@@ -22,7 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_la
     STREAM_LABELS,
 )
 from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.scrape import (
-    KEPT,
+    kept,
     prometheus_config,
     vmagent_config,
 )
@@ -177,7 +177,7 @@ def test_cadvisor_keeps_pods_and_the_whole_host() -> None:
     assert relabelled(rules, {**pod, "__name__": "container_oom_events_total", "container": "a"}) is not None
 
 
-@pytest.mark.parametrize("names", KEPT.values(), ids=KEPT)
+@pytest.mark.parametrize("names", kept().values(), ids=kept())
 def test_what_is_kept_is_a_regular_expression(names: list[str]) -> None:
     re.compile("|".join(names))
     assert len(names) == len(set(names))
