@@ -128,24 +128,25 @@ def test_a_node_without_actions_ends_at_once() -> None:
     assert node.at == 0
 
 
-def test_calls_under_way_are_let_end_as_long_as_the_deadline_allows() -> None:
-    """A plan, a map that is saved: no matter which handoff the app has."""
-    node = Node()
-    node.under_way = [2] * 400
-    assert stop(node) == []
-    assert dict(node.done)["shutdown"] == pytest.approx(20)
-    node = Node()
-    node.under_way = [1] * 1000
-    assert stop(node) == ["stopped with 1 service calls under way"]
-    assert dict(node.done)["shutdown"] == pytest.approx(27, abs=0.1)
+@pytest.mark.parametrize(
+    ("statuses", "calls", "ends", "remarks"),
+    [
+        ({}, [2] * 400, 20.0, []),  # a plan, a map that is saved: no matter which handoff the app has
+        ({}, [1] * 1000, 27.0, ["stopped with 1 service calls under way"]),  # as long as the deadline allows
+        ({}, [0, 1, 1], 0.1, []),  # they came before the service was taken away
+        ({"/move": [ACTIVE, ACTIVE, IDLE, ACTIVE, DONE, DONE]}, [], 1.1, []),  # one idle look is not enough
+        ({"/a": [IDLE], "/b": [ACTIVE, ACTIVE, IDLE]}, [], 0.8, []),  # all actions have to rest
+    ],
+)
+def test_what_is_under_way_is_let_end(
+    statuses: dict[str, list[StatusReading]], calls: list[int], ends: float, remarks: list[str]
+) -> None:
+    node = Node(statuses)
+    node.under_way = calls
+    assert stop(node, held(node)) == remarks
+    assert dict(node.done)["shutdown"] == pytest.approx(ends, abs=0.11)
     assert node.at < 30
-
-
-def test_a_call_that_came_before_the_service_was_taken_away_is_let_end() -> None:
-    node = Node()
-    node.under_way = [0, 1, 1]
-    assert stop(node) == []
-    assert [what for what, _at in node.done][-5:] == ["forget", "calls", "calls", "calls", "shutdown"]
+    assert {f"hold {action}" for action in statuses} <= {*node.order}
 
 
 def test_nodes_that_the_app_names_itself_are_drained_and_left_to_roslaunch() -> None:
@@ -161,21 +162,6 @@ def test_an_idle_server_is_cut_off_before_it_is_stopped() -> None:
     assert stop(node, held(node)) == []
     assert node.order == ["actions", "hold /move", "isolate /move", *END]
     assert [what for what, _at in node.done].count("isolate /move") == 2  # seen idle twice, each time after a cut
-
-
-def test_open_goals_are_waited_for_and_one_idle_look_is_not_enough() -> None:
-    node = Node({"/move": [ACTIVE, ACTIVE, IDLE, ACTIVE, DONE, DONE]})
-    assert stop(node, held(node)) == []
-    assert node.statuses["/move"] == [DONE]
-    assert dict(node.done)["shutdown"] > 1.0
-
-
-def test_all_actions_of_a_node_have_to_rest() -> None:
-    node = Node({"/a": [IDLE], "/b": [ACTIVE, ACTIVE, IDLE]})
-    assert stop(node, held(node)) == []
-    assert node.statuses["/b"] == [IDLE]
-    assert "hold /a" in node.order
-    assert "hold /b" in node.order
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from ansible_collections.rosops.fleet.plugins.module_utils._robot.soak import (
 from ansible_collections.rosops.fleet.plugins.module_utils._robot.way_back import Step
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import Check
 from ansible_collections.rosops.fleet.plugins.module_utils._ros.gate import Look
+from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot import steps_left
 from ansible_collections.rosops.fleet.tests.unit.plugins.module_utils._robot.steps_left import (
     left,
     live,
@@ -36,10 +37,9 @@ CONTRACT: dict[str, Any] = {
 
 
 def pod(restarts: int = 0, last: dict[str, Any] | None = None, *, waits: bool = False) -> dict[str, Any]:
-    state = {"waiting": {"reason": "CrashLoopBackOff"}} if waits else {"running": {}}
-    status = {"state": state, "lastState": {"terminated": last} if last else {}, "restartCount": restarts}
-    labels = {"rosops.fleet/app": "camera", "rosops.fleet/revision": "rev2"}
-    return {"metadata": {"labels": labels}, "status": {"containerStatuses": [status]}}
+    made = steps_left.pod("camera", 2, crashes=waits, ended=last)
+    made["status"]["containerStatuses"][0]["restartCount"] = restarts
+    return made
 
 
 def step(*pods: dict[str, Any], ready: bool = True, app: str = "camera", **said: Any) -> Step:
