@@ -42,7 +42,7 @@ class TrafficScene(Scene):
         client = Ros1Client(self.uri, 3.0)
         state = client.state()
         topic = client.ask(state, everything(state)).topics.get("/points")
-        return {publisher for publisher, _subscriber in topic.connections} if topic else set()
+        return {publisher.name for publisher, _subscriber in topic.connections} if topic else set()
 
 
 @pytest.fixture
