@@ -8,7 +8,6 @@ of one of update.yml. What robot2 shows when it is off was put in by hand. Scree
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -176,21 +175,3 @@ def test_the_checks_of_this_file_find_what_they_look_for(browser: chromium.Chrom
     assert browser.evaluate(WIDER_THAN_THE_WINDOW) > 0
     assert len(browser.evaluate(STICKING_OUT)) == 1
     assert len(browser.evaluate(FAINT)) == 1
-
-
-def test_by_the_plain_command_line(tmp_path: Path) -> None:
-    """What a person without this file's tools would try."""
-    file, shot = written("fleet"), tmp_path / "page.png"
-    program = chromium.found()
-    assert program
-    options = [option for option in chromium.OPTIONS if "pipe" not in option]
-    said = [
-        subprocess.run(  # noqa: S603 - a command of our own
-            [program, *options, *chromium.sandbox(), f"--user-data-dir={tmp_path / 'profile'}", what, file.as_uri()],
-            capture_output=True, text=True, check=True, timeout=chromium.SECONDS,
-        )
-        for what in (f"--screenshot={shot}", "--dump-dom")
-    ]  # fmt: skip
-    assert shot.stat().st_size > 10_000
-    assert "<h1>Fleet status</h1>" in said[1].stdout and "robot2" in said[1].stdout
-    assert not [line for one in said for line in one.stderr.splitlines() if "CONSOLE" in line]

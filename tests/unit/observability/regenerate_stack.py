@@ -22,6 +22,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files 
 from ansible_collections.rosops.fleet.tests.unit.golden.regenerate import named, write  # noqa: E402
 from ansible_collections.rosops.fleet.tests.unit.observability.specs import full  # noqa: E402
 
+OF_TEMPLATES, TEMPLATE = {"loki.yml", "otelcol.yml", "datasources.yml", "dashboards.yml"}, "as its template has it"
 RULES = {"relabel_configs", "metric_relabel_configs"}
 ADMIN = {"password": "a-password", "version": "v1"}
 FILES = Files(
@@ -59,11 +60,15 @@ def golden(name: str) -> list[dict[str, Any] | str]:
 def shown(item: dict[str, Any]) -> dict[str, Any]:
     """The object with what its YAML files say in place of their text, which follows from that (`yaml_text`).
 
-    A rule of relabelling is a line.
+    Of a file that is made of a template that says as much; its text is in the hash that the pod's template has. A rule
+    of relabelling is a line.
     """
     if item["kind"] != "ConfigMap":
         return item
-    data = {name: yaml.safe_load(text) if name.endswith(".yml") else text for name, text in item["data"].items()}
+    data = {
+        name: TEMPLATE if name in OF_TEMPLATES else yaml.safe_load(text) if name.endswith(".yml") else text
+        for name, text in item["data"].items()
+    }
     for job in data.get("prometheus.yml", {}).get("scrape_configs", ()):
         for rules in RULES & job.keys():
             job[rules] = [" ".join(f"{key}={_words(said)}" for key, said in rule.items()) for rule in job[rules]]
