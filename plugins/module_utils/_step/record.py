@@ -29,6 +29,11 @@ UNPROVEN = (INSTALLED, NEW, GOING_BACK)
 READY_TIMEOUT = 180.0  # seconds, where the contract does not say it
 
 
+def record_name(app: str) -> str:
+    """Of the ConfigMap that keeps an app's contract and its earlier versions."""
+    return f"{app}-update"
+
+
 @dataclass(frozen=True)
 class Mark:
     """What such an annotation of a Deployment says. Collections before 1.0 wrote the run alone."""
