@@ -20,14 +20,11 @@ from urllib.parse import urlencode
 
 from .._common.errors import KubeError
 from .._step.objects import Object, name_of
-from .._step.record import Record, record_of
-from .._step.words import KEEPER, LEASE
+from .._step.record import Record, record_name, record_of
+from .._step.words import FLEET, KEEPER, KEPT, LEASE, MANAGER
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
-FLEET = "fleet"
-MANAGER = "rosops.fleet"  # as a run applies: fields that it does not send any more go
-KEPT = "rosops.fleet/kept=true"
-OURS = "app.kubernetes.io/managed-by=rosops.fleet"
+OURS = f"app.kubernetes.io/managed-by={MANAGER}"
 SECONDS = 5.0
 REFRESH = 300.0  # between looks for robots that were added
 GROUPS = {
@@ -88,7 +85,7 @@ class Cluster:
         if self.home != FLEET:
             return [self.home]
         if self._robots is None or self.now() - self._robots[0] >= REFRESH:
-            found = self._list(_path(FLEET, "ConfigMap"), KEPT)
+            found = self._list(_path(FLEET, "ConfigMap"), f"{KEPT}=true")
             self._robots = (self.now(), sorted(name_of(item) for item in found))
         return [self.home, *self._robots[1]]
 
@@ -245,6 +242,6 @@ def read_records(cluster: Cluster, namespace: str, apps: Iterable[str]) -> dict[
     todo = list(apps)
     while todo:
         app = todo.pop()
-        found[app] = record_of(cluster.config_map(namespace, f"{app}-update"))
+        found[app] = record_of(cluster.config_map(namespace, record_name(app)))
         todo += [other for other in found[app].apps if other not in found and other not in todo]
     return found

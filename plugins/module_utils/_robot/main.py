@@ -19,6 +19,7 @@ from .._ros.client import Ros1Client
 from .._ros.raw_node import Slave
 from .._ros.registrar import Registrar
 from .._ros.rpc import address_of
+from .._step.words import KEEPER_PORT
 from .cluster_api import ACCOUNT, Cluster, in_cluster
 from .forwarding.calls import GoalForwarding, SwitchedOff, offer
 from .keeper import Keeper
@@ -29,7 +30,6 @@ from .staying import Staying
 from .step_watch import Robot, StepWatch
 
 NAME = "/ros_keeper"
-PORT = 11411
 TIMEOUT = 2.0
 STACK = 512 * 1024  # bytes; of the 8 MB that are usual some kernels keep more than what is in use
 ENDING = (signal.SIGTERM, signal.SIGINT)
@@ -46,7 +46,7 @@ def options(words: list[str]) -> dict[str, str]:
     """`--name value` pairs."""
     found = {
         "--record": "/tmp/ros-keeper",  # noqa: S108 - by hand
-        "--port": str(PORT),
+        "--port": str(KEEPER_PORT),
         "--goal-forwarding": "on",
         "--account": ACCOUNT,
     }

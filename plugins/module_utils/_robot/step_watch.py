@@ -20,10 +20,10 @@ from .._ros.backend import Backend
 from .._step import update_record
 from .._step.lease import version_of
 from .._step.objects import Object, name_of, node_of, rolled_out
-from .._step.record import mark_of, record_of, soaks
-from .._step.words import SOAKING, UPDATING
+from .._step.record import mark_of, record_name, record_of, soaks
+from .._step.words import FLEET, SOAKING, UPDATING
 from .claim import Claim, LostError
-from .cluster_api import FLEET, ApiError, Cluster, read_records
+from .cluster_api import ApiError, Cluster, read_records
 from .hung import Hung, Silence
 from .kept_files import KeptFiles
 from .open_goals import Goals, open_goals
@@ -194,7 +194,7 @@ class StepWatch:
                 continue
             claim.renew()
             for member in step.members:
-                found = self.cluster.config_map(claim.namespace, f"{member.name}-update")
+                found = self.cluster.config_map(claim.namespace, record_name(member.name))
                 if found and record_of(found) == member.record:
                     self.cluster.apply(claim.namespace, update_record.anew(found, member.record.fulfilled().data()))
             for member in step.members:

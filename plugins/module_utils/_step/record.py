@@ -30,6 +30,11 @@ UNPROVEN = (INSTALLED, ON_TRIAL, GOING_BACK)
 READY_TIMEOUT = 180.0  # seconds, where the record does not say it
 
 
+def record_name(app: str) -> str:
+    """Of the ConfigMap that keeps an app's contract and its earlier versions."""
+    return f"{app}-update"
+
+
 @dataclass(frozen=True)
 class Mark:
     """What such an annotation of a Deployment says. Collections before 1.0 wrote the run alone."""

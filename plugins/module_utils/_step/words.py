@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+MANAGER = "rosops.fleet"  # as whom runs and the keeper apply: fields that are not sent any more go
+FLEET = "fleet"  # the namespace of what is the whole fleet's
 # labels
 ROBOT = "rosops.fleet/robot"
 APP = "rosops.fleet/app"
 REVISION = "rosops.fleet/revision"
+KEPT = "rosops.fleet/kept"  # on a ConfigMap of the namespace `fleet`: the shared keeper looks after the one of its name
 # annotations of a Deployment's pod template
 NODE = "rosops.fleet/ros-node"
 HANDOFF = "rosops.fleet/handoff"
@@ -22,6 +25,7 @@ WENT_BACK = "rosops.fleet/went-back"  # the keeper took it back: JSON of from, t
 # Deployments and their Services
 MASTER = "ros-master"
 KEEPER = "ros-keeper"
+KEEPER_PORT = 11411
 # a run's, or the keeper's, while it changes the robot
 LEASE = "robot-update"
 LEASE_SECONDS = 15  # so long a robot waits after a run that was killed

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 from ansible_collections.rosops.fleet.plugins.module_utils._step import words
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_name
 
-MANAGER = "rosops.fleet"
-FLEET_NAMESPACE = "fleet"
+MANAGER = words.MANAGER
+FLEET_NAMESPACE = words.FLEET
 MASTER_NAME = words.MASTER
 MASTER_PORT = 11311
 MASTER_CONTAINER = "ros-master-container"  # as in the dissertation's manifest, whose overrides keep working
@@ -18,8 +19,7 @@ LABEL_APP = words.APP
 LABEL_REVISION = words.REVISION
 LABEL_PLACEMENT = "deploymentType"
 LABEL_FILES = "rosops.fleet/files"  # on a ConfigMap of an app's files: the app. No version changes it
-LABEL_KEPT = "rosops.fleet/kept"  # on a ConfigMap of the namespace `fleet`: the shared master's keeper watches over
-# the namespace of that name
+LABEL_KEPT = words.KEPT
 ANNOTATION_HASH = words.HASH
 ANNOTATION_HANDOFF = words.HANDOFF
 ANNOTATION_NODE = words.NODE
@@ -32,7 +32,8 @@ CODE_NAME = "rosops-code"  # the ConfigMap of what runs in pods, and the volume 
 CODE_DIR = "/opt/rosops-fleet/hooks"
 SIDECAR = "hooks"  # the container beside the app's where its image has no Python
 KEEPER_NAME = words.KEEPER
-KEEPER_PORT = 11411
+KEEPER_PORT = words.KEEPER_PORT
+update_name = record_name
 
 
 def robot_namespace(robot: str) -> str:
@@ -48,11 +49,6 @@ def ros_name(name: str) -> str:
 def claim_name(volume: str) -> str:
     """The claim of a volume, named as in the dissertation: `<volume>-pvc`."""
     return f"{volume}-pvc"
-
-
-def update_name(app: str) -> str:
-    """The ConfigMap that keeps an app's contract and its earlier versions."""
-    return f"{app}-update"
 
 
 def files_name(app: str, revision: str) -> str:

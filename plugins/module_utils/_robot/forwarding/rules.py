@@ -28,15 +28,8 @@ RECALL = 0.5  # seconds for a server to list a cancel
 RESEND = 3.0
 REMEMBERED = 5000  # goal ids
 
-SEND, CANCEL, ADVERTISE, OPEN, FINISH, GIVE_UP, WARN = (
-    "send",
-    "cancel",
-    "advertise",
-    "open",
-    "finish",
-    "give up",
-    "warn",
-)
+SEND, CANCEL, GIVE_UP = "send", "cancel", "give up"  # a goal
+ADVERTISE, OPEN, FINISH, WARN = "advertise", "open", "finish", "warn"
 
 
 @dataclass

@@ -47,36 +47,28 @@ UDP = """  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retr
 """
 
 
-def test_cgroup_v1_lists_what_is_enabled(tmp_path: Path) -> None:
-    found = _host_facts.cgroup(tree(tmp_path, {"/proc/cgroups": CGROUPS_V1, "/boot/cmdline.txt": "x"}))
-    assert found["version"] == 1
-    assert found["controllers"] == ["cpu", "cpuset", "pids"]
-    assert found["cmdline_file"] == "/boot/cmdline.txt"
-
-
+DROP_INS = "/var/lib/rancher/k3s/agent/etc/kubelet.conf.d"
 DROP_IN = "apiVersion: kubelet.config.k8s.io/v1beta1\nkind: KubeletConfiguration\nfailCgroupV1: {}\n"
 
 
+V2 = {"/sys/fs/cgroup/cgroup.controllers": "cpuset cpu io memory pids\n"}
+
+
 @pytest.mark.parametrize(
-    ("files", "refused"),
+    ("files", "version", "controllers", "refused"),
     [
-        ({}, True),
-        ({"10-cgroup-v1.conf": DROP_IN.format("false")}, False),
-        ({"10-cgroup-v1.conf": DROP_IN.format("true")}, True),
-        ({"10-cgroup-v1.conf.off": DROP_IN.format("false")}, True),
+        ({}, 1, ["cpu", "cpuset", "pids"], True),  # those that are enabled
+        ({f"{DROP_INS}/10-cgroup-v1.conf": DROP_IN.format("false")}, 1, ["cpu", "cpuset", "pids"], False),
+        ({f"{DROP_INS}/10-cgroup-v1.conf": DROP_IN.format("true")}, 1, ["cpu", "cpuset", "pids"], True),
+        ({f"{DROP_INS}/10-cgroup-v1.conf.off": DROP_IN.format("false")}, 1, ["cpu", "cpuset", "pids"], True),
+        (V2, 2, ["cpu", "cpuset", "io", "memory", "pids"], False),  # it wins over v1's table
     ],
 )
-def test_cgroup_v1_is_refused_unless_a_drop_in_allows_it(tmp_path: Path, files: dict[str, str], refused: bool) -> None:
-    settings = {f"/var/lib/rancher/k3s/agent/etc/kubelet.conf.d/{name}": text for name, text in files.items()}
-    found = _host_facts.cgroup(tree(tmp_path, {"/proc/cgroups": CGROUPS_V1, **settings}))
-    assert found["refused"] is refused
-
-
-def test_cgroup_v2_wins_over_v1s_table(tmp_path: Path) -> None:
-    files = {"/proc/cgroups": CGROUPS_V1, "/sys/fs/cgroup/cgroup.controllers": "cpuset cpu io memory pids\n"}
-    found = _host_facts.cgroup(tree(tmp_path, files))
-    assert (found["version"], found["controllers"]) == (2, ["cpu", "cpuset", "io", "memory", "pids"])
-    assert not found["refused"]
+def test_cgroups(tmp_path: Path, files: dict[str, str], version: int, controllers: list[str], refused: bool) -> None:
+    there = {"/proc/cgroups": CGROUPS_V1, "/boot/cmdline.txt": "x", **files}
+    found = _host_facts.cgroup(tree(tmp_path, there))
+    assert (found["version"], found["controllers"], found["refused"]) == (version, controllers, refused)
+    assert found["cmdline_file"] == "/boot/cmdline.txt"
 
 
 def test_default_routes_come_best_first_with_their_mtu(tmp_path: Path) -> None:

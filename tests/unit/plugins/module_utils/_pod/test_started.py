@@ -272,18 +272,20 @@ def test_a_launch_file_is_started_when_nothing_more_is_registered(two_nodes: Wor
     assert kept.load_state(OWN) == State()  # which node it is has to be looked up each time
 
 
-def test_every_connection_of_every_node_is_waited_for(two_nodes: World) -> None:
-    two_nodes.replies(OTHER, bus=bus())
-    assert launched(two_nodes) == f"not ready: topic /map: 0 of 1 subscriber connected: missing {SUBSCRIBER}"
-
-
-def test_a_tool_that_somebody_has_open_in_the_pod_is_none_of_its_nodes(two_nodes: World) -> None:
-    here = {**BOTH, "/rostopic_12_1700000000000": "http://127.0.0.1:40010/"}
-    assert launched(two_nodes, here=here) == ""
-
-
-def test_nobody_is_there_yet(two_nodes: World) -> None:
-    assert launched(two_nodes, here={}) == "not ready: node base: none is registered from this pod's address"
+@pytest.mark.parametrize(
+    ("connected", "here", "line"),
+    [
+        (True, {**BOTH, "/rostopic_12_1700000000000": "http://127.0.0.1:40010/"}, ""),  # a tool is none of its nodes
+        (True, {}, "not ready: node base: none is registered from this pod's address"),
+        (False, BOTH, f"not ready: topic /map: 0 of 1 subscriber connected: missing {SUBSCRIBER}"),
+    ],
+)
+def test_every_node_of_a_launch_file_has_to_be_connected(
+    two_nodes: World, connected: bool, here: dict[str, str], line: str
+) -> None:
+    if not connected:
+        two_nodes.replies(OTHER, bus=bus())
+    assert launched(two_nodes, here=here) == line
 
 
 def test_all_that_the_version_before_had_is_waited_for(two_nodes: World, monkeypatch: pytest.MonkeyPatch) -> None:

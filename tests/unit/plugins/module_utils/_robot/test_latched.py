@@ -53,57 +53,44 @@ def test_a_node_is_known_without_its_revision(node: str, name: str) -> None:
     assert stem(node) == name
 
 
-def test_it_is_offered_once_the_next_publisher_had_time_to_latch_by_itself() -> None:
-    kept = value()
-    assert kept.step({"/dock": OLD}, (), 0.0) == WAIT  # the node is still there
-    assert kept.step({}, (), 1.0) == WAIT
-    assert kept.step({"/dock": NEW}, (), 5.0) == WAIT
-    assert kept.step({"/dock": NEW}, (), 5.0 + SETTLE) == OFFER
-    assert kept.step({"/dock": NEW}, (), 1e6) == OFFER  # however long nothing happens
-    assert kept.step({}, (), 1e6 + 1) == WAIT  # nobody who could say it is there
-    assert kept.step({"/dock": NEW}, (), 1e6 + 2) == WAIT
-    assert kept.step({"/dock": NEW}, (), 1e6 + 2 + SETTLE) == OFFER
+OF_OLD, NEXT, BESIDE = {"/dock": OLD}, {"/dock": NEW}, {"/other": OTHER}
+OVERLAP, BOTH = {"/dock_0000000b": NEW}, {"/dock_0000000a": OLD, "/dock_0000000b": NEW}
 
 
-def test_under_overlap_the_next_version_is_there_already() -> None:
-    kept = value("/dock_0000000a", {"/dock_0000000b": NEW})
-    assert kept.beside == []
-    assert kept.step({"/dock_0000000a": OLD, "/dock_0000000b": NEW}, (), 0.0) == WAIT
-    assert kept.step({"/dock_0000000b": NEW}, (), 1.0) == WAIT
-    assert kept.step({"/dock_0000000b": NEW}, (), 1.0 + SETTLE) == OFFER
-    assert kept.is_over(NEW, True, 0)
+@pytest.mark.parametrize(
+    ("kept", "looks"),
+    [
+        # offered once the next publisher had time to latch by itself, and however long nothing happens then
+        (value(), [(OF_OLD, 0, WAIT), ({}, 1, WAIT), (NEXT, 5, WAIT), (NEXT, 5 + SETTLE, OFFER), (NEXT, 1e6, OFFER)]),
+        # nobody who could say it is there
+        (value(), [(NEXT, 0, WAIT), (NEXT, SETTLE, OFFER), ({}, 5, WAIT), (NEXT, 6, WAIT), (NEXT, 6 + SETTLE, OFFER)]),
+        # under overlap the next version is there already
+        (value("/dock_0000000a", OVERLAP), [(BOTH, 0, WAIT), (NEXT, 1, WAIT), (NEXT, 1 + SETTLE, OFFER)]),
+        # the app may be gone for good; who was beside it does not come in its place
+        (value("/dock", BESIDE), [(BESIDE, 10, WAIT), (BESIDE, 9.9 + EXPIRES, WAIT), (BESIDE, 10 + EXPIRES, DROP)]),
+        # one that comes and goes begins the time anew
+        (value(), [({}, 0, WAIT), (NEXT, EXPIRES - 1, WAIT), ({}, EXPIRES + 1, WAIT), ({}, 2 * EXPIRES + 1, DROP)]),
+    ],
+)
+def test_when_it_is_offered_and_when_let_go(kept: Value, looks: list[tuple[dict[str, str], float, str]]) -> None:
+    assert [kept.step(publishers, (), at) for publishers, at, _order in looks] == [order for *_look, order in looks]
 
 
-def test_what_nobody_comes_for_is_let_go() -> None:
-    """The app may be gone for good."""
-    kept = value(publishers={"/other": OTHER})
-    assert kept.step({"/other": OTHER}, (), 10.0) == WAIT  # who was beside it does not come in its place
-    assert kept.step({"/other": OTHER}, (), 9.9 + EXPIRES) == WAIT
-    assert kept.step({"/other": OTHER}, (), 10.0 + EXPIRES) == DROP
-
-
-def test_a_next_one_that_comes_and_goes_begins_the_time_anew() -> None:
-    kept = value()
-    assert kept.step({}, (), 0.0) == WAIT
-    assert kept.step({"/dock": NEW}, (), EXPIRES - 1) == WAIT
-    assert kept.step({}, (), EXPIRES + 1) == WAIT
-    assert kept.step({}, (), 2 * EXPIRES + 1) == DROP
-
-
-def test_whatever_the_next_publisher_says_takes_its_place() -> None:
-    kept = value()
-    assert not kept.is_over(NEW, False, 0)
-    assert kept.is_over(NEW, True, 0)
-    assert not kept.is_over(OLD, True, 5)
-
-
-def test_what_others_had_latched_beside_it_does_not_take_its_place_but_news_of_them_do() -> None:
-    """As of the many publishers of /tf_static."""
-    kept = value(publishers={"/other": OTHER})
-    assert not kept.is_over(OTHER, True, 0)
-    assert kept.is_over(OTHER, True, 1)
-    unplaced = Value("/docked", "/dock", OLD, HEADER, "1", 20, {})
-    assert not unplaced.is_over(OTHER, True, 1)  # nobody knows yet whether it was beside it
+@pytest.mark.parametrize(
+    ("kept", "uri", "heard", "news", "over"),
+    [
+        (value(), NEW, False, 0, False),
+        (value(), NEW, True, 0, True),  # whatever the next publisher says
+        (value("/dock_0000000a", OVERLAP), NEW, True, 0, True),
+        (value(), OLD, True, 5, False),
+        # others had latched something beside it, as the many publishers of /tf_static: news of them count
+        (value(publishers=BESIDE), OTHER, True, 0, False),
+        (value(publishers=BESIDE), OTHER, True, 1, True),
+        (Value("/docked", "/dock", OLD, HEADER, "1", 20, {}), OTHER, True, 1, False),  # who was beside it is not known
+    ],
+)
+def test_what_takes_its_place(kept: Value, uri: str, heard: bool, news: int, over: bool) -> None:
+    assert kept.is_over(uri, heard, news) is over
 
 
 def test_who_had_it_does_not_get_it_again_as_long_as_it_is_the_same_subscription() -> None:
