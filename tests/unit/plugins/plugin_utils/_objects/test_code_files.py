@@ -53,9 +53,9 @@ print(found.LatchedTopics.__module__)
 
 def test_what_runs_on_while_its_files_change_finds_what_it_loads_later(tmp_path: Path) -> None:
     """`exec` waits for the master before it loads two of them; a keeper of a collection before 1.0 has the third."""
-    for name, text in FILES.items():
+    for name, text in FILES["app"].items():
         (tmp_path / name).write_text(text)
-    script = FILES["run.py"].rpartition("if __name__")[0] + LATER.format(directory=str(tmp_path))
+    script = FILES["app"]["run.py"].rpartition("if __name__")[0] + LATER.format(directory=str(tmp_path))
     found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=True)  # noqa: S603
     assert found.stdout == "rosops_fleet._robot.latched_topics\n"
 

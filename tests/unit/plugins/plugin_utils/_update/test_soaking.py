@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import revision_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import NEW, PROVEN, answer
+from ansible_collections.rosops.fleet.plugins.module_utils._step.record import ON_TRIAL, PROVEN, answer
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
@@ -57,7 +57,7 @@ def after(sim: Simulation, name: str) -> tuple[set[str], set[str]]:
 def test_a_good_version_soaks_for_a_while_and_changes_nothing_by_that(name: str) -> None:
     sim, wanted = begin(name, "good")
     assert outcome_of(sim, wanted).outcome == "updated"
-    assert said(sim, name) == {NEW}
+    assert said(sim, name) == {ON_TRIAL}
     assert outcome_of(sim, wanted).outcome == "unchanged"
     pods = [pod.uid for pod in sim.pods if not pod.gone]
     assert after(sim, name) == ({PROVEN}, {image("good")})
