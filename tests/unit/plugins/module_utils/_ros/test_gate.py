@@ -265,6 +265,7 @@ LEFT = "passes unconnected, as its peer left: "
         (REMEMBERED, on(type="a/B", publishers=0), WAIT, "the type is std_msgs/String to the master, not a/B"),
         (REMEMBERED, on(type="std_msgs/String", publishers=0), PASS, "*type std_msgs/String*"),
         (TAKES_ANY, on(type="std_msgs/Int32", subscribers=1), PASS, "*type std_msgs/Int32*"),
+        (graph(types={}), on(type="std_msgs/String"), PASS, "*type std_msgs/String*"),  # by the nodes' own word
         # connected is what every publisher says of every subscriber; the subscribers' own rows are worth nothing
         (HEALTHY, on(connected=True), PASS, "3 subscribers connected to 2 publishers"),
         (KEPT, on(connected=True), PASS, "*"),
