@@ -118,6 +118,8 @@ class Server(ThreadingHTTPServer):
         if method != "POST" and before is None and "apply-patch" not in content:
             return 404, "not found"
         if method == "DELETE":
+            if before["metadata"].get("uid") != body.get("preconditions", before["metadata"]).get("uid"):
+                return 409, "the UID in the precondition does not match"
             if "dryRun" not in query:
                 self.drop(full)
             return 200, {"kind": "Status"}

@@ -35,6 +35,7 @@ def config_map(name: str, **data: str) -> dict[str, Any]:
     }
 
 
+DEPLOYMENT = {**config_map("app"), "apiVersion": "apps/v1", "kind": "Deployment", "spec": {"replicas": 1}}
 NAMESPACE = {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": "robot-robot1"}}
 
 
@@ -133,9 +134,11 @@ def test_a_server_that_restarts_is_waited_for_and_told_about(server: Server, clo
 # --- writes ---------------------------------------------------------------------------------------------------------
 
 
-def test_apply_creates_changes_and_then_changes_nothing(kube: Kube) -> None:
+def test_apply_creates_changes_and_then_changes_nothing(server: Server, kube: Kube) -> None:
     wanted = [NAMESPACE, config_map("one", k="v")]
     first = kube.apply(wanted)
+    assert server.writes[0] == f"PATCH {NAMESPACES}/robot-robot1"
+    assert server.owned[(f"{NAMESPACES}/robot-robot1", "rosops.fleet")] == NAMESPACE
     assert [(str(one.ref), one.before, one.changed) for one in first] == [
         ("Namespace robot-robot1", None, True),
         ("ConfigMap robot-robot1/one", None, True),
@@ -148,20 +151,13 @@ def test_apply_creates_changes_and_then_changes_nothing(kube: Kube) -> None:
     assert (second.before["data"], second.after["data"]) == ({"k": "v"}, {"other": "v"})
 
 
-def test_the_request_is_a_server_side_apply(server: Server, kube: Kube) -> None:
-    kube.apply([NAMESPACE])
-    assert server.writes == [f"PATCH {NAMESPACES}/robot-robot1"]
-    assert server.owned == {(f"{NAMESPACES}/robot-robot1", "rosops.fleet"): NAMESPACE}
-
-
 def test_what_others_change_meanwhile_is_no_change_of_ours(server: Server, kube: Kube) -> None:
-    deployment = {**config_map("app"), "apiVersion": "apps/v1", "kind": "Deployment", "spec": {"replicas": 1}}
-    kube.apply([NAMESPACE, deployment])
+    kube.apply([NAMESPACE, DEPLOYMENT])
     seen = server.find(f"{DEPLOYMENTS}/app")
     server.put(
         f"{DEPLOYMENTS}/app", {**seen, "status": {"replicas": 1}, "metadata": {**seen["metadata"], "generation": 2}}
     )
-    (again,) = kube.apply([deployment])
+    (again,) = kube.apply([DEPLOYMENT])
     assert not again.changed
     assert again.after is not None and "status" not in again.after
 
@@ -202,6 +198,27 @@ def test_an_error_says_what_was_written_before_it(server: Server, kube: Kube) ->
     assert not server.lists.get(MAPS)
 
 
+def test_a_deployment_is_written_as_it_was_looked_at(
+    server: Server, kube: Kube, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who writes it between the look and the write is not passed over: that may be the run that has the Lease now."""
+    kube.apply([NAMESPACE, DEPLOYMENT])
+    looks: list[Ref] = []
+
+    def get(ref: Ref) -> Any:
+        found = Kube.get(kube, ref)
+        if ref.kind == "Deployment" and not looks:
+            server.put(f"{DEPLOYMENTS}/app", {**(found or {}), "spec": {"replicas": 5}})
+        looks.append(ref)
+        return found
+
+    monkeypatch.setattr(kube, "get", get)
+    server.writes.clear()
+    kube.apply([DEPLOYMENT])
+    assert server.writes == [f"PATCH {DEPLOYMENTS}/app"] * 2
+    assert server.find(f"{DEPLOYMENTS}/app")["spec"] == {"replicas": 1}
+
+
 def test_robots_that_apply_the_same_at_once(server: Server, kube: Kube) -> None:
     server.write_refusals += [(409, "already exists")]  # what the slower of two that create it is told
     with ThreadPoolExecutor(8) as pool:
@@ -213,21 +230,17 @@ def test_robots_that_apply_the_same_at_once(server: Server, kube: Kube) -> None:
 PAUSED = {"manager": "kubectl-rollout", "operation": "Update", "fieldsV1": {"f:spec": {"f:paused": {}}}}
 
 
-def paused(server: Server) -> dict[str, Any]:
-    """A Deployment that somebody paused; what is wanted of it."""
-    wanted = {**config_map("app"), "apiVersion": "apps/v1", "kind": "Deployment", "spec": {"replicas": 1}}
+def paused(server: Server) -> None:
+    """A Deployment that somebody paused."""
     server.put(f"{NAMESPACES}/robot-robot1", NAMESPACE)
-    spec = {"replicas": 1, "paused": True}
-    server.put(
-        f"{DEPLOYMENTS}/app", {**wanted, "spec": spec, "metadata": {**wanted["metadata"], "managedFields": [PAUSED]}}
-    )
-    return wanted
+    spec, metadata = {"replicas": 1, "paused": True}, {**config_map("app")["metadata"], "managedFields": [PAUSED]}
+    server.put(f"{DEPLOYMENTS}/app", {**DEPLOYMENT, "spec": spec, "metadata": metadata})
 
 
 def test_what_others_put_beside_ours_is_taken_over_before_we_apply(server: Server, kube: Kube) -> None:
-    wanted = paused(server)
+    paused(server)
     server.write_refusals += [(409, "the object has been modified")]  # as its status is written all the time
-    kube.apply([wanted])
+    kube.apply([DEPLOYMENT])
     assert server.writes == [f"PATCH {DEPLOYMENTS}/app"] * 3
     (entry,) = server.find(f"{DEPLOYMENTS}/app")["metadata"]["managedFields"]
     assert (entry["manager"], entry["operation"]) == ("rosops.fleet", "Apply")
@@ -235,8 +248,8 @@ def test_what_others_put_beside_ours_is_taken_over_before_we_apply(server: Serve
 
 
 def test_a_dry_run_foresees_that_it_goes_and_takes_nothing_over(server: Server, kube: Kube) -> None:
-    wanted = paused(server)
-    (change,) = kube.apply([wanted], dry_run=True)
+    paused(server)
+    (change,) = kube.apply([DEPLOYMENT], dry_run=True)
     assert change.changed
     assert change.after is not None and change.after["spec"] == {"replicas": 1}
     assert server.find(f"{DEPLOYMENTS}/app")["metadata"]["managedFields"] == [PAUSED]
@@ -264,6 +277,7 @@ def test_delete(kube: Kube) -> None:
     kube.apply([NAMESPACE, config_map("one")])
     ref = Ref("ConfigMap", "one", "robot-robot1", "v1")
     assert [(one.changed, one.after) for one in kube.delete([ref], dry_run=True)] == [(True, None)]
+    assert not kube.delete([ref], uids={ref: "uid-of-a-namesake"})[0].changed
     assert kube.get(ref) is not None
     assert [one.changed for one in kube.delete([ref, Ref("ConfigMap", "two", "robot-robot1")])] == [True, False]
     assert kube.get(ref) is None
