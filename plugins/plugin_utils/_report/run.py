@@ -93,10 +93,8 @@ class _Host:
             word, reason = (declared.outcome, declared.reason or message) if on_purpose else (outcomes.FAILED, message)
         elif counts.get("unreachable") or self.unreachable:  # the second where a play reads on without the host
             word, reason = outcomes.OFFLINE, self.unreachable
-        elif declared.outcome == outcomes.UNCHANGED and counts.get(
-            "changed"
-        ):  # its apps are; other tasks of the run were not
-            word, reason = outcomes.UPDATED, declared.reason
+        elif declared.outcome == outcomes.UNCHANGED and counts.get("changed"):
+            word, reason = outcomes.UPDATED, declared.reason  # its apps are unchanged, and other tasks were not
         elif self.declared:
             word, reason = declared.outcome, declared.reason
         elif left:
