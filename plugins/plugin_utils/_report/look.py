@@ -14,22 +14,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import ending_rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import (
-    HostRun,
-    outcome_rows,
-    read_reports,
-    step_rows,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import (
-    Graphs,
-    Places,
-    Promises,
-    launched_rows,
-    links,
-    node_rows,
-    topic_rows,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import held, host_run, ros_graph
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Graphs
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status, Trouble
 
 
@@ -48,7 +35,7 @@ class Look:
 
     status: Status
     graphs: Mapping[str, Asked] = field(default_factory=dict)
-    promised: Promises = field(default_factory=dict)
+    promised: ros_graph.Promises = field(default_factory=dict)
     runs: tuple[HostRun, ...] = ()
     name: str = ""
 
@@ -76,16 +63,16 @@ def status_of(look: Look, graphs: Graphs, reports: Mapping[str, str], more: Iter
         graph: {topic: one for topic, one in topics.items() if (one.robot, one.app) in there}
         for graph, topics in look.promised.items()
     }
-    crashes, ended = launched_rows(seen.apps, graphs)
-    found, unreadable = read_reports(reports)
+    crashes, ended = ros_graph.launched_rows(seen.apps, graphs)
+    found, unreadable = host_run.read_reports(reports)
     runs = [*found, *look.runs]
     return replace(
         seen,
-        problems=(*seen.problems, *more, *ending_rows(seen.workloads), *crashes, *unreadable),
+        problems=(*seen.problems, *more, *held.ending_rows(seen.workloads), *crashes, *unreadable),
         ended=tuple(ended),
-        ros_nodes=tuple(node_rows(graphs, Places(seen.workloads, seen.nodes))),
-        topics=tuple(topic_rows(graphs, kept)),
-        links=tuple(links(graphs)),
-        outcomes=tuple(outcome_rows(runs)),
-        steps=tuple(step_rows(runs)),
+        ros_nodes=tuple(ros_graph.node_rows(graphs, ros_graph.Places(seen.workloads, seen.nodes))),
+        topics=tuple(ros_graph.topic_rows(graphs, kept)),
+        links=tuple(ros_graph.links(graphs)),
+        outcomes=tuple(host_run.outcome_rows(runs)),
+        steps=tuple(host_run.step_rows(runs)),
     )

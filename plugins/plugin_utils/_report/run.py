@@ -11,32 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
-    BUSY,
-    FAILED,
-    OFFLINE,
-    OUTCOMES,
-    ROLLED_BACK,
-    UNCHANGED,
-    UPDATED,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._model import outcomes
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report import report, results
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun, Noted
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import (
-    Api,
-    HostReport,
-    Report,
-    Spent,
-    TaskReport,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import (
-    Ready,
-    Result,
-    Rollout,
-    message_of,
-    outcome_of,
-    ready_of,
-    rollout_of,
-)
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import Result
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
 
 SLOWEST = 10
@@ -81,9 +59,9 @@ class _Task:
             self.seconds += max(self.ended - self.begun, 0.0)
         self.begun = None
 
-    def report(self) -> TaskReport:
+    def row(self) -> report.TaskReport:
         where, seconds = (self.play, self.stage), round(self.seconds, 3)
-        return TaskReport(self.info.name, self.action, *where, seconds, len(self.hosts), len(self.changed))
+        return report.TaskReport(self.info.name, self.action, *where, seconds, len(self.hosts), len(self.changed))
 
 
 @dataclass(frozen=True)
@@ -98,8 +76,8 @@ class _Host:
     changed: list[str] = field(default_factory=list)
     failure: _Failure | None = None
     unreachable: str = ""
-    ready: Ready | None = None
-    rollout: Rollout | None = None
+    ready: results.Ready | None = None
+    rollout: results.Rollout | None = None
     declared: RobotOutcome | None = None
     blocked: list[tuple[str, str]] = field(default_factory=list)  # host that ended the run for this one, and how
 
@@ -108,21 +86,21 @@ class _Host:
         declared = self.declared or NONE
         message = self.failure.message if self.failure else ""
         # A host may fail on purpose, for the exit status: then the word that was declared says more.
-        on_purpose = declared.outcome in (ROLLED_BACK, BUSY, OFFLINE, FAILED)
+        on_purpose = declared.outcome in (outcomes.ROLLED_BACK, outcomes.BUSY, outcomes.OFFLINE, outcomes.FAILED)
         left = [how for other, how in self.blocked if other in ended]
-        word, reason = UNCHANGED, "" if counts else "no task ran for it"
+        word, reason = outcomes.UNCHANGED, "" if counts else "no task ran for it"
         if counts.get("failures"):
-            word, reason = (declared.outcome, declared.reason or message) if on_purpose else (FAILED, message)
+            word, reason = (declared.outcome, declared.reason or message) if on_purpose else (outcomes.FAILED, message)
         elif counts.get("unreachable") or self.unreachable:  # the second where a play reads on without the host
-            word, reason = OFFLINE, self.unreachable
-        elif declared.outcome == UNCHANGED and counts.get("changed"):  # its apps are; other tasks of the run were not
-            word, reason = UPDATED, declared.reason
+            word, reason = outcomes.OFFLINE, self.unreachable
+        elif declared.outcome == outcomes.UNCHANGED and counts.get("changed"):
+            word, reason = outcomes.UPDATED, declared.reason  # its apps are unchanged, and other tasks were not
         elif self.declared:
             word, reason = declared.outcome, declared.reason
         elif left:
-            word, reason = FAILED, left[0]
+            word, reason = outcomes.FAILED, left[0]
         elif counts.get("changed"):
-            word, reason = UPDATED, ""
+            word, reason = outcomes.UPDATED, ""
         return RobotOutcome(word, reason, declared.steps)
 
 
@@ -142,7 +120,7 @@ class RunReport:
         self._plays: list[_Play] = []
         self._tasks: dict[str, _Task] = {}
         self._hosts: dict[str, _Host] = {}
-        self._apis: dict[str, Api] = {}
+        self._apis: dict[str, report.Api] = {}
 
     def host(self, name: str, groups: Iterable[str] = ()) -> _Host:
         host = self._hosts.setdefault(name, _Host())
@@ -179,7 +157,7 @@ class RunReport:
             return
         # what makes a host leave the run says nothing of what became of it
         name = task.info.name if task and task.action != "_leave" else ""
-        self.host(host).failure = _Failure(name, message_of(result))
+        self.host(host).failure = _Failure(name, results.message_of(result))
         if task and task.info.for_all and self._plays:
             for other in self._plays[-1].hosts:
                 if other != host:
@@ -190,7 +168,7 @@ class RunReport:
 
     def unreachable(self, key: str, host: str, result: Result, now: float) -> None:
         self._note(key, host, now)
-        self.host(host).unreachable = message_of(result)
+        self.host(host).unreachable = results.message_of(result)
 
     def cut_short(self) -> None:
         """All hosts of a play failed, and Ansible begins no further one: so much of the hosts that those were for."""
@@ -213,9 +191,9 @@ class RunReport:
 
     def _learn(self, task: _Task | None, name: str, result: Result) -> None:
         action, host = task.action if task else "", self.host(name)
-        host.declared = outcome_of(action, result) or host.declared
-        host.ready = ready_of(action, result) or host.ready
-        host.rollout = rollout_of(action, result) or host.rollout
+        host.declared = results.outcome_of(action, result) or host.declared
+        host.ready = results.ready_of(action, result) or host.ready
+        host.rollout = results.rollout_of(action, result) or host.rollout
         self._apis.update(result.get("apis") or {})
 
     def _close(self, now: float) -> None:
@@ -231,7 +209,7 @@ class RunReport:
         playbook: str = "",
         check_mode: bool = False,
         started: str = "",
-    ) -> Report:
+    ) -> report.Report:
         """The report. `stats` is Ansible's own summary per host: it knows what was rescued."""
         self._close(now)
         names = [name for name in self._hosts if name != "localhost" or name in stats]
@@ -241,25 +219,25 @@ class RunReport:
         slowest = sorted(self._tasks.values(), key=lambda task: task.seconds, reverse=True)[:SLOWEST]
         hosts = tuple(self._host_report(name, stats.get(name) or {}, ended) for name in names)
         words = [host.outcome.outcome for host in hosts]
-        return Report(
+        return report.Report(
             playbook,
             check_mode,
             started,
             round(now - self._begun, 3),
-            {word: words.count(word) for word in OUTCOMES if word in words},
+            {word: words.count(word) for word in outcomes.OUTCOMES if word in words},
             hosts,
-            tuple(Spent(play.name, round(play.ended - play.begun, 3)) for play in self._plays),
+            tuple(report.Spent(play.name, round(play.ended - play.begun, 3)) for play in self._plays),
             self._stages(),
-            tuple(task.report() for task in slowest),
+            tuple(task.row() for task in slowest),
             len(self._tasks),
             self._apis,
         )
 
-    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> HostReport:
+    def _host_report(self, name: str, counts: Counts, ended: Iterable[str]) -> report.HostReport:
         host = self._hosts[name]
         failed = host.failure.task if host.failure and counts.get("failures") else ""
         outcome, changed = host.outcome(counts, ended), tuple(host.changed)
-        return HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
+        return report.HostReport(name, host.groups, outcome, failed, changed, host.ready, host.rollout, dict(counts))
 
     def so_far(self, playbook: str, started: str) -> Noted:
         """What there is to say of each host if it is here still, and if it was lost."""
@@ -273,8 +251,8 @@ class RunReport:
             lost[name] = HostRun(name, playbook, started, host.outcome(gone, failed), changed, task)
         return Noted(playbook, started, here, lost)
 
-    def _stages(self) -> tuple[Spent, ...]:
+    def _stages(self) -> tuple[report.Spent, ...]:
         stages: dict[str, float] = {}
         for task in self._tasks.values():
             stages[task.stage] = stages.get(task.stage, 0.0) + task.seconds
-        return tuple(Spent(name, round(seconds, 3)) for name, seconds in stages.items())
+        return tuple(report.Spent(name, round(seconds, 3)) for name, seconds in stages.items())

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import message_of
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
@@ -145,24 +144,6 @@ def test_the_verdicts_of_our_own_waits() -> None:
     ]
     report.failed("t2", "robot1", {"objects": rows, "elapsed": 2.5}, 3.0)
     assert row(report)["rollout"] == {"elapsed": 2.5, "objects": 2, "unmet": ["Pod n/a: ErrImagePull"]}
-
-
-MESSAGES = [
-    ({"msg": "plain"}, "plain"),
-    ({"msg": "non-zero return code", "stderr": "boom", "rc": 1}, "non-zero return code: boom"),
-    ({"stdout": "said here"}, "said here"),
-    ({}, "failed without a message"),
-    ({"censored": "the output has been hidden", "msg": "secret"}, "hidden by no_log"),
-    ({"results": [{"failed": True, "msg": "a"}, {"msg": "fine"}, {"failed": True, "msg": "a"}], "msg": "x"}, "a"),
-    ({"results": [{"failed": True, "censored": "", "msg": "secret"}]}, "hidden by no_log"),
-    ({"results": "odd", "msg": "still said"}, "still said"),
-    ({"msg": "x" * 5000}, "x" * 4000),
-]
-
-
-@pytest.mark.parametrize(("result", "message"), MESSAGES)
-def test_messages(result: dict[str, Any], message: str) -> None:
-    assert message_of(result) == message
 
 
 def test_durations_of_tasks_stages_and_plays() -> None:
