@@ -162,19 +162,14 @@ class Ros1Client(Master):
         opened = self._open(graph, sources)
         streams = {key: one for key, one in opened.items() if not isinstance(one, str)}
         counted = count_messages(streams, seconds, patient)
-        found = {}
-        for topic_name in seconds:
-            by = {key[1]: rate for key, rate in counted.items() if key[0] == topic_name}
-            errors = {key[1]: one for key, one in opened.items() if key[0] == topic_name and isinstance(one, str)}
-            parts = list(by.values())
-            by.update({key: Rate(error=why) for key, why in errors.items()})
-            if not parts:
-                found[topic_name] = Rate(error="; ".join(errors.values()) or "no publisher", by=by)
-                continue
-            hz, messages = sum(rate.hz for rate in parts), sum(rate.messages for rate in parts)
-            few = all(rate.few for rate in parts)
-            found[topic_name] = Rate(hz, messages, max(rate.seconds for rate in parts), by=by, few=few)
-        return found
+        errors = {key: one for key, one in opened.items() if isinstance(one, str)}
+        return {
+            name: Rate.of_all(
+                {key: rate for (topic, key), rate in counted.items() if topic == name},
+                {key: why for (topic, key), why in errors.items() if topic == name},
+            )
+            for name in seconds
+        }
 
 
 def _address(uri: Any) -> str:

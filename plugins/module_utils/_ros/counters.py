@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Iterable, Mapping
+from typing import Any, Callable, Iterable
 
 from . import bus_stats
 from .graph import Graph, NodeKey, Rate
@@ -16,15 +15,6 @@ from .master import Master
 from .rpc import Api, Deadline, in_parallel, reason
 
 LEAST_COUNT = 3  # messages that tell a rate
-
-
-@dataclass(frozen=True)
-class _Counted:
-    """What one publisher sent, by topic, in so many seconds; or why it does not tell."""
-
-    messages: Mapping[str, int]
-    seconds: float
-    error: str = ""
 
 
 def sent(
@@ -39,33 +29,23 @@ def sent(
     before = _counts(ros, nodes)
     sleep(seconds)
     after = _counts(ros, nodes)
-    counted = {key: _grown(before[key], after[key]) for key in nodes}
-    rates = {
-        topic: _rate(topic, {key: counted[key] for key in keys if key in counted}) for topic, keys in publishers.items()
-    }
-    return {topic: rate for topic, rate in rates.items() if rate is not None}
+    errors = {key: one for half in (after, before) for key, one in half.items() if isinstance(one, str)}
+    counted = {key: bus_stats.sent(before[key][1], after[key][1]) for key in nodes if key not in errors}
+    found = {}
+    for topic, keys in publishers.items():
+        by = {
+            key: _rate(counted[key][topic], after[key][0] - before[key][0])
+            for key in keys
+            if topic in counted.get(key, ())
+        }
+        why = {key: errors[key] for key in keys if key in errors} if not by else {}
+        if by or why:
+            found[topic] = Rate.of_all(by, why)
+    return found
 
 
-def _rate(topic: str, counted: Mapping[NodeKey, _Counted]) -> Rate | None:
-    """The sum of what a topic's publishers sent."""
-    by = {key: _rate_of(one.messages[topic], one.seconds) for key, one in counted.items() if topic in one.messages}
-    if not by:
-        errors = [one.error for one in counted.values() if one.error]
-        return Rate(error="; ".join(errors)) if errors else None
-    told = list(by.values())
-    hz, messages = sum(one.hz for one in told), sum(one.messages for one in told)
-    return Rate(hz, messages, max(one.seconds for one in told), by=by, few=all(one.few for one in told))
-
-
-def _rate_of(messages: int, seconds: float) -> Rate:
+def _rate(messages: int, seconds: float) -> Rate:
     return Rate(messages / seconds, messages, seconds, few=messages < LEAST_COUNT)
-
-
-def _grown(before: Any, after: Any) -> _Counted:
-    for one in (before, after):
-        if isinstance(one, str):
-            return _Counted({}, 0.0, one)
-    return _Counted(bus_stats.sent(before[1], after[1]), after[0] - before[0])
 
 
 def _counts(ros: Master, nodes: Iterable[NodeKey]) -> dict[NodeKey, Any]:

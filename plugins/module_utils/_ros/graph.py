@@ -163,6 +163,15 @@ class Rate:
     latched: bool = False
     few: bool = False
 
+    @classmethod
+    def of_all(cls, by: Mapping[NodeKey, Rate], errors: Mapping[NodeKey, str]) -> Rate:
+        """That of a topic: of each publisher what was counted, or why nothing was."""
+        parts, every = list(by.values()), {**by, **{key: Rate(error=why) for key, why in errors.items()}}
+        if not parts:
+            return Rate(error="; ".join(errors.values()) or "no publisher", by=every)
+        hz, messages = sum(one.hz for one in parts), sum(one.messages for one in parts)
+        return Rate(hz, messages, max(one.seconds for one in parts), by=every, few=all(one.few for one in parts))
+
     @property
     def unknown(self) -> str:
         """Why it is not known, though it was to be measured; empty where it is."""
@@ -495,38 +504,30 @@ def _measured(topic: Topic, rate: Rate | None, said: Handshake | None) -> Topic:
 
 
 def _node_dict(node: Node) -> Data:
-    return {
-        "uri": node.uri,
-        "pid": node.pid,
-        "reachable": node.reachable,
-        "error": node.error,
-        "refused": node.refused,
-        "publications": list(node.publications),
-        "subscriptions": list(node.subscriptions),
-        "services": list(node.services),
-    }
+    said = {"uri": node.uri, "pid": node.pid, "reachable": node.reachable, "error": node.error, "refused": node.refused}
+    has = {"publications": node.publications, "subscriptions": node.subscriptions, "services": node.services}
+    return {**said, **{part: list(names) for part, names in has.items()}}
 
 
 def _node_of(name: str, data: Document) -> Node:
-    uri, error = data.get("uri") or "", data.get("error") or ""
+    uri, error, refused = data.get("uri") or "", data.get("error") or "", bool(data.get("refused"))
     pid = data.get("pid") if data.get("reachable", True) else None
-    topics = tuple(data.get("publications") or ()), tuple(data.get("subscriptions") or ())
-    services = tuple(data.get("services") or ())
-    return Node(name, uri, pid, bool(uri or error), error, *topics, services, refused=bool(data.get("refused")))
+    has = [tuple(data.get(part) or ()) for part in ("publications", "subscriptions", "services")]
+    return Node(name, uri, pid, bool(uri or error), error, has[0], has[1], has[2], refused=refused)
 
 
 def _topic_dict(topic: Topic, definitions: bool) -> Data:
+    ends = {"publishers": topic.publishers, "subscribers": topic.subscribers, "latched": topic.latched}
+    text = {"definition": topic.definition} if definitions and topic.definition is not None else {}
     return {
         "type": topic.type,
         "md5sum": topic.md5sum or None,
-        "publishers": names_of(topic.publishers),
-        "subscribers": names_of(topic.subscribers),
+        **{role: names_of(keys) for role, keys in ends.items()},
         "connections": [{"publisher": key.name, "subscriber": peer.name} for key, peer in topic.connections],
         "rate": topic.rate,
         "rates": {key.name: hz for key, hz in topic.rates.items()},
-        "latched": names_of(topic.latched),
         "rate_error": topic.rate_error,
-        **({"definition": topic.definition} if definitions and topic.definition is not None else {}),
+        **text,
     }
 
 
