@@ -98,11 +98,6 @@ def test_the_stop_fits_in_the_grace_period(changes: dict[str, Any], expected: in
     assert settings(**changes)["stop_deadline"] == expected
 
 
-def objects(**changes: Any) -> list[dict[str, Any]]:
-    one = robot(app(**changes), name="r1", master={"mode": "shared"})
-    return [*code_maps(one, CODE), *app_objects(one)]
-
-
 def template(**changes: Any) -> dict[str, Any]:
     found: dict[str, Any] = app_objects(robot(app(**changes)))[-1]["spec"]["template"]
     return found
@@ -119,17 +114,6 @@ def test_settings_belong_to_the_revision_that_they_came_with() -> None:
         readiness={"command": "echo $(HOME) > /x"}, name="a",
     )  # fmt: skip
     assert "$$(HOME)" in environment["ROSOPS_SETTINGS"]
-
-
-def test_overrides_come_last() -> None:
-    containers = [{"name": "ros-app", "startupProbe": None, "readinessProbe": {"periodSeconds": 3}}]
-    override = {"spec": {"template": {"spec": {"containers": containers}}}}
-    container = objects(readiness={"command": "/ready"}, overrides=override)[-1]["spec"]["template"]["spec"][
-        "containers"
-    ][0]
-    assert "startupProbe" not in container
-    assert container["readinessProbe"]["periodSeconds"] == 3
-    assert "lifecycle" in container
 
 
 @pytest.mark.parametrize(

@@ -24,30 +24,6 @@ def made(*files: dict[str, Any], **more: Any) -> tuple[list[dict[str, Any]], dic
     return file_maps(one), deployment["spec"]["template"]
 
 
-def test_a_file_is_where_the_app_looks_for_it() -> None:
-    (held,), template = made(
-        {"path": "/etc/arm/params.yaml", "content": "speed: 1\n"},
-        {"path": "/etc/arm/key", "secret": "arm-2", "mode": "0400"},
-        {"path": "/opt/start", "secret": "arm-2", "key": "start.sh", "mode": "0755"},
-    )
-    assert held["data"] == {"file-0": "speed: 1\n"}
-    assert held["immutable"] is True
-    name = held["metadata"]["name"]
-    item, secret = {"key": "file-0", "path": "file-0"}, {"key": "key", "path": "file-1"}
-    assert template["spec"]["volumes"] == [
-        {"name": "file-0", "configMap": {"name": name, "items": [item], "defaultMode": 0o644}},
-        {"name": "file-1", "secret": {"secretName": "arm-2", "items": [secret], "defaultMode": 0o400}},
-        {
-            "name": "file-2",
-            "secret": {"secretName": "arm-2", "items": [{"key": "start.sh", "path": "file-2"}], "defaultMode": 0o755},
-        },
-    ]
-    assert template["spec"]["containers"][0]["volumeMounts"] == [
-        {"name": f"file-{number}", "mountPath": path, "readOnly": True, "subPath": f"file-{number}"}
-        for number, path in enumerate(("/etc/arm/params.yaml", "/etc/arm/key", "/opt/start"))
-    ]
-
-
 def test_another_content_is_another_map_and_another_revision() -> None:
     (one,), first = made({"path": "/p", "content": "a"})
     (two,), second = made({"path": "/p", "content": "b"})

@@ -23,25 +23,9 @@ def made(*ports: dict[str, Any], **more: Any) -> tuple[dict[str, Any], dict[str,
         kubernetes_validate.validate(item, "1.34", strict=True)
     assert service in ground_objects(one, [APPS], (), {})
     assert service not in ground_objects(one, [MASTER], (), {})
+    assert service["spec"]["selector"] == deployment["spec"]["selector"]["matchLabels"]
+    assert all(service["metadata"][key] == deployment["metadata"][key] for key in ("namespace", "name"))
     return service, deployment
-
-
-def test_the_service_finds_each_version_s_own_port_by_its_name() -> None:
-    service, deployment = made({"name": "web", "port": 9090}, {"name": "video", "port": 9091, "protocol": "UDP"})
-    assert service["spec"] == {
-        "type": "ClusterIP",
-        "selector": deployment["spec"]["selector"]["matchLabels"],
-        "ports": [
-            {"name": "web", "port": 9090, "targetPort": "web", "protocol": "TCP"},
-            {"name": "video", "port": 9091, "targetPort": "video", "protocol": "UDP"},
-        ],
-    }
-    assert deployment["spec"]["template"]["spec"]["containers"][0]["ports"] == [
-        {"name": "web", "containerPort": 9090, "protocol": "TCP"},
-        {"name": "video", "containerPort": 9091, "protocol": "UDP"},
-    ]
-    key = ("namespace", "name")
-    assert [service["metadata"][one] for one in key] == [deployment["metadata"][one] for one in key]
 
 
 def test_a_port_of_all_hosts_overlaps_and_one_of_the_robot_s_does_not() -> None:
