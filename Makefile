@@ -160,7 +160,7 @@ test-unit: ## Unit tests but for those of playbooks (TESTS="--lf": those that fa
 
 .PHONY: test-playbooks
 test-playbooks: ## The collection's playbooks, run against stand-ins of hosts, clusters and AWX
-	python -m pytest -n 4 --dist worksteal --durations 20 tests/unit/playbooks
+	python -m pytest -n 3 --dist worksteal --durations 20 tests/unit/playbooks
 
 .PHONY: test-bad-input
 test-bad-input: ## Every malformed input through site.yml: refused before a host is touched

@@ -10,6 +10,7 @@ environment says to tests and lab.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import subprocess
@@ -69,8 +70,11 @@ def contents(checkout: Path) -> dict[str, str]:
         "--exclude-standard",
     ]
     listed = subprocess.run(command, cwd=checkout, capture_output=True, check=False).stdout  # noqa: S603 - fixed words
-    paths = {name: checkout / name for name in os.fsdecode(listed).split("\0") if name}
-    return {name: file_digest(path) for name, path in paths.items() if path.is_symlink() or path.is_file()}
+    found = {}
+    for name in filter(None, os.fsdecode(listed).split("\0")):
+        with contextlib.suppress(FileNotFoundError, IsADirectoryError):  # removed meanwhile; a repository of its own
+            found[name] = file_digest(checkout / name)
+    return found
 
 
 def file_digest(path: Path) -> str:

@@ -13,4 +13,5 @@ TREE = CHECKOUT / ".ansible" / "collections"
 # Under `ansible-test units` the checkout already stands in a collections tree that ansible-test puts on the path.
 if (TREE / "ansible_collections" / "rosops" / "fleet").exists():
     sys.path.insert(0, str(TREE))
-sys.path[:0] = [str(CHECKOUT / "tests" / "tools"), str(CHECKOUT / "tools")]
+OURS = ("tests/tools", "tools", "tests/lab", "tests/apps", "benchmarks")  # of no namespace
+sys.path[:0] = [str(CHECKOUT / name) for name in OURS]

@@ -24,12 +24,12 @@ RUN = {
     r"PLAY site": f"{UPDATE}::test_what_site_brought_is_unchanged",
     r"PLAY site LIMIT": f"{SITE}::test_who_runs_nothing_comes_first_and_who_works_in_waves",
     r"PLAY site --check --diff": f"{SITE}::test_check_mode_shows_what_a_robot_would_get_and_what_its_gate_says",
-    r"PLAY site --tags apps,ready": "tests/update/test_2_bad_versions.py::test_bad_and_good_version_by_site",
+    r"PLAY site --tags apps,ready": "tests/update/test_5_doors.py::test_second_run_is_told_who_is_there",
     r"PLAY site --tags k3s( --check)?": "tests/update/test_4_k3s.py"
-    "::test_another_configuration_goes_from_the_server_to_the_robots",
+    "::test_check_mode_and_a_second_run_start_no_k3s_anew",
     r"PLAY site --tags observability": "tests/observability/test_8_shipper.py::test_off_and_on_again",
     r"PLAY status( LIMIT)?": "tests/update/test_5_doors.py::test_from_an_empty_home",
-    r"PLAY update": f"{UPDATE}::test_what_site_brought_is_unchanged",
+    r"PLAY update": f"{UPDATE}::test_twelve_apps_on_two_robots_in_one_run",
     r"PLAY update --check --diff": f"{UPDATE}::test_check_mode_says_what_would_change_and_changes_nothing",
     r"PLAY update -e '\{\"update_waves\": [^']*\}' -e update_failure_budget=0": "tests/update/test_2_bad_versions.py"
     "::test_crashing_version_ends_the_waves",

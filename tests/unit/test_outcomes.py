@@ -1,6 +1,6 @@
 # GNU General Public License v3.0+ (see LICENSE or https://www.gnu.org/licenses/gpl-3.0.txt)
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every playbook hands on what became of the hosts, in one way, and none has the access to a cluster in a file."""
+"""Playbooks hand on what became of hosts in one way, and have access to a cluster in no file; looking is harmless."""
 
 from __future__ import annotations
 
@@ -55,3 +55,24 @@ def test_only_looking_is_no_last_outcome() -> None:
 def test_no_playbook_names_a_kubeconfig() -> None:
     for path in PLAYBOOKS.rglob("*.yml"):
         assert path.name in FOR_AWX or "kubeconfig" not in path.read_text("utf-8"), path
+
+
+# --- status.yml is harmless: it subscribes to nothing, and no disk keeps it waiting for ever ------------------------
+
+
+def tasks(action: str) -> list[dict[str, Any]]:
+    return [one for play in plays("status.yml") for one in play.get("tasks", ()) if action in one]
+
+
+def test_nobody_begins_to_publish_because_somebody_looks() -> None:
+    read = tasks("rosops.fleet.ros_graph_info")[0]["rosops.fleet.ros_graph_info"]
+    assert (read["rate_source"], read.get("md5sums", False)) == ("counters", False)
+
+
+def test_a_page_on_the_control_node_is_no_change_of_a_host() -> None:
+    """Else the report of a look says of a host that it was updated."""
+    assert [one["changed_when"] for one in tasks("rosops.fleet._fleet_status")] == [False]
+
+
+def test_measuring_the_volumes_ends() -> None:
+    assert '["timeout", ' in tasks("ansible.builtin.command")[0]["ansible.builtin.command"]["argv"]

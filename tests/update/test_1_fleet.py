@@ -24,9 +24,9 @@ APPS = {
 @pytest.mark.promise("a second run changes nothing")
 def test_what_site_brought_is_unchanged(fleet: Fleet) -> None:
     before = fleet.running()
-    for run in (fleet.playbooks.run("site", fleet.variables), fleet.update(fleet.variables)):
-        assert (run.status, run.changed) == (0, 0), run
-        assert run.outcomes == dict.fromkeys(ROBOTS, "unchanged"), run
+    run = fleet.playbooks.run("site", fleet.variables)
+    assert (run.status, run.changed) == (0, 0), run
+    assert run.outcomes == dict.fromkeys(ROBOTS, "unchanged"), run
     fleet.assert_still_running(before)
 
 
@@ -44,7 +44,6 @@ def test_check_mode_says_what_would_change_and_changes_nothing(fleet: Fleet) -> 
     fleet.assert_still_running(before)
 
 
-@pytest.mark.promise("an undo by hand makes nothing new of what works")
 def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> None:
     """As it was installed: `kubectl rollout undo` brings back the mark that the version had then."""
     before, watch = fleet.running(), fleet.watch()
@@ -59,12 +58,12 @@ def test_bad_version_after_a_change_that_was_undone_by_hand(fleet: Fleet) -> Non
     watch.assert_nothing_lost("robot1", goals=False)
 
 
-@pytest.mark.promise("an update of a whole fleet loses nothing")
+@pytest.mark.promise("an update of a whole fleet loses nothing, and a second one changes nothing")
 def test_twelve_apps_on_two_robots_in_one_run(fleet: Fleet) -> None:
     watch = fleet.watch()
-    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"], update_soak=20).must(
-        0, robot1="updated", robot2="updated"
-    )
+    run = fleet.update({**fleet.variables, **NEXT}, update_waves=[1, "100%"], update_soak=5)
+    assert run.status == 0, run
+    assert run.outcomes == dict.fromkeys(ROBOTS, "updated"), run
     for robot, pods in fleet.pods().items():
         steps = [step["name"] for step in run.steps(robot)]
         assert set(steps) == APPS, run

@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 from update.jsonlog import lines
-from update.messages import dropped_by_queues, gap_ms, messages, order, processes
+from update.messages import Messages, dropped_by_queues, gap_ms, messages, order, processes
 from update.numbers import clip, count, minus, percentile
 from update.windows import Span, after_start, around, before
 
@@ -20,11 +21,16 @@ def line(time: float, *ranges: list[int], **more: Any) -> dict[str, Any]:
     return {"time": time, "node": "/s", "version": "1.0", "resumed_from": None, "ranges": list(ranges), **more}
 
 
+def found(published: Sequence[dict[str, Any]], received: Sequence[dict[str, Any]]) -> Messages:
+    account = messages(published, received, SPAN, RATE)
+    assert account is not None
+    return account
+
+
 def test_lost_is_what_nobody_received_of_what_anybody_published() -> None:
     published = [line(3.0, [900, 1500]), line(5.0, [1450, 2600], node="/p_new")]
     received = [line(3.0, [900, 1399]), line(5.0, [1403, 2600], version="1.1", resumed_from=1399)]
-    account = messages(published, received, SPAN, RATE)
-    assert account is not None
+    account = found(published, received)
     assert (account.sent, account.lost, account.lost_ranges) == (1000, 3, [[1400, 1402]])
     assert account.not_sent == 0
 
@@ -32,23 +38,20 @@ def test_lost_is_what_nobody_received_of_what_anybody_published() -> None:
 def test_a_message_that_only_one_of_two_versions_received_is_not_lost() -> None:
     published = [line(5.0, [900, 2600])]
     received = [line(3.0, [900, 1500]), line(5.0, [1400, 2600], node="/s_new")]
-    account = messages(published, received, SPAN, RATE)
-    assert account is not None
+    account = found(published, received)
     assert (account.lost, account.duplicates) == (0, 101)
 
 
 def test_loss_outside_of_the_span_does_not_count() -> None:
     published = [line(5.0, [900, 2600])]
     received = [line(5.0, [900, 950], [990, 1999], [2200, 2600])]
-    account = messages(published, received, SPAN, RATE)
-    assert account is not None
+    account = found(published, received)
     assert account.lost == 0
 
 
 def test_what_nobody_published_is_not_lost_but_said() -> None:
     published = [line(5.0, [900, 1199], [1300, 2600])]
-    account = messages(published, [line(5.0, [900, 1199], [1300, 2600])], SPAN, RATE)
-    assert account is not None
+    account = found(published, published)
     assert (account.sent, account.lost, account.not_sent) == (900, 0, 100)
 
 
@@ -75,8 +78,7 @@ def test_duplicates_that_a_process_dropped_count_once_and_only_within_the_span()
         line(3.9, [1451, 2100], duplicates=7),
         line(4.9, [2101, 2600], duplicates=90),
     ]
-    account = messages(published, received, SPAN, RATE)
-    assert account is not None
+    account = found(published, received)
     assert account.duplicates == 2
 
 
@@ -86,8 +88,7 @@ def test_a_process_that_was_started_again_counts_its_duplicates_from_nothing() -
         line(2.5, [900, 1250], duplicates=40),
         line(3.5, [1251, 2600], duplicates=3, resumed_from=1250),
     ]
-    account = messages(published, received, SPAN, RATE)
-    assert account is not None
+    account = found(published, received)
     assert account.duplicates == 43
     assert processes(received) == 2
 
