@@ -142,13 +142,19 @@ class Kube(ApiConnection):
         Where a uid is said only just that object is deleted: another one of its name stays as it is.
         """
         done: list[Applied] = []
-        query = {"propagationPolicy": "Background", **({"dryRun": "All"} if dry_run else {})}
+        # all in the body: where there is one, the API server reads no options from the query, dryRun neither
+        options = {
+            "kind": "DeleteOptions",
+            "apiVersion": "v1",
+            "propagationPolicy": "Background",
+            **({"dryRun": ["All"]} if dry_run else {}),
+        }
         for ref in refs:
             before, after, uid = self.get(ref), None, (uids or {}).get(ref)
             if before is not None:
-                body = {"kind": "DeleteOptions", "apiVersion": "v1", **({"preconditions": {"uid": uid}} if uid else {})}
+                body = {**options, **({"preconditions": {"uid": uid}} if uid else {})}
                 try:
-                    self._object("DELETE", _path(ref), query, body, JSON)
+                    self._object("DELETE", _path(ref), {}, body, JSON)
                 except ApiError as exc:
                     if exc.status == 409 and uid:
                         after = before

@@ -120,7 +120,7 @@ class Server(ThreadingHTTPServer):
         if method == "DELETE":
             if before["metadata"].get("uid") != body.get("preconditions", before["metadata"]).get("uid"):
                 return 409, "the UID in the precondition does not match"
-            if "dryRun" not in query:
+            if "dryRun" not in (body or query):  # where there are options in a body, the query has none
                 self.drop(full)
             return 200, {"kind": "Status"}
         version = (body.get("metadata") or {}).get("resourceVersion")
