@@ -173,7 +173,7 @@ test-go: ## Unit tests of labk3s's own packages
 
 .PHONY: test-ros
 test-ros: ## Probes, stop hook, keeper and gates on real ROS nodes (skipped, with the reason, where Debian's rospy is missing)
-	python -m pytest -n 3 --dist worksteal -rs tests/ros
+	python -m pytest -n 2 --dist worksteal -rs tests/ros
 
 .PHONY: test-browser
 test-browser: ## The status page in a headless browser (skipped, with the reason, where chromium is missing)

@@ -172,7 +172,7 @@ class ActionModule(GatedAction):
         outcome, self._since = engine.run(), engine.waiting
         if not (check or engine.left or outcome.outcome in (UNCHANGED, WAITING)):
             keep_early(kube, self._host, outcome.outcome, outcome.reason, bool(engine.changes))
-        result["changed"] = any(change.changed for change in engine.changes)
+        result.update(engine.graph_told, changed=any(change.changed for change in engine.changes))
         if self._task.diff:
             result["diff"] = diff_of(engine.changes)
         return None if engine.left else outcome

@@ -15,7 +15,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome impor
 Result = Mapping[str, Any]  # of a task, as Ansible has it
 
 FACTS = ("fleet_outcome", "fleet_k3s_outcome")  # the latter is site's own, of its stage k3s
-ACTIONS = ("_robot_update", "_update_trial", "_guarded")  # whose result has an outcome
+ACTIONS = ("_robot_update", "_update_soak", "_guarded")  # whose result has an outcome
 HIDDEN = "hidden by no_log"
 CORE_PREFIX = "Task failed: "  # ansible-core 2.19 puts it before every message of a plugin
 MESSAGE_KEPT = 4000  # a result is not a log

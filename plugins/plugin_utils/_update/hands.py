@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
+from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace, master_uri
@@ -36,6 +37,7 @@ class Hands:
         self.say, self.trace = world.say, world.trace
         self.live = Live()
         self.changes: list[Applied] = []
+        self.graph_told: dict[str, object] = {}  # of what the whole robot promises: verdict, and elapsed seconds
 
     @property
     def master(self) -> str:
@@ -94,6 +96,16 @@ class Hands:
         )
         if seen.verdict != PASS:
             raise NotReadyError(seen.reason)
+
+    @contextlib.contextmanager
+    def telling(self) -> Iterator[None]:
+        """Keep for the report how a look at what the whole robot promises ends."""
+        began, self.graph_told = self.clock.now(), {"verdict": FAIL}
+        try:
+            yield
+            self.graph_told["verdict"] = PASS
+        finally:
+            self.graph_told["elapsed"] = round(self.clock.now() - began, 3)
 
     def master_answers(self, what: str) -> None:
         """Wait until it does; NotReadyError. A new one's pod is ready a moment before its Service leads there."""

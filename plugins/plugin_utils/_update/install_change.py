@@ -58,7 +58,8 @@ class InstallChange(StepChange):
     def verify(self) -> None:
         if not self.hands.master:
             raise no_master(self.hands)
-        self.stays(self.step.conditions, float(self.step.conditions["timeout"]), PROMISED)
+        with self.hands.telling():
+            self.stays(self.step.conditions, float(self.step.conditions["timeout"]), PROMISED)
 
     def finish(self) -> StepResult:
         result = self.result(UPDATED)
@@ -98,4 +99,5 @@ def all_ready(hands: Hands, rollout_timeout: float) -> None:
     if not hands.master:
         raise no_master(hands)
     conditions = promised(robot, [app.name for app in robot.apps])
-    hands.ready(conditions, float(conditions["timeout"]), PROMISED)
+    with hands.telling():
+        hands.ready(conditions, float(conditions["timeout"]), PROMISED)

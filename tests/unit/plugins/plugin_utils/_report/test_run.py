@@ -4,10 +4,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from ansible_collections.rosops.fleet.plugins.action import _robot_update
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen
+from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import ACTIONS
 from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
 
 OK = {"ok": 1, "changed": 0, "failures": 0, "unreachable": 0}
@@ -121,7 +124,7 @@ def test_a_host_that_nothing_ran_for_is_said_to_be_so() -> None:
     assert (found["outcome"], found["reason"]) == ("unchanged", "no task ran for it")
 
 
-@pytest.mark.parametrize("action", ["_robot_update", "_update_trial", "_guarded", "other"])
+@pytest.mark.parametrize("action", ["_robot_update", "_update_soak", "_guarded", "other"])
 def test_an_update_says_its_outcome_itself(action: str) -> None:
     said = {"outcome": {**BUSY, "steps": [{"name": "dock"}]}, "ansible_facts": {"fleet_outcome": "splendid"}}
     report = started()
@@ -129,6 +132,11 @@ def test_an_update_says_its_outcome_itself(action: str) -> None:
     report.ok("t2", "robot1", said, 2.0)
     assert outcome(report, OK)[0] == ("unchanged" if action == "other" else "deferred-busy")
     assert [step["name"] for step in row(report)["steps"]] == ([] if action == "other" else ["dock"])
+
+
+def test_actions_that_say_an_outcome_are_there() -> None:
+    directory = Path(_robot_update.__file__).parent
+    assert [name for name in ACTIONS if not (directory / f"{name}.py").exists()] == []
 
 
 def test_the_verdicts_of_our_own_waits() -> None:

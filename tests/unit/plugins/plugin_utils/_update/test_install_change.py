@@ -93,6 +93,7 @@ def test_all_at_once_and_then_nothing(of: Robot) -> None:
     assert (found.outcome, len(found.steps)) == ("updated", 1)
     assert sorted(found.steps[0].apps) == sorted(["ros-keeper", "ros-master", *(one.name for one in of.apps)])
     assert sim.brought == []  # archives alone, and names that are always wanted
+    assert sim.engine.graph_told["verdict"] == "pass"  # the report tells that
     # the master's Services, whose addresses its pods and the apps' are told; then one apply, one wait, one look at the
     # graph; the second wait only sees that nothing was started again
     assert sim.calls == [
@@ -314,6 +315,7 @@ def test_the_whole_graph_is_looked_at_though_nothing_was_changed() -> None:
     found = outcome(sim, wanted())
     assert (found.outcome, found.steps) == ("failed", ())
     assert "sensor" in found.reason
+    assert sim.engine.graph_told["verdict"] == "fail"
 
 
 def test_a_claim_goes_when_that_is_confirmed_and_nobody_mounts_it() -> None:
