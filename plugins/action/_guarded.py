@@ -8,10 +8,10 @@ The engine works in a process beside the run, from the first task of the role to
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import Turns, begin, come_back
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import HostAction
@@ -59,7 +59,7 @@ class ActionModule(HostAction):
     KIND = "tasks"
     ARGUMENTS: ClassVar = {"line": {"type": "str", "default": ""}, "failure": {"type": "str", "default": ""}}
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         name, ledger = known["inventory_hostname"], self.ledger(known)
         variables = role_variables("guarded", self._templar, known) | change_variables(self._templar, known)
         if params["line"]:
@@ -86,11 +86,11 @@ class ActionModule(HostAction):
     def _guarded(
         self,
         turns: Turns,
-        params: Mapping[str, Any],
-        variables: Mapping[str, Any],
-        known: dict[str, Any],
-        before: Mapping[str, Any],
-    ) -> dict[str, Any]:
+        params: Arguments,
+        variables: Variables,
+        known: Variables,
+        before: Result,
+    ) -> Result:
         """What became of it, from the process beside."""
         work = UsersTasks(Path(variables["guarded_tasks"]).stem, turns, bool(variables["guarded_undo"]))
         settings = self.settings(variables, variables["guarded_ready_timeout"], work.name, before)

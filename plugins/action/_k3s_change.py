@@ -9,8 +9,10 @@ What is to come lies beside its place already. The result's `outcome` is a word 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
 from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
@@ -40,7 +42,7 @@ class K3sExchange:
     name = "k3s"
     left = UNPROVEN
 
-    def __init__(self, host: RobotHost, plan: Mapping[str, Any], variables: Mapping[str, Any]) -> None:
+    def __init__(self, host: RobotHost, plan: Mapping[str, Any], variables: Variables) -> None:
         self._host, self._plan, self._role = host, plan, variables["k3s_role"]
         self._timeout = variables["k3s_start_timeout"]
         release = variables["k3s_install_source"] == "release"
@@ -79,7 +81,7 @@ class K3sExchange:
     def proven(self) -> None:
         self._ask("proven", start=self._start)
 
-    def _ask(self, state: str, **more: Any) -> dict[str, Any]:
+    def _ask(self, state: str, **more: Any) -> Result:
         found = self._host.job("k3s_change", {"role": self._role, "state": state, **more})
         if found.get("failed"):
             raise FleetError(str(found.get("msg")))
@@ -94,7 +96,7 @@ class ActionModule(HostAction):
     _since: float | None = None  # it has waited for the robots
     ARGUMENTS: ClassVar = {"plan": {"type": "dict", "required": True}}
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         variables = role_variables("k3s", self._templar, known) | change_variables(self._templar, known)
         # the shared cluster's servers come before everybody else's waves, and are none of theirs
         shared = (variables["k3s_role"], variables["k3s_cluster"]) == ("server", EDGE_CLUSTER)
@@ -111,14 +113,12 @@ class ActionModule(HostAction):
         ledger.note(name, word, since=self._since)
         if word == WAITING:
             return {"changed": False, "waiting": True, "msg": reason}
-        good = word == UPDATED
-        msg = f"would change: {reason}" if good and self._task.check_mode else reason if good else f"{word}: {reason}"
-        told = RobotOutcome(word, msg if good else reason, outcome.steps).as_dict()
-        return {"changed": good, **({} if good else {"failed": True}), "outcome": told, "msg": msg}
+        if word != UPDATED:
+            return {"changed": False, "failed": True, "outcome": outcome.as_dict(), "msg": f"{word}: {reason}"}
+        told = f"would change: {reason}" if self._task.check_mode else reason
+        return {"changed": True, "outcome": replace(outcome, reason=told).as_dict(), "msg": told}
 
-    def _change(
-        self, params: Mapping[str, Any], variables: Mapping[str, Any], known: dict[str, Any], before: Mapping[str, Any]
-    ) -> RobotOutcome:
+    def _change(self, params: Arguments, variables: Variables, known: Variables, before: Result) -> RobotOutcome:
         plan = plain(params["plan"])
         exchange = K3sExchange(RobotHost(self, known), plan, variables)
         exchange.look()
@@ -147,7 +147,7 @@ class ActionModule(HostAction):
         return RobotOutcome(found.outcome, found.told() if found.outcome == UPDATED else found.reason, (found,))
 
 
-def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Mapping[str, Any]) -> bool:
+def _permitted(exchange: K3sExchange, nodes: Sequence[dict[str, Any]], variables: Variables) -> bool:
     """Whether pods may notice it. SpecError where this step is not to be taken."""
     agent, node = variables["k3s_role"] == "agent", variables["k3s_node_name"]
     _step(exchange, tuple(server_versions(nodes).values()) if agent else ())

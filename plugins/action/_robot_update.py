@@ -13,6 +13,7 @@ import functools
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import foreseen
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import GatedAction
@@ -85,7 +86,7 @@ class ActionModule(GatedAction):
     # run there, and be the end of it where it is all of a wave.
     ARGUMENTS: ClassVar = UPDATE_ARGS
 
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         self._vars, self._host = known, str(known["inventory_hostname"])
         run_tags, skip_tags = known.get("ansible_run_tags") or (), known.get("ansible_skip_tags") or ()
         self._parts = tagged_parts(params["parts"], run_tags, skip_tags)
@@ -98,8 +99,9 @@ class ActionModule(GatedAction):
                 return self._turn(params, ledger)
         return {"changed": False}
 
-    def _turn(self, params: Mapping[str, Any], ledger: Ledger) -> dict[str, Any]:
-        known, result, before = self._vars, dict[str, Any](), ledger.last(self._host)
+    def _turn(self, params: Arguments, ledger: Ledger) -> Result:
+        known, before = self._vars, ledger.last(self._host)
+        result: Result = {}
         self._before = before if before.get("wave") == FLEET or before.get("outcome") == WAITING else {}
         if self._before.get("outcome") in (FAILED, ROLLED_BACK, BUSY):
             # its turn for the whole fleet did not go well: that is its outcome
@@ -120,7 +122,7 @@ class ActionModule(GatedAction):
         # which the report and the last play read: a robot's outcome is no error of the task
         return {**result, "outcome": outcome.as_dict()}
 
-    def _without_cluster(self, error: NoClusterError, result: dict[str, Any]) -> RobotOutcome:
+    def _without_cluster(self, error: NoClusterError, result: Result) -> RobotOutcome:
         """In check mode the run may be what would make it: then all of it would be new."""
         if not self._task.check_mode:
             raise error
@@ -132,7 +134,7 @@ class ActionModule(GatedAction):
     def _pull_secrets(self) -> list[dict[str, Any]]:
         return list(self._templar.template(self._vars.get("robot_namespace_pull_secrets")) or ())
 
-    def _update(self, params: Mapping[str, Any], result: dict[str, Any]) -> RobotOutcome | None:
+    def _update(self, params: Arguments, result: Result) -> RobotOutcome | None:
         """The robot's outcome; nothing where it is left for its wave."""
         try:
             with self.cluster(params, self._vars) as kube, cancellable():
@@ -140,7 +142,7 @@ class ActionModule(GatedAction):
         except NoClusterError as error:
             return self._without_cluster(error, result)
 
-    def _updated(self, params: Mapping[str, Any], result: dict[str, Any], kube: Kube) -> RobotOutcome | None:
+    def _updated(self, params: Arguments, result: Result, kube: Kube) -> RobotOutcome | None:
         check, edge = bool(self._task.check_mode), self._edge_images()
         settings = Settings(
             Request(
@@ -177,7 +179,7 @@ class ActionModule(GatedAction):
             result["diff"] = diff_of(engine.changes)
         return None if engine.left else outcome
 
-    def _look_timeout(self, params: Mapping[str, Any]) -> float | None:
+    def _look_timeout(self, params: Arguments) -> float | None:
         if not (params["come_back"] and params["own"]):
             return None
         return look_seconds(params["busy_timeout"], bool(self._before.get("since")))

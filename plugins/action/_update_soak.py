@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ansible import constants as C  # noqa: N812 - its customary name
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
@@ -31,7 +32,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._update.soak import s
 
 
 class ActionModule(ClusterAction):
-    def work(self, params: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def work(self, params: Arguments, known: Variables) -> Result:
         told = known.get("update_result") or {}
         result = {"changed": False, **{key: told[key] for key in ("outcome", "at_work") if key in told}}
         outcome = told.get("outcome") or {}
@@ -50,7 +51,7 @@ class ActionModule(ClusterAction):
         return {**result, "outcome": {**outcome, "outcome": found.outcome, "reason": found.reason}}
 
 
-def is_last_wave(known: Mapping[str, Any]) -> bool:
+def is_last_wave(known: Variables) -> bool:
     """Waves are taken in the order of their hosts' names (playbooks/waves.yml)."""
     return max(known["ansible_play_hosts_all"]) in known["ansible_play_batch"]
 

@@ -10,12 +10,13 @@ What the action has to know then is in the run's ledger.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleError
+from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
 from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
 from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
@@ -43,14 +44,12 @@ class GatedAction(ClusterAction):
     _requires_connection = True
     KIND: ClassVar[str]  # of the change, in the ledger
 
-    def ledger(self, known: Mapping[str, Any], wave: str | None = None, kind: str = "") -> Ledger:
+    def ledger(self, known: Variables, wave: str | None = None, kind: str = "") -> Ledger:
         """Hosts that come together are a wave, which the first of them names."""
         first = str((known.get("ansible_play_batch") or [known["inventory_hostname"]])[0])
         return Ledger(Path(C.DEFAULT_LOCAL_TMP), first if wave is None else wave, kind or self.KIND)
 
-    def outcome(
-        self, ledger: Ledger, budget: str, known: Mapping[str, Any], change: Callable[[], Came]
-    ) -> RobotOutcome | Came:
+    def outcome(self, ledger: Ledger, budget: str, known: Variables, change: Callable[[], Came]) -> RobotOutcome | Came:
         """What the change came to. What goes wrong before it is the host's outcome, and no error of the run."""
         hosts = known.get("ansible_play_hosts_all") or known.get("ansible_play_batch") or [known["inventory_hostname"]]
         try:
@@ -62,12 +61,12 @@ class GatedAction(ClusterAction):
             ledger.note(str(known["inventory_hostname"]), FAILED)
             raise
 
-    def world(self, known: dict[str, Any], host: ModuleHost) -> World:
+    def world(self, known: Variables, host: ModuleHost) -> World:
         """The host and the clock of the task, and whoever listens to it."""
         stand = functools.partial(voice.stand, known["inventory_hostname"])
         return World(host, MonotonicClock(), self.say(known), stand)
 
-    def modules(self, known: dict[str, Any], images: Callable[[RobotHost], ImageSource]) -> ModuleHost:
+    def modules(self, known: Variables, images: Callable[[RobotHost], ImageSource]) -> ModuleHost:
         """The task's host, asked through the collection's modules."""
         there = RobotHost(self, known)
         return ModuleHost(
@@ -81,9 +80,7 @@ class GatedAction(ClusterAction):
 class HostAction(GatedAction):
     """A change of the host itself."""
 
-    def settings(
-        self, variables: Mapping[str, Any], ready_timeout: float, name: str, before: Mapping[str, Any]
-    ) -> Settings:
+    def settings(self, variables: Variables, ready_timeout: float, name: str, before: Result) -> Settings:
         """How patient the change of this name is; `before` is what the ledger has of it."""
         since = before.get("since") if before.get("outcome") == WAITING else None
         return Settings(
@@ -95,7 +92,7 @@ class HostAction(GatedAction):
             check=bool(self._task.check_mode),
         )
 
-    def place(self, known: dict[str, Any], kube: Kube, node: str, edge: bool = True) -> Place:
+    def place(self, known: Variables, kube: Kube, node: str, edge: bool = True) -> Place:
         """The robots there are the one whose host it is, or on an `edge` host those that have pods there."""
         if known["inventory_hostname"] in known[VARIABLE]["robots"]:
             robots = [robot_from_vars(known)]
@@ -103,7 +100,7 @@ class HostAction(GatedAction):
             robots = robots_on(kube, node, Fleet.from_vars(known).robots.values()) if edge else []
         return Place(KubeCluster(kube, self.say(known), run_name(known)), node, robots)
 
-    def change(self, work: Work, place: Place, settings: Settings, known: dict[str, Any]) -> Ended:
+    def change(self, work: Work, place: Place, settings: Settings, known: Variables) -> Ended:
         """What became of it."""
         world = self.world(known, self.modules(known, lambda there: ImageSource(NodeImages(there))))
         return HostChange(work, place, settings, world).take()

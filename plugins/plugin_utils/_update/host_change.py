@@ -25,7 +25,6 @@ from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract 
 from ansible_collections.rosops.fleet.plugins.module_utils._step.words import CONTRACT
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
 from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UPDATED
 from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, owner_labels
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Change, Ended
 from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
@@ -240,11 +239,6 @@ class HostChange(Change):
                     said = self.clock.now()
                     self.say(f"{self.name}: not yet proven: {error}")
                 self.clock.sleep(PAUSE)
-
-    def finish(self) -> StepResult:
-        result = self.result(UPDATED)
-        self.release()
-        return result
 
     def back(self) -> None:
         self.say(f"{self.name}: it is taken back")
