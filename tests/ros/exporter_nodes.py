@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import rospy
 from rosgraph_msgs.msg import Log as Stamped
@@ -37,9 +38,10 @@ def counted(path: str, topic: str = "/fast", hertz: str = "500") -> None:
         time.sleep(max(0.0, began + count * period - time.monotonic()))
 
 
-def loud(_path: str, topic: str = "/loud") -> None:
+def loud(path: str, topic: str = "/loud") -> None:
     """Its first connection has carried nearly two gigabytes: soon rospy cannot say how many."""
     out = rospy.Publisher(topic, UInt64, queue_size=10)
+    Path(path).write_text(json.dumps({"up": True}) + "\n")
     while not rospy.is_shutdown():
         for queued in out.impl.connections:
             connection = queued._connection

@@ -20,6 +20,7 @@ import actionlib
 import rospy
 import std_msgs.msg
 from actionlib.msg import TestAction, TestGoal, TestResult
+from rospy.impl.registration import RegManager
 from std_srvs.srv import Trigger
 
 HZ = 500
@@ -35,8 +36,9 @@ class Log:
             self.file.write(json.dumps({"at": time.time(), **entry}) + "\n")
 
 
-def talker(_log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
+def talker(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
     out = rospy.Publisher(topic, getattr(std_msgs.msg, kind), queue_size=1000)
+    log(up=True)
     rate, number = rospy.Rate(HZ), 0
     while not rospy.is_shutdown():
         out.publish(number)
@@ -58,6 +60,25 @@ def listener(log: Log, topic: str = "/numbers", kind: str = "UInt64") -> None:
     while not rospy.is_shutdown():
         time.sleep(0.1)
         log(**seen)
+
+
+def unlucky(log: Log) -> None:
+    """A listener that is slow between the master's answer to its registration and the use of that answer.
+
+    Meanwhile rospy's own thread waits for the lock that the registration holds, so it finds two lists when it goes on.
+    """
+    update = RegManager.publisher_update
+
+    def late(self: RegManager, topic: str, uris: list[str]) -> None:
+        if threading.current_thread() is threading.main_thread():
+            time.sleep(0.6)  # that thread looks every half second
+            log(registered=topic)
+            while not self.updates:  # until a publisher has come
+                time.sleep(0.01)
+        update(self, topic, uris)
+
+    RegManager.publisher_update = late
+    listener(log)
 
 
 def dock(log: Log, topic: str = "/dock", value: str = "", latch: str = "yes") -> None:
@@ -199,7 +220,7 @@ def canceller(log: Log, action: str = "/work") -> None:
 
 KINDS: dict[str, Callable[..., None]] = {
     function.__name__: function
-    for function in (talker, listener, dock, docked, looker, service, caller, server, pool, client, canceller)
+    for function in (talker, listener, unlucky, dock, docked, looker, service, caller, server, pool, client, canceller)
 }
 
 if __name__ == "__main__":

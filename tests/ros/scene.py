@@ -102,6 +102,15 @@ class Scene:
         path = self.directory / f"{log or name.strip('/')}.jsonl"
         return self._start(name, PYTHON, str(NODES), kind, name.strip("/"), str(path), *words)
 
+    def until_registered(self, *names: str) -> None:
+        """Each has said something, which a node does once its publisher or subscriber is made.
+
+        A publisher and its subscriber are not to register at the same time: rospy (impl/registration.py) queues the
+        list of publishers that the answer of `registerSubscriber` holds behind a `publisherUpdate` that came
+        meanwhile, takes the last one of the queue, and never connects.
+        """
+        until(f"{names} to be registered", lambda: all(self.log(name) for name in names))
+
     def kill(self, name: str, number: int = signal.SIGKILL) -> None:
         self.processes[name].send_signal(number)
         if number == signal.SIGKILL:

@@ -57,6 +57,7 @@ def peers(scene: ExporterScene, node: str) -> set[str]:
 
 def test_the_rate_of_a_fast_topic_with_two_subscribers_and_none_of_our_own(scene: ExporterScene) -> None:
     scene.node("counted", "/talker")
+    scene.until_registered("/talker")
     scene.start("listener", "/listener_1", "/fast")
     scene.start("listener", "/listener_2", "/fast")
     until("both", lambda: all(scene.log(f"/listener_{i}")[-1]["count"] > 100 for i in (1, 2)))
@@ -94,6 +95,7 @@ def test_the_rate_of_a_fast_topic_with_two_subscribers_and_none_of_our_own(scene
 
 def test_a_node_that_hangs_and_one_that_is_killed(scene: ExporterScene) -> None:
     scene.node("counted", "/talker")
+    scene.until_registered("/talker")
     scene.start("listener", "/hanging", "/fast")
     scene.start("listener", "/killed", "/fast")
     scene.start("service", "/adder")
@@ -131,6 +133,7 @@ def test_a_node_that_hangs_and_one_that_is_killed(scene: ExporterScene) -> None:
 def test_a_master_that_goes_away_and_comes_back(scene: ExporterScene) -> None:
     scene.start_keeper()
     scene.node("counted", "/talker")
+    scene.until_registered("/talker")
     scene.start("listener", "/listener", "/fast")
     scene.start_exporter()
     scene.until_recorded("/talker", "/listener")
@@ -170,6 +173,7 @@ def test_goals_of_an_action_without_subscribing(scene: ExporterScene) -> None:
 def test_roscpps_counts(scene: ExporterScene) -> None:
     scene._start("/rosout", str(ROSOUT))
     scene.node("counted", "/talker")
+    scene.until_registered("/talker")
     scene._start("/relay", str(RELAY), "/fast", "/relayed", "__name:=relay")
     scene.start("listener", "/listener", "/relayed")
     scene.start_exporter()
@@ -189,6 +193,7 @@ def test_roscpps_counts(scene: ExporterScene) -> None:
 
 def test_a_node_whose_counts_are_past_xml_rpcs_limit(scene: ExporterScene) -> None:
     scene.node("loud", "/shouter")
+    scene.until_registered("/shouter")
     scene.start("listener", "/listener", "/loud")
     scene.start_exporter()
     until("the fault", lambda: scene.scrape()("ros_exporter_scrape_errors_total", reason="overflow") > 2)

@@ -39,6 +39,7 @@ def start_all(scene: Scene) -> None:
     scene.ros.calls([("setParam", "/tester", "/robot/wheels", 4), ("setParam", "/tester", "/robot/name", "r1")])
     scene.start_keeper()
     scene.start("talker", "/talker")
+    scene.until_registered("/talker")
     scene.start("listener", "/listener")
     scene.start("service", "/adder")
     scene.start("server", "/worker")

@@ -79,6 +79,7 @@ def pods(scene: Scene) -> Iterator[Any]:
 def talking(scene: Scene, pod: Pod) -> None:
     scene.start_master()
     scene.start("listener", "/listener")
+    scene.until_registered("/listener")
     scene.start("talker", pod.node)
 
 
@@ -164,6 +165,16 @@ def test_what_was_set_at_run_time_is_kept_by_the_next_version_and_by_the_way_bac
         assert {key for key in there if key.startswith("talker")} == {after.name, *told}
 
 
+def test_a_subscriber_that_came_in_the_same_moment_is_told_of_the_publisher(scene: Scene, pods: Any) -> None:
+    pod = pods("talker")
+    scene.start_master()
+    scene.start("unlucky", "/listener")
+    scene.until_registered("/listener")
+    scene.start("talker", pod.node)
+    assert pod.call("started") == (0, "")
+    until("numbers", lambda: scene.log("/listener")[-1].get("count"))
+
+
 def test_its_registrations_are_gone_when_it_is_stopped(scene: Scene, pods: Any) -> None:
     pod = pods("talker")
     talking(scene, pod)
@@ -221,7 +232,7 @@ def test_a_type_may_change_within_a_group(scene: Scene, pods: Any) -> None:
     scene.start_master()
     for kind in ("talker", "listener"):
         scene.start(kind, f"/old_{kind}")
-    until("numbers", lambda: len(scene.log("/old_listener")) > 0)
+        scene.until_registered(f"/old_{kind}")
     scene.start("talker", talker.node, "/numbers", "UInt32")
     assert talker.call("started")[1] == (
         f"not ready: topic /numbers: {talker.node} not connected to {listener.node}, which is updated together with it"

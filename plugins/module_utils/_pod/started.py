@@ -20,9 +20,12 @@ from .._common.errors import RosError
 from .._common.poll import FAIL, PASS, WAIT, Polled, Seen, overall, poll
 from .._ros.backend import Backend
 from .._ros.checks import Check
+from .._ros.client import Ros1Client
 from .._ros.contract import Contract, is_tool
 from .._ros.gate import rate_window
 from .._ros.graph import Graph, MasterState, Node, Questions, host_of
+from .._ros.registrar import Registrar
+from .._ros.registrations import SUBSCRIBER, Call
 from .._ros.roslaunch import Child, children, crash
 from .._ros.silence import Silence
 from .._step.record import record_of
@@ -37,6 +40,7 @@ HERE = Path(__file__).parent
 SECONDS = 10.0  # of looking in one call, before a reason is given
 INTERVAL, SLOW_INTERVAL = 0.1, 0.5  # slow once a call has ended in vain: then nobody waits for a tenth of a second
 CHILDREN_INTERVAL = 1.0
+MISSED = 2.0  # s without a connection, after which a subscriber is told of its publishers once more
 SETTLE = 0.5  # without a contract or a command nothing says what the node is still going to register
 SETTLE_LAUNCH = 3.0  # nodes of a launch file start one after the other
 COMMAND_TIMEOUT = 5.0
@@ -46,12 +50,17 @@ def main(_words: list[str]) -> int:
     settings = load_settings(os.environ)
     before = load_state(settings.node)
     ros = ros_of(os.environ)
-    outside = Outside(run_command, partial(names_here, ros, settings), partial(children, ros))
+    here = partial(names_here, ros, settings)
+    outside = Outside(run_command, here, partial(children, ros), partial(introduce, ros))
     reason = started(settings, before, ros, outside)
     if reason:
         save_state(settings.node, State(failed=reason))
         sys.stdout.write(f"{reason}\n")
     return 1 if reason else 0
+
+
+def introduce(ros: Ros1Client, subscribers: Sequence[Call]) -> None:
+    Registrar(ros.uri, ros.timeout, ros.caller).introduce(subscribers)
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,7 @@ class Outside:
     run: Callable[[list[str], float], str]  # why it failed
     here: Callable[[MasterState], Mapping[str, str]]  # name -> address
     children: Callable[[Collection[str]], Iterable[Child]]  # what roslaunch at these addresses started
+    introduce: Callable[[Sequence[Call]], None]  # tell subscribers who publishes their topic
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
 
@@ -117,6 +127,7 @@ class Starting:
         self.registered: Any = None
         self.since = 0.0
         self.missing: dict[Gap, float] = {}  # since when
+        self.introduced: set[Gap] = set()
         self.silence = Silence(self.now)
         self.fallen: list[Check] = []  # as it was at this moment
         self.fallen_at: float | None = None
@@ -152,7 +163,9 @@ class Starting:
             node = elsewhere[0]
             return [Check("node", node.name, WAIT, f"registered from {node.uri}, which is not this pod")]
         graph = self.silence.noted(self._peers(state, graph, found), began)
-        checks = judge(graph, wanted, self._forgiving(graph, wanted))
+        forgiving = self._forgiving(graph, wanted)
+        self._introduce(graph)
+        checks = judge(graph, wanted, forgiving)
         checks += self._settled(own) if not (wanted.contract or self.settings.command) else []
         if whole and all(check.verdict == PASS for check in checks):
             checks += [*self._streams(graph, own, wanted), *self._ended(state, now=True)]
@@ -208,6 +221,21 @@ class Starting:
         """The connections that are not there and are not waited for, each with the reason."""
         self.missing = {gap: self.missing.get(gap, self.now()) for gap in gaps(graph, wanted.nodes)}
         return {gap: forgiven(gap, graph, wanted, self.now() - since) for gap, since in self.missing.items()}
+
+    def _introduce(self, graph: Graph) -> None:
+        """Tell subscribers that are still not connected who publishes their topic, as the master did; once in a call.
+
+        Who subscribes at the very moment in which a publisher comes may never connect: rospy takes the list of
+        publishers from the master's answer for newer than the one that the master sent meanwhile.
+        """
+        due = [gap for gap, since in self.missing.items() if self.now() - since >= MISSED]
+        due = [gap for gap in due if gap not in self.introduced and graph.node(gap.edge[2]).reachable]
+        self.introduced.update(due)
+        if due:
+            nodes = {gap: graph.node(gap.edge[2]) for gap in due}
+            self.outside.introduce(
+                [Call(SUBSCRIBER, node.name, gap.topic, "", node.uri) for gap, node in nodes.items()]
+            )
 
     def _settled(self, own: Iterable[Node]) -> list[Check]:
         registered = [(node.name, node.publications, node.subscriptions, node.services) for node in own]

@@ -54,12 +54,13 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def started(world: World, clock: Clock | None = None, before: str = "", run: Any = None, **settings: Any) -> str:
     clock, here, children = clock or Clock(), settings.pop("here", {}), settings.pop("children", [])
+    introduce = settings.pop("introduce", lambda _calls: None)
     return started_command.started(
         replace(SETTINGS, **settings),
         State(failed=before),
         world,
         started_command.Outside(
-            run or (lambda *_: ""), lambda _state: here, lambda _hosts: children, clock.now, clock.sleep
+            run or (lambda *_: ""), lambda _state: here, lambda _hosts: children, introduce, clock.now, clock.sleep
         ),
     )
 
@@ -398,3 +399,32 @@ def test_main_prints_one_line_and_keeps_it(monkeypatch: pytest.MonkeyPatch, caps
     monkeypatch.setattr(started_command, "started", lambda *_: "")
     assert started_command.main([]) == 0
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("lost", "told"), [(OWN, (SUBSCRIBER, "/out", "http://127.0.0.1:40003/")), (PUBLISHER, (OWN, "/in", URI))]
+)
+def test_a_subscriber_that_missed_its_publisher_is_told_of_it(lost: str, told: tuple[str, str, str]) -> None:
+    """rospy connects to who registered in the moment of the subscriber's own registration only when told once more."""
+    world, clock = World(), Clock()
+    connected = world.answers[lost]
+    world.replies(lost, bus=bus())
+    calls: list[tuple[float, tuple[str, str, str]]] = []
+
+    def introduce(subscribers: Any) -> None:
+        calls.extend((clock.at, (call.node, call.name, call.uri)) for call in subscribers)
+        world.answers[lost] = connected
+
+    assert started(world, clock, introduce=introduce) == ""
+    assert [call for _at, call in calls] == [told]
+    assert calls[0][0] == pytest.approx(started_command.MISSED, abs=0.2)
+
+
+def test_one_that_does_not_answer_is_not_told_and_one_that_does_only_once() -> None:
+    world, calls = World(), []
+    world.replies(OWN, bus=bus())
+    assert started(world, introduce=calls.append).startswith("not ready: topic /out")
+    assert len(calls) == 1
+    world.replies(SUBSCRIBER, error="it does not answer")
+    assert started(world, introduce=calls.append) == ""
+    assert len(calls) == 1
