@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Any, ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.claims import Asked, sources
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import FLEET_NAMESPACE, robot_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import members
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._model.claims import Asked, sources
+from ..plugin_utils._model.names import FLEET_NAMESPACE, robot_namespace
+from ..plugin_utils._model.topology import members
 
 
 class ActionModule(FleetAction):

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import contextlib
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import home_from_vars
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
+from ..plugin_utils._action.cluster import ClusterAction
+from ..plugin_utils._model.fleet import home_from_vars
 
 
 class ActionModule(ClusterAction):

@@ -13,15 +13,16 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT, Seen, poll
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import keep, local_kubeconfig
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import home_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.controller_access import controller_access
+
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import KubeError
+from ..module_utils._common.poll import PASS, WAIT, Seen, poll
+from ..module_utils._step.objects import Object
+from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
+from ..plugin_utils._kube.client import Kube, ref_of
+from ..plugin_utils._kube.kubeconfig import keep, local_kubeconfig
+from ..plugin_utils._model.fleet import home_of
+from ..plugin_utils._objects.controller_access import controller_access
 
 TOKEN_SECONDS = 30.0
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.base import FleetAction
 
 
 class ActionModule(FleetAction):

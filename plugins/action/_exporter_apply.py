@@ -7,19 +7,15 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import exporter_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import (
-    STORAGE,
-    ExporterOptions,
-    exporter_objects,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import live_in
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._step.objects import Object
+from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
+from ..plugin_utils._model.context import Robot, master_namespace
+from ..plugin_utils._model.fleet import robot_from_vars
+from ..plugin_utils._objects.code_files import exporter_files
+from ..plugin_utils._objects.exporter import STORAGE, ExporterOptions, exporter_objects
+from ..plugin_utils._update.addresses import located
+from ..plugin_utils._update.cluster import live_in
 
 
 class ActionModule(ClusterAction):

@@ -6,18 +6,19 @@
 from __future__ import annotations
 
 from ansible.utils.vars import load_extra_vars
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.folded import folded
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import fleet_hosts
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.images import archive_problems, image_warnings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.inventory import inventory_problems, near_misses
+
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._images.contents import Archives
+from ..plugin_utils._model.host_variables import HostVariables
+from ..plugin_utils._objects.images import images
+from ..plugin_utils._objects.namespace import needs_fleet_namespace
+from ..plugin_utils._validate.fleet import IMPLICIT_HOST, Report, check_fleet
+from ..plugin_utils._validate.folded import folded
+from ..plugin_utils._validate.hosts import fleet_hosts
+from ..plugin_utils._validate.images import archive_problems, image_warnings
+from ..plugin_utils._validate.inventory import inventory_problems, near_misses
 
 
 class ActionModule(FleetAction):

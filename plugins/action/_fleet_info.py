@@ -15,17 +15,17 @@ from functools import partial
 from itertools import chain
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import node_images
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Known, outdated
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.clusters import ask
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import cluster_rows, outdated_rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import (
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.cluster import ClusterAction
+from ..plugin_utils._images.archive import normal_ref
+from ..plugin_utils._images.look import node_images
+from ..plugin_utils._kube.client import Kube
+from ..plugin_utils._kube.running import Known, outdated
+from ..plugin_utils._model.fleet import Fleet, Home
+from ..plugin_utils._model.host_variables import HostVariables
+from ..plugin_utils._report.clusters import ask
+from ..plugin_utils._report.held import cluster_rows, outdated_rows
+from ..plugin_utils._report.hosts import (
     cluster_problems,
     clusters_of,
     graphs_to_read,
@@ -34,7 +34,7 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._report.hosts import 
     unmeasured,
     usage_of,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Look
+from ..plugin_utils._report.look import Look
 
 
 class ActionModule(ClusterAction):

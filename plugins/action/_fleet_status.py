@@ -15,18 +15,19 @@ from typing import ClassVar
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.plugins.loader import callback_loader
 from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import placed, report_texts, text_of, write
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Asked, Look, status_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.page import status_page
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import message_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Reading
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Trouble, logs_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.summary import TABLES, summary_text
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import status_text
+
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action import voice
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._model import names
+from ..plugin_utils._report.files import placed, report_texts, text_of, write
+from ..plugin_utils._report.look import Asked, Look, status_of
+from ..plugin_utils._report.page import status_page
+from ..plugin_utils._report.results import message_of
+from ..plugin_utils._report.ros_graph import Reading
+from ..plugin_utils._report.rows import Trouble, logs_of
+from ..plugin_utils._report.summary import TABLES, summary_text
+from ..plugin_utils._report.text import status_text
 
 display = Display()
 

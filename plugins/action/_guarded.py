@@ -11,15 +11,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.aside import Turns, begin, come_back
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import HostAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import change_variables, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED, UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import NOTHING, word_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
+from ..plugin_utils._action.aside import Turns, begin, come_back
+from ..plugin_utils._action.gated import HostAction
+from ..plugin_utils._action.variables import change_variables, role_variables
+from ..plugin_utils._model.fleet import Fleet
+from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
+from ..plugin_utils._update.change import NOTHING, word_of
+from ..plugin_utils._update.outcome import WAITING, RobotOutcome
 
 MAKE, UNDO = "make", "undo"
 

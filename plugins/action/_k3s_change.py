@@ -12,26 +12,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import HostAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import (
-    change_variables,
-    plain,
-    role_variables,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import refusal, restarts_pods
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED, UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Ended
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import Place
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import server_versions, servers_down
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import SERVERS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, RobotOutcome
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError, NotReadyError, SpecError
+from ..module_utils._host.k3s import BINARY
+from ..plugin_utils._action.cancelled import cancellable
+from ..plugin_utils._action.gated import HostAction
+from ..plugin_utils._action.robot_host import RobotHost
+from ..plugin_utils._action.variables import change_variables, plain, role_variables
+from ..plugin_utils._k3s.upgrade import refusal, restarts_pods
+from ..plugin_utils._model.outcomes import UNCHANGED, UPDATED
+from ..plugin_utils._model.topology import EDGE_CLUSTER
+from ..plugin_utils._report.keep import keep_early
+from ..plugin_utils._update.change import Ended
+from ..plugin_utils._update.host_change import Place
+from ..plugin_utils._update.kube_nodes import server_versions, servers_down
+from ..plugin_utils._update.ledger import SERVERS
+from ..plugin_utils._update.outcome import UNPROVEN, WAITING, RobotOutcome
 
 AIRGAP = "that of k3s_airgap_dir"  # its version is known when it is on the host
 

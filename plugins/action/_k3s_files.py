@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, wanted
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._action.variables import plain, role_variables
+from ..plugin_utils._k3s.wanted import HostFile, wanted
 
 PATHS = {"type": "list", "elements": "path", "required": True}
 

@@ -10,18 +10,13 @@ import hashlib
 from pathlib import Path
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBECONFIG
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import Wanted, wanted
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
-    is_foreign,
-    is_of,
-    keep,
-    local_kubeconfig,
-)
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._host.k3s import KUBECONFIG
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._action.variables import role_variables
+from ..plugin_utils._k3s.wanted import Wanted, wanted
+from ..plugin_utils._kube.kubeconfig import is_foreign, is_of, keep, local_kubeconfig
 
 
 class ActionModule(FleetAction):

@@ -11,23 +11,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import change_variables, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.plan import old_archives, plan
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.refusals import refusals, unheard_refusal
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import source
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
-    is_foreign,
-    is_made_from,
-    kubeconfig_head,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import SpecError
+from ..module_utils._common.poll import PASS
+from ..module_utils._host.k3s_change import NEXT
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._action.variables import change_variables, role_variables
+from ..plugin_utils._k3s.plan import old_archives, plan
+from ..plugin_utils._k3s.refusals import refusals, unheard_refusal
+from ..plugin_utils._k3s.source import source
+from ..plugin_utils._k3s.wanted import API_PORT, Wanted, join_url, wanted
+from ..plugin_utils._kube.kubeconfig import is_foreign, is_made_from, kubeconfig_head
+from ..plugin_utils._model.addresses import address
 
 
 class ActionModule(FleetAction):

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import CONFIG_DIR
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain, role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.tokens import tokens_to_keep
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._host.k3s import CONFIG_DIR
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._action.variables import plain, role_variables
+from ..plugin_utils._k3s.tokens import tokens_to_keep
 
 
 class ActionModule(FleetAction):

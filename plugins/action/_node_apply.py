@@ -8,24 +8,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, written
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import anew
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, look_once, wait_for_rollout
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.node import (
-    evicted,
-    evicting,
-    node_object,
-    taints_patch,
-    unplaced,
-)
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import SpecError
+from ..module_utils._common.poll import PASS
+from ..module_utils._step.objects import Object
+from ..plugin_utils._action.cluster import ClusterAction, written
+from ..plugin_utils._kube.applied import Applied
+from ..plugin_utils._kube.cache import Ref
+from ..plugin_utils._kube.client import Kube
+from ..plugin_utils._kube.connection import anew
+from ..plugin_utils._kube.wait import WaitOptions, look_once, wait_for_rollout
+from ..plugin_utils._model import names
+from ..plugin_utils._objects.node import evicted, evicting, node_object, taints_patch, unplaced
 
 
 class ActionModule(ClusterAction):

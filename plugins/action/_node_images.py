@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import Brought, NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._images.node import Brought, NodeImages
+from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
+from ..plugin_utils._objects.images import images
 
 ARCHIVE = {
     "path": {"type": "path", "required": True},

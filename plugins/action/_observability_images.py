@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import images, spec_of
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.variables import role_variables
+from ..plugin_utils._observability.spec import images, spec_of
 
 
 class ActionModule(FleetAction):

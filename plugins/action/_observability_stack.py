@@ -10,18 +10,18 @@ from __future__ import annotations
 
 import secrets
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction, foreseen, written
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, wait_for_rollout
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import stack
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files, stack_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, spec_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.held import nodes_off
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._step.objects import Object
+from ..plugin_utils._action.cluster import ClusterAction, foreseen, written
+from ..plugin_utils._action.variables import role_variables
+from ..plugin_utils._kube.cache import parse_refs
+from ..plugin_utils._kube.client import Kube, ref_of
+from ..plugin_utils._kube.wait import WaitOptions, wait_for_rollout
+from ..plugin_utils._model.fleet import Fleet
+from ..plugin_utils._observability import stack
+from ..plugin_utils._observability.files import Files, stack_files
+from ..plugin_utils._observability.spec import Spec, spec_of
+from ..plugin_utils._report.held import nodes_off
 
 
 class ActionModule(ClusterAction):

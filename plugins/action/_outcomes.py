@@ -13,18 +13,19 @@ from typing import ClassVar
 
 from ansible import context
 from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet, Home
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import PATIENCE, keep
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import declared_in
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
+from ..plugin_utils._action.cluster import ClusterAction
+from ..plugin_utils._kube.access import NoClusterError
+from ..plugin_utils._model.fleet import Fleet, Home
+from ..plugin_utils._model.host_variables import HostVariables
+from ..plugin_utils._model.outcomes import FAILED, UNCHANGED
+from ..plugin_utils._report.files import noted_run
+from ..plugin_utils._report.host_run import HostRun
+from ..plugin_utils._report.keep import PATIENCE, keep
+from ..plugin_utils._report.results import declared_in
+from ..plugin_utils._update.outcome import RobotOutcome
 
 display = Display()
 

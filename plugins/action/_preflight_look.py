@@ -11,16 +11,12 @@ from __future__ import annotations
 import time
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.pythons import too_old
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import clock_offset
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
-    PART,
-    look,
-    server_addresses,
-)
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.host import ActionHost
+from ..plugin_utils._model.pythons import too_old
+from ..plugin_utils._preflight.findings import clock_offset
+from ..plugin_utils._preflight.requirements import PART, look, server_addresses
 
 
 class ActionModule(FleetAction):

@@ -7,16 +7,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import role_variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding import ERROR
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.findings import judge, report
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import (
-    PART,
-    requirements,
-    server_addresses,
-)
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._action.variables import role_variables
+from ..plugin_utils._preflight.finding import ERROR
+from ..plugin_utils._preflight.findings import judge, report
+from ..plugin_utils._preflight.requirements import PART, requirements, server_addresses
 
 
 class ActionModule(FleetAction):

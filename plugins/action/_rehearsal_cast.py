@@ -9,14 +9,14 @@ import json
 from pathlib import Path
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.cast import cast, changed
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording import parts
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import write
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import APPS, layered
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import SpecError
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._model.fleet import Fleet
+from ..plugin_utils._rehearsal.cast import cast, changed
+from ..plugin_utils._rehearsal.recording import parts
+from ..plugin_utils._report.files import write
+from ..plugin_utils._validate.layers import APPS, layered
 
 
 class ActionModule(FleetAction):

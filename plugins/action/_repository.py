@@ -8,15 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.contents import (
-    EXAMPLE_FLEETS,
-    contents,
-    fleet_name,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._repository.files import plan, read, write
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..module_utils._common.errors import FleetError
+from ..plugin_utils._action.base import FleetAction
+from ..plugin_utils._repository.contents import EXAMPLE_FLEETS, contents, fleet_name
+from ..plugin_utils._repository.files import plan, read, write
 
 COLLECTION = Path(__file__).resolve().parents[2]
 

@@ -13,45 +13,32 @@ import functools
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import foreseen
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.gated import GatedAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.contents import Archives
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import NoClusterError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import diff_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Known
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
-    BUSY,
-    FAILED,
-    OUTCOMES,
-    ROLLED_BACK,
-    UNCHANGED,
-    UPDATED,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import (
-    CODE,
-    PARTS,
-    ground_objects,
-    tagged_parts,
-    workload_objects,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.engine import Engine
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import FLEET, Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.cancelled import cancellable
+from ..plugin_utils._action.cluster import foreseen
+from ..plugin_utils._action.gated import GatedAction
+from ..plugin_utils._action.robot_host import RobotHost
+from ..plugin_utils._images.archive import normal_ref
+from ..plugin_utils._images.contents import Archives
+from ..plugin_utils._images.node import NodeImages
+from ..plugin_utils._kube.access import NoClusterError
+from ..plugin_utils._kube.applied import diff_of
+from ..plugin_utils._kube.client import Kube
+from ..plugin_utils._kube.running import Known
+from ..plugin_utils._model.fleet import VARIABLE, robot_from_vars
+from ..plugin_utils._model.outcomes import BUSY, FAILED, OUTCOMES, ROLLED_BACK, UNCHANGED, UPDATED
+from ..plugin_utils._objects.images import images
+from ..plugin_utils._objects.namespace import needs_fleet_namespace
+from ..plugin_utils._objects.parts import CODE, PARTS, ground_objects, tagged_parts, workload_objects
+from ..plugin_utils._report.keep import keep_early
+from ..plugin_utils._update.cluster import KubeCluster, run_name
+from ..plugin_utils._update.engine import Engine
+from ..plugin_utils._update.host import ImageSource
+from ..plugin_utils._update.ledger import FLEET, Ledger
+from ..plugin_utils._update.outcome import WAITING, RobotOutcome, StepResult
+from ..plugin_utils._update.plan import Request
+from ..plugin_utils._update.rest import look_seconds
+from ..plugin_utils._update.settings import Settings
 
 UPDATE_ARGS: dict[str, dict[str, Any]] = {
     "apps": {"type": "list", "elements": "str", "default": []},

@@ -15,20 +15,21 @@ from pathlib import Path
 from typing import Any
 
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.keep import keep_early
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.soak import soak
+
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action import voice
+from ..plugin_utils._action.cancelled import cancellable
+from ..plugin_utils._action.clock import MonotonicClock
+from ..plugin_utils._action.cluster import ClusterAction
+from ..plugin_utils._model import names
+from ..plugin_utils._model.fleet import robot_from_vars
+from ..plugin_utils._model.outcomes import UPDATED
+from ..plugin_utils._objects.namespace import needs_fleet_namespace
+from ..plugin_utils._report.keep import keep_early
+from ..plugin_utils._update.cluster import KubeCluster, run_name
+from ..plugin_utils._update.ledger import Ledger
+from ..plugin_utils._update.outcome import StepResult
+from ..plugin_utils._update.soak import soak
 
 
 class ActionModule(ClusterAction):

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import parse_refs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, look_once, wait_for_rollout
+from ..module_utils._common.documents import Arguments, Result, Variables
+from ..plugin_utils._action.cluster import ClusterAction
+from ..plugin_utils._kube.cache import parse_refs
+from ..plugin_utils._kube.wait import WaitOptions, look_once, wait_for_rollout
 
 
 class ActionModule(ClusterAction):

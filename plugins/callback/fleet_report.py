@@ -70,22 +70,16 @@ from ansible import context
 from ansible.playbook.role_include import IncludeRole
 from ansible.plugins.callback import CallbackBase
 from ansible.release import __version__
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
-    BUSY,
-    FAILED,
-    OFFLINE,
-    ROLLED_BACK,
-    UNCHANGED,
-    UPDATED,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import note_run, placed, write
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.report import Report, screen, word_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import HIDDEN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.run import RunReport, TaskInfo
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.silence import LOOK, Silence
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Standing
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
-from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream.ansible_core import identity, playbook_file
+
+from ..plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
+from ..plugin_utils._report.files import note_run, placed, write
+from ..plugin_utils._report.report import Report, screen, word_of
+from ..plugin_utils._report.results import HIDDEN
+from ..plugin_utils._report.run import RunReport, TaskInfo
+from ..plugin_utils._report.silence import LOOK, Silence
+from ..plugin_utils._update.standing import Standing
+from ..plugin_utils._update.ticker import ticking
+from ..plugin_utils._upstream.ansible_core import identity, playbook_file
 
 CORE = (2, 19)  # as in meta/runtime.yml
 COLOURS = {

@@ -38,8 +38,9 @@ from collections.abc import Callable
 from typing import Any
 
 from ansible.errors import AnsibleFilterError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import listed
+
+from ..module_utils._common.errors import SpecError
+from ..plugin_utils._model import listed
 
 
 def _listed(value: Any) -> list[Any]:

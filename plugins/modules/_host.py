@@ -36,11 +36,12 @@ import time
 from typing import Any, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Facts, collect
-from ansible_collections.rosops.fleet.plugins.module_utils._host.files import Host
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import NEXT, K3sChange
+
+from ..module_utils._common.errors import FleetError
+from ..module_utils._host.facts import Facts, collect
+from ..module_utils._host.files import Host
+from ..module_utils._host.k3s import BINARY
+from ..module_utils._host.k3s_change import NEXT, K3sChange
 
 Arguments = Mapping[str, Any]  # a job's, from the collection's own action
 

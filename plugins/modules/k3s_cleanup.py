@@ -75,8 +75,9 @@ removed:
 """
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_remove import Remover
+
+from ..module_utils._common.errors import FleetError
+from ..module_utils._host.k3s_remove import Remover
 
 
 def main() -> None:

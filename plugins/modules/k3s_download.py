@@ -69,9 +69,10 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 from ansible.module_utils.urls import open_url
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.download import fetch, listed_sum, proxies, sha256
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import without_secrets
+
+from ..module_utils._common.errors import FleetError
+from ..module_utils._host.download import fetch, listed_sum, proxies, sha256
+from ..module_utils._host.k3s import without_secrets
 
 ARGUMENTS = {
     "url": {"type": "str", "required": True},

@@ -137,19 +137,11 @@ import os
 from typing import Any, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._host.facts import Facts, cgroup, reach, server_url
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import (
-    BINARY,
-    CONFIG_DIR,
-    DATA_DIR,
-    ETCD,
-    KUBECONFIG,
-    SERVICES,
-    K3sHost,
-    token_verdict,
-)
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s_change import K3sChange
+
+from ..module_utils._common.poll import PASS
+from ..module_utils._host.facts import Facts, cgroup, reach, server_url
+from ..module_utils._host.k3s import BINARY, CONFIG_DIR, DATA_DIR, ETCD, KUBECONFIG, SERVICES, K3sHost, token_verdict
+from ..module_utils._host.k3s_change import K3sChange
 
 ARGUMENTS = {
     "role": {"type": "str", "choices": ["server", "agent"], "required": True},

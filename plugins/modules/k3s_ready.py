@@ -69,8 +69,9 @@ elapsed:
 import time
 
 from ansible.module_utils.basic import AnsibleModule
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, poll
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import SERVICES, K3sHost
+
+from ..module_utils._common.poll import PASS, poll
+from ..module_utils._host.k3s import SERVICES, K3sHost
 
 ARGUMENTS = {
     "role": {"type": "str", "choices": ["server", "agent"], "required": True},

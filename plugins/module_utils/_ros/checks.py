@@ -15,18 +15,7 @@ from .._common.documents import Data
 from .._common.poll import FAIL, PASS, WAIT, overall
 from .conditions import ActionCondition, EdgeCondition, TopicCondition
 from .contract import is_tool
-from .graph import (
-    ANY_TYPE,
-    BUSY_STATES,
-    GOAL_STATES,
-    Graph,
-    Handshake,
-    NodeKey,
-    Rate,
-    StatusReading,
-    Topic,
-    names_of,
-)
+from .graph import ANY_TYPE, BUSY_STATES, GOAL_STATES, Graph, Handshake, NodeKey, Rate, StatusReading, Topic, names_of
 from .names import is_keeper
 
 RATE_TOLERANCE = 0.01  # what a window of one second can tell apart; a publisher at just min_rate must not flap

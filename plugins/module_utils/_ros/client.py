@@ -15,17 +15,7 @@ from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from .._common.documents import Data
 from .._common.errors import RosError
-from .graph import (
-    BUSY_STATES,
-    Graph,
-    Handshake,
-    MasterState,
-    NodeKey,
-    Questions,
-    Rate,
-    ServiceProbe,
-    StatusReading,
-)
+from .graph import BUSY_STATES, Graph, Handshake, MasterState, NodeKey, Questions, Rate, ServiceProbe, StatusReading
 from .master import Master
 from .names import is_keeper
 from .replies import NodeAnswer, build, shared_uris

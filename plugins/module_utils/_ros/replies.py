@@ -13,15 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Iterable, Mapping
 
 from .._common.errors import RefusalError, RosError
-from .graph import (
-    Connection,
-    Graph,
-    MasterState,
-    Node,
-    NodeKey,
-    ServiceProbe,
-    StatusReading,
-)
+from .graph import Connection, Graph, MasterState, Node, NodeKey, ServiceProbe, StatusReading
 
 
 @dataclass(frozen=True)

@@ -21,22 +21,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.leftovers import OURS, hold, sweep
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import (
-    NoClusterError,
-    ServersAwayError,
-    given_options,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.kubeconfig import (
-    is_foreign,
-    keep,
-    local_kubeconfig,
-    url_at,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Home
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
+from ...module_utils._common.errors import FleetError, KubeError
+from .._kube.access import NoClusterError, ServersAwayError, given_options
+from .._kube.kubeconfig import is_foreign, keep, local_kubeconfig, url_at
+from .._model.addresses import address
+from .._model.fleet import Home
+from .._model.topology import EDGE_CLUSTER
+from .leftovers import OURS, hold, sweep
 
 LEADING = ("host", "kubeconfig", "context")  # options that say which API
 LEADING_VARIABLES = ("K8S_AUTH_HOST", "K8S_AUTH_KUBECONFIG", "K8S_AUTH_CONTEXT")

@@ -23,8 +23,8 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cancelled import cancellable
+from ...module_utils._common.errors import FleetError
+from .cancelled import cancellable
 
 Told = Mapping[str, Any]
 

@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from ansible.plugins.action import ActionBase
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.variables import plain
+
+from ...module_utils._common.errors import FleetError
+from . import voice
+from .variables import plain
 
 
 class FleetAction(ActionBase):  # type: ignore[misc] # ansible-core carries no types

@@ -13,8 +13,8 @@ import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import CancelledError
+from .._update.ticker import ticking
+from .._update.world import CancelledError
 
 PARENT_SECONDS = 1.0  # a run that was killed is nobody's after that time
 

@@ -13,30 +13,19 @@ from typing import Any, ClassVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import KUBECONFIG
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.access import Fetch, Way, first_time, given_way
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.base import FleetAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.elsewhere import run_on
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import (
-    AUTH_ARG_SPEC,
-    NoClusterError,
-    ServersAwayError,
-    access_from,
-    given_options,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied, diff_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.identity import (
-    REF,
-    Identity,
-    WrongClusterError,
-    identity_in,
-    to_be_adopted,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import UNNAMED, Home, home_from_vars, home_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.host_variables import HostVariables
+
+from ...module_utils._common.errors import KubeError
+from ...module_utils._host.k3s import KUBECONFIG
+from .._kube.access import AUTH_ARG_SPEC, NoClusterError, ServersAwayError, access_from, given_options
+from .._kube.applied import Applied, diff_of
+from .._kube.client import Kube, ref_of
+from .._kube.connection import PATIENCE, ApiError
+from .._kube.identity import REF, Identity, WrongClusterError, identity_in, to_be_adopted
+from .._model.fleet import UNNAMED, Home, home_from_vars, home_of
+from .._model.host_variables import HostVariables
+from .access import Fetch, Way, first_time, given_way
+from .base import FleetAction
+from .elsewhere import run_on
 
 display = Display()
 

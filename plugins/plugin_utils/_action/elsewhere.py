@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
+from .._upstream import ansible_core
 
 
 def run_on(plugin: Any, known: Mapping[str, Any], host: str, command: str) -> dict[str, Any]:

@@ -16,26 +16,27 @@ from typing import ClassVar, TypeVar
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.errors import AnsibleError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.clock import MonotonicClock
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.cluster import ClusterAction
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.robot_host import RobotHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import VARIABLE, Fleet, robot_from_vars
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, UNCHANGED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import NOTHING, Ended, word_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.cluster import KubeCluster, run_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host import ImageSource, ModuleHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.host_change import HostChange, Place, Work
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.kube_nodes import robots_on
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ledger import Ledger
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import look_seconds
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import World
+
+from ...module_utils._common.documents import Result, Variables
+from ...module_utils._common.errors import FleetError
+from .._images.node import NodeImages
+from .._kube.client import Kube
+from .._model.fleet import VARIABLE, Fleet, robot_from_vars
+from .._model.outcomes import FAILED, UNCHANGED
+from .._update.change import NOTHING, Ended, word_of
+from .._update.cluster import KubeCluster, run_name
+from .._update.host import ImageSource, ModuleHost
+from .._update.host_change import HostChange, Place, Work
+from .._update.kube_nodes import robots_on
+from .._update.ledger import Ledger
+from .._update.outcome import WAITING, RobotOutcome
+from .._update.rest import look_seconds
+from .._update.settings import Settings
+from .._update.world import World
+from . import voice
+from .clock import MonotonicClock
+from .cluster import ClusterAction
+from .robot_host import RobotHost
 
 Came = TypeVar("Came")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
+from .._upstream import ansible_core
 
 SUDO_ASKS = (
     "a limited rate is rsync's, and rsync cannot hand over the password for sudo: allow sudo without one for rsync on "

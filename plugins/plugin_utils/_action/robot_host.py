@@ -11,12 +11,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ansible.errors import AnsibleConnectionFailure, AnsibleError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action import voice
-from ansible_collections.rosops.fleet.plugins.plugin_utils._action.host import ActionHost
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import AwayError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
+
+from ...module_utils._common.errors import FleetError
+from .._update.ticker import ticking
+from .._update.world import AwayError
+from .._upstream import ansible_core
+from . import voice
+from .host import ActionHost
 
 TICK = 10.0  # seconds without a word, below the idle time-outs of the tools that run playbooks
 

@@ -13,8 +13,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from ansible.module_utils.common.arg_spec import ArgumentSpecValidator
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import role_options
+
+from ...module_utils._common.errors import SpecError
+from .._model.role_specs import role_options
 
 # How long a robot that works is waited for, and how many hosts may fail: the same for whatever is changed on a host.
 OF_EVERY_CHANGE = ("update_on_busy", "update_busy_timeout", "update_failure_budget")

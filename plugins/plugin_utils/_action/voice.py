@@ -13,8 +13,9 @@ from pathlib import Path
 
 from ansible import constants as C  # noqa: N812 - its customary name
 from ansible.utils.display import Display
-from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.standing import Standing
+
+from ...module_utils._common.printable import printable
+from .._update.standing import Standing
 
 display = Display()
 _ALONE = threading.Lock()

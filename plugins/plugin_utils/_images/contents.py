@@ -10,16 +10,11 @@ import functools
 from collections.abc import Sequence
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
-    is_plain,
-    normal_ref,
-    opened,
-    unusable,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import local_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
+from ...module_utils._common.documents import Variables
+from ...module_utils._common.errors import SpecError
+from .._model.machines import MACHINES
+from .archive import is_plain, normal_ref, opened, unusable
+from .node import local_path
 
 LARGEST_COMPRESSED = 100_000_000  # bytes of an archive that is unpacked only to be listed, which takes 1.5 s
 _UNSEEN = (OSError, ValueError, RuntimeError)  # no file, no path, nobody's home

@@ -9,8 +9,8 @@ import base64
 import re
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
+from ...module_utils._common.documents import Variables
+from .archive import normal_ref
 
 HUB = ("docker.io", "index.docker.io", "registry-1.docker.io")
 

@@ -10,10 +10,10 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
+from ...module_utils._common.documents import Result
+from ...module_utils._common.errors import SpecError
+from ...module_utils._host.k3s import BINARY
+from .archive import normal_ref
 
 PIN = "rosops.fleet/pinned"  # whose value says why this collection keeps an image; k3s has a label of its own, too
 CTR = f"{BINARY} ctr --namespace k8s.io"

@@ -15,15 +15,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, normal_ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.logins import auths
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import LOOK, Present, present
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.pins import LABEL, pins
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.plan import ImagePlan, images_plan, images_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.thin import thin_archive
+from ...module_utils._common.documents import Arguments, Result, Variables
+from ...module_utils._common.errors import FleetError, SpecError
+from ...module_utils._host.k3s import BINARY
+from .archive import Image, normal_ref
+from .logins import auths
+from .look import LOOK, Present, present
+from .pins import LABEL, pins
+from .plan import ImagePlan, images_plan, images_problems
+from .thin import thin_archive
 
 # On the disk that holds the images anyway.
 DIRECTORY = "/var/lib/rancher/rosops-fleet-images"

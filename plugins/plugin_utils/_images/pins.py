@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import PIN, Present
+from .look import PIN, Present
 
 WANTED, BEFORE, LET_GO = "wanted", "before", ""
 # The second label is the one that containerd's CRI tells the kubelet of. An empty value takes a label away.

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import Image, archive_images, normal_ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.look import Present
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import architecture_of
+from ...module_utils._common.documents import Arguments
+from ...module_utils._common.errors import SpecError
+from .._model.machines import architecture_of
+from .archive import Image, archive_images, normal_ref
+from .look import Present
 
 
 @dataclass(frozen=True)

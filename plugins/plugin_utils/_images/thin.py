@@ -17,12 +17,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import (
-    CONTAINERD_NAME,
-    Archive,
-    Image,
-    opened,
-)
+from .archive import CONTAINERD_NAME, Archive, Image, opened
 
 TYPE = "application/vnd.oci.image"
 BLOBS = "blobs/sha256/"

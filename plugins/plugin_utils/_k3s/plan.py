@@ -9,10 +9,10 @@ import hashlib
 import re
 from collections.abc import Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.source import Artifacts
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.wanted import HostFile, Wanted
+from ...module_utils._common.documents import Result
+from ...module_utils._host.k3s import BINARY
+from .source import Artifacts
+from .wanted import HostFile, Wanted
 
 # states of a unit out of which only a restart brings something new in
 UP = ("active", "activating", "reloading", "deactivating")

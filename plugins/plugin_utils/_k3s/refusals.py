@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import WAIT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.upgrade import refusal
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
+from ...module_utils._common.documents import Result, Variables
+from ...module_utils._common.poll import WAIT
+from .._model.machines import MACHINES
+from .upgrade import refusal
 
 
 def refusals(now: Result, variables: Variables, host: str) -> Iterator[str]:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
+from ...module_utils._common.documents import Variables
+from ...module_utils._common.errors import SpecError
+from .._model.machines import MACHINES
 
 SUM_LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S+)$")
 ARCHIVE_ENDINGS = (".tar.zst", ".tar.gz", ".tar")

@@ -11,9 +11,9 @@ import string
 from collections.abc import Iterable, Sequence
 from pathlib import PurePosixPath
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import token_verdict
+from ...module_utils._common.documents import Result, Variables
+from ...module_utils._common.errors import SpecError
+from ...module_utils._host.k3s import token_verdict
 
 VARIABLES = {"token": "k3s_token", "agent-token": "k3s_agent_token"}
 ALPHABET = string.ascii_lowercase + string.digits

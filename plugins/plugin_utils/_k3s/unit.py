@@ -8,8 +8,8 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY, STARTED_WITH
+from ...module_utils._common.documents import Variables
+from ...module_utils._host.k3s import BINARY, STARTED_WITH
 
 HEADER = "# Written by Ansible (rosops.fleet.k3s); changes are overwritten.\n"
 # A starting pod must not take the processor from a robot's other pods; a server's API is what other hosts wait for.

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.k3s_defaults import CGROUP_V2_FROM
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import version
+from .._model.k3s_defaults import CGROUP_V2_FROM
+from .._model.versions import version
 
 
 def refusal(

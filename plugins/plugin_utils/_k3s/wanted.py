@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._k3s.unit import HEADER, environment_text, unit_text
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
+
+from ...module_utils._common.documents import Result, Variables
+from ...module_utils._host.k3s import BINARY, CONFIG_DIR, SERVICES
+from .._model.addresses import address
+from .unit import HEADER, environment_text, unit_text
 
 # k3s takes a few secrets in its configuration only (S3 keys, an external datastore's address, a VPN's join key), and
 # the arguments of its parts may hold more.

@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from ansible_collections.kubernetes.core.plugins.module_utils.args_common import AUTH_ARG_SPEC
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import kubernetes_core
+
+from ...module_utils._common.documents import Arguments, Result
+from ...module_utils._common.errors import KubeError
+from .._upstream import kubernetes_core
 
 try:
     from kubernetes import config as kube_config

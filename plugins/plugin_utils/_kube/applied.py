@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import secrets_in, without
+from ...module_utils._common.documents import Result
+from ...module_utils._step.objects import Object
+from .._model.secrets import secrets_in, without
+from .cache import Ref
 
 # What the API server keeps for itself, and what the cluster answers, are no part of what was asked for.
 BOOKKEEPING = ("managedFields", "resourceVersion", "generation", "uid", "creationTimestamp", "selfLink")

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import controller_of, meta, uid_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import RESOURCES, Target
+from ...module_utils._common.errors import SpecError
+from ...module_utils._step.objects import Object, name_of
+from .pods import controller_of, meta, uid_of
+from .resources import RESOURCES, Target
 
 
 @dataclass(frozen=True, order=True)

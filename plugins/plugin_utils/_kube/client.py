@@ -8,28 +8,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._host.k3s import without_secrets
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import HIDDEN, Applied, applied
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import (
-    APPLY,
-    JSON,
-    MANAGER,
-    MERGE,
-    ApiConnection,
-    ApiError,
-    Query,
-    anew,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import (
-    foreign_fields,
-    taken_over,
-    without_fields,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import RESOURCES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import secrets_in, without
+from ...module_utils._common.errors import KubeError
+from ...module_utils._host.k3s import without_secrets
+from ...module_utils._step.objects import Object
+from .._model.secrets import secrets_in, without
+from .applied import HIDDEN, Applied, applied
+from .cache import Ref
+from .connection import APPLY, JSON, MANAGER, MERGE, ApiConnection, ApiError, Query, anew
+from .managed_fields import foreign_fields, taken_over, without_fields
+from .resources import RESOURCES
 
 FENCED = ("Deployment",)  # what the keeper writes, too
 LISTED_FROM = 3  # so many objects of a kind in a namespace are looked up by one list, fewer one by one

@@ -24,10 +24,10 @@ from types import MappingProxyType
 from typing import Any, Self, TypeVar
 from urllib.parse import urlencode
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import Access, access_from, forget_key_files
+from ...module_utils._common.documents import Arguments
+from ...module_utils._common.errors import KubeError
+from ...module_utils._step.objects import Object
+from .access import Access, access_from, forget_key_files
 
 BROKEN: tuple[type[Exception], ...] = (OSError,)  # what a broken connection raises
 with contextlib.suppress(ImportError):  # it comes with the library kubernetes, without which access_from refuses

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import UNNAMED
+from ...module_utils._common.errors import KubeError
+from ...module_utils._step.objects import Object
+from .._model import names
+from .._model.fleet import UNNAMED
+from .cache import Ref
 
 REF = Ref("ConfigMap", "rosops-fleet", "kube-system", "v1")
 

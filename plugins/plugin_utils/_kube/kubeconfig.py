@@ -12,8 +12,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+
+from ...module_utils._common.errors import SpecError
+from ...module_utils._step.objects import Object
 
 HEAD = "# rosops.fleet: "
 AUTHORITY = "certificate-authority-data"

@@ -15,11 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.lease import holder_of, lease_with
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
+from ...module_utils._step.lease import holder_of, lease_with
+from ...module_utils._step.objects import Object
+from .cache import Ref
+from .client import Kube
+from .connection import ApiError
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ...module_utils._step.objects import Object
 
 IDENTITY = ("name", "namespace")
 Fields = dict[str, Any]  # FieldsV1

@@ -9,20 +9,13 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, is_terminating
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
-    IMAGE_ERRORS,
-    Verdict,
-    condition,
-    containers,
-    meta,
-    uid_of,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import HOPELESS
+from ...module_utils._common.poll import PASS
+from ...module_utils._step.objects import Object, is_terminating
+from .cache import Ref, View
+from .client import Kube
+from .connection import ApiError
+from .pods import IMAGE_ERRORS, Verdict, condition, containers, meta, uid_of
+from .probe_events import HOPELESS
 
 SHOWN = 12  # lines of a progress message
 LOG_LINES, TELLING_LINES = 200, 5  # that are read of a log, and that are told

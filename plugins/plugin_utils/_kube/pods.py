@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, is_terminating, name_of
+from ...module_utils._common.poll import FAIL, WAIT
+from ...module_utils._step.objects import Object, is_terminating, name_of
 
 # The kubelet says so itself: nothing changes until somebody changes the image, the configuration or the cluster.
 IMAGE_ERRORS = frozenset(

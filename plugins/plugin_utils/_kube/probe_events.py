@@ -14,11 +14,11 @@ import math
 import re
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta, uid_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import SIDECAR
+from ...module_utils._step.objects import Object, name_of
+from .._model.names import SIDECAR
+from .client import Kube
+from .connection import ApiError
+from .pods import meta, uid_of
 
 HOPELESS = "cannot become ready: "
 COMBINED = "(combined from similar events): "  # what the kubelet puts in front of the tenth of its kind

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, is_terminating
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import containers, meta
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ...module_utils._step.objects import Object, is_terminating
+from .._model import names
+from .pods import containers, meta
 
 TODO = "give the image a version of its own, or delete the pod while the robot rests"
 # A node, and an image's name -> IDs that it may have there; nothing where nobody knows.

@@ -15,25 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
-    Object,
-    is_ready,
-    is_terminating,
-    name_of,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, has_rollout, owned_by
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
-    REFUSED,
-    UNSCHEDULABLE,
-    Verdict,
-    condition,
-    controller_of,
-    meta,
-    trouble,
-    uid_of,
-    why_not_ready,
-)
+from ...module_utils._common.poll import FAIL, PASS, WAIT
+from ...module_utils._step.objects import Object, is_ready, is_terminating, name_of
+from .cache import Ref, View, has_rollout, owned_by
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, condition, controller_of, meta, trouble, uid_of, why_not_ready
 
 REVISION = "deployment.kubernetes.io/revision"
 HASH = "controller-revision-hash"

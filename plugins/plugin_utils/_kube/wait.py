@@ -12,39 +12,20 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT, overall
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
-    Object,
-    is_ready,
-    name_of,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View, targets_for
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import PATIENCE, ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.message import Row, cause_first, notes_on, progress
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
-    REFUSED,
-    UNSCHEDULABLE,
-    Verdict,
-    error_end,
-    grace_of,
-    is_up,
-    restarts,
-    sidecars,
-    uid_of,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.probe_events import HOPELESS, ProbeNews
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import (
-    Tracker,
-    judge,
-    leaving_pods,
-    present_pods,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.watch import StreamEvent, Watch
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import SIDECAR
+from ...module_utils._common.documents import Result
+from ...module_utils._common.errors import NotReadyError
+from ...module_utils._common.poll import FAIL, PASS, WAIT, overall
+from ...module_utils._step.objects import Object, is_ready, name_of
+from .._model.names import SIDECAR
+from .cache import Ref, View, targets_for
+from .client import Kube
+from .connection import PATIENCE, ApiError
+from .message import Row, cause_first, notes_on, progress
+from .pods import REFUSED, UNSCHEDULABLE, Verdict, error_end, grace_of, is_up, restarts, sidecars, uid_of
+from .probe_events import HOPELESS, ProbeNews
+from .resources import Target
+from .verdicts import Tracker, judge, leaving_pods, present_pods
+from .watch import StreamEvent, Watch
 
 SAY_SECONDS = 10.0  # below the idle time-outs of the tools that run playbooks
 BEGUN_SECONDS = 1.0  # after that what runs has found its command

@@ -13,15 +13,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import (
-    BROKEN,
-    FIRST_PAUSE,
-    LONGEST_PAUSE,
-    ApiConnection,
-    ApiError,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.resources import Target
+from ...module_utils._step.objects import Object
+from .connection import BROKEN, FIRST_PAUSE, LONGEST_PAUSE, ApiConnection, ApiError
+from .resources import Target
 
 # The server ends a watch after that time and it is resumed where it stood. So a link that died without a word is
 # noticed READ_SLACK later, and not after the operating system's quarter of an hour.

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ...module_utils._common.documents import Variables
+from ...module_utils._common.errors import SpecError
 
 
 def address(host: str, hostvars: Mapping[str, Variables]) -> str:

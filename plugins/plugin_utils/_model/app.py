@@ -11,22 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, TypedDict
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LIVENESS_LEAST, LIVENESS_TIMEOUT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, FORMS, Form, whole
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Follows, either
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import default_mount_path, ros_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import (
-    USUAL,
-    Count,
-    GraphName,
-    NotNegative,
-    Positive,
-    Readiness,
-    Scalar,
-    When,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.sharing import unshared, unshared_volume
+from ...module_utils._common.documents import Variables
+from ...module_utils._step.words import LIVENESS_LEAST, LIVENESS_TIMEOUT
+from .formats import FILLED, FORMS, Form, whole
+from .keys import Follows, either
+from .names import default_mount_path, ros_name
+from .readiness import USUAL, Count, GraphName, NotNegative, Positive, Readiness, Scalar, When
+from .sharing import unshared, unshared_volume
 
 # A handoff follows from what the app does on the graph: two publishers or services of one name live side by side for a
 # moment, two action servers lose goals, and without a pattern nothing may be assumed. What two pods cannot have at once

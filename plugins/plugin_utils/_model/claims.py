@@ -12,7 +12,7 @@ import re
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.names import claim_name, robot_namespace
+from .names import claim_name, robot_namespace
 
 _LABEL = "[a-z0-9](?:[-a-z0-9]{0,61}[a-z0-9])?"  # RFC 1123, as Kubernetes names namespaces
 _DIRECTORY = re.compile(rf"(?P<pv>pvc-{_LABEL})_(?P<namespace>{_LABEL})_(?P<claim>{_LABEL})")

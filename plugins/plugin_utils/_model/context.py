@@ -14,13 +14,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Volume
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Follows, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import When
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
+from ...module_utils._common.documents import Variables
+from ...module_utils._ros.names import resolve
+from . import names
+from .app import App, Volume
+from .keys import Follows, read
+from .readiness import When
+from .windows import ALWAYS, Windows
 
 _NAMESPACE = re.compile(r"(?:^|\s)__ns:=([\w/]+)")
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
+from ...module_utils._common.documents import Result, Variables
+from ...module_utils._common.errors import SpecError
+from .context import Robot
+from .keys import plain, read
+from .topology import ClusterPart
 
 VARIABLE = "fleet"
 UNNAMED = "fleet"  # the name of a fleet whose inventory says no `fleet_name`

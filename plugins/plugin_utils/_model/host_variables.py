@@ -10,8 +10,9 @@ from typing import Any
 
 from ansible.template import Templar
 from ansible.vars.hostvars import HostVars
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._upstream import ansible_core
+
+from ...module_utils._common.documents import Result, Variables
+from .._upstream import ansible_core
 
 
 class HostVariables(Mapping[str, Variables]):

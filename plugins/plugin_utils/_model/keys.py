@@ -29,8 +29,8 @@ from typing import (
     is_typeddict,
 )
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, words
+from ...module_utils._common.documents import Variables
+from .formats import FORMS, words
 
 T = TypeVar("T")
 

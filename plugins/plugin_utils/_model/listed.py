@@ -9,7 +9,8 @@ import re
 from typing import Any
 
 import yaml
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+
+from ...module_utils._common.errors import SpecError
 
 WAVE = re.compile(r"[1-9][0-9]*|(0*[1-9][0-9]?|100)%")
 

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
+from ...module_utils._common.documents import Variables
+from ...module_utils._step.objects import Object
 
 # Fields whose entries are told apart by something other than `name`; the first key that all entries have wins.
 MERGE_KEYS: dict[str, tuple[str, ...]] = {

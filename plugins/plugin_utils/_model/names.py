@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step import words
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import record_name
+from ...module_utils._step import words
+from ...module_utils._step.record import record_name
 
 MANAGER = words.MANAGER
 FLEET_NAMESPACE = words.FLEET

@@ -8,7 +8,7 @@ from __future__ import annotations
 import graphlib
 from collections.abc import Iterable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+from ...module_utils._common.errors import SpecError
 
 
 def in_order(needs: Mapping[str, Iterable[str]]) -> list[str]:

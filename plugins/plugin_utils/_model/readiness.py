@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Required, TypedDict
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, FORMS, number, whole
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import either
+from ...module_utils._common.documents import Variables
+from .formats import FILLED, FORMS, number, whole
+from .keys import either
 
 GraphName = Annotated[str, FORMS["graph-name"]]
 Filled = Annotated[str, FILLED]

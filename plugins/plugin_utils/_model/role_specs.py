@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from ansible.module_utils.common.yaml import yaml_load
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
+
+from ...module_utils._common.documents import Arguments
+from ...module_utils._common.errors import SpecError
 
 Option = Arguments  # of a role, or what a mapping of it may hold
 # By the place of the code and not of the play: playbooks of somebody else validate, too.

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown
+from ...module_utils._common.documents import Variables
+from .finding import Problem, shown
 
 EDGE_CLUSTER = "edge"
 MODES = ("agent", "standalone")

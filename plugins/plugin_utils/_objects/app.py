@@ -9,14 +9,14 @@ import json
 import re
 from collections.abc import Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step import words
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+from ...module_utils._common.errors import SpecError
+from ...module_utils._step import words
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.app import App
+from .._model.context import Robot
+from .._model.merge import deep_merge
+from .common import (
     RECREATE_STRATEGY,
     annotate,
     canonical_hash,
@@ -27,20 +27,12 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common impor
     variable,
     workload,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_volumes
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
-    app_probes,
-    code_mount,
-    code_volume,
-    command_probes,
-    exec_command,
-    launch_args,
-    literal,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import app_settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import container_ports
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import ALL, APPS, harden
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.sidecar import asking_fields, sidecar
+from .files import file_volumes
+from .pod_code import app_probes, code_mount, code_volume, command_probes, exec_command, launch_args, literal
+from .pod_settings import app_settings
+from .ports import container_ports
+from .security import ALL, APPS, harden
+from .sidecar import asking_fields, sidecar
 
 REVISION_LENGTH = 8
 _REFERENCE = re.compile(r"\$\(([-._a-zA-Z0-9]+)\)")  # kubernetes.io, "Define Dependent Environment Variables"

@@ -9,8 +9,8 @@ import functools
 import re
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod import run
+from ...module_utils._common.errors import SpecError
+from ...module_utils._pod import run
 
 MODULE_UTILS = Path(run.__file__).resolve().parents[1]
 ENTRY = "run.py"

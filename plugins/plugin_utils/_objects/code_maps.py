@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, owner_labels
+from ...module_utils._step.objects import Object
+from .._model import names
+from .._model.context import Robot
+from .common import config_map, owner_labels
 
 
 def code_maps(robot: Robot, code: Mapping[str, str]) -> list[Object]:

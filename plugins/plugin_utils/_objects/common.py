@@ -10,8 +10,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
+from ...module_utils._step.objects import Object
+from .._model import names
 
 REVISION_HISTORY = 3
 PROGRESS_DEADLINE = 300  # seconds

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import USUAL
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_deployment
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import full_name
+from ...module_utils._ros.names import resolve
+from .._model import context, names
+from .._model.app import App
+from .._model.context import Robot
+from .._model.readiness import USUAL
+from .app import app_deployment
+from .pod_settings import full_name
 
 
 def graph_conditions(robot: Robot) -> dict[str, Any]:

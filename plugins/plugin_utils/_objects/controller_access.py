@@ -9,9 +9,9 @@ keeper's Role has, too.
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import RBAC, Rule, rights
+from ...module_utils._step.objects import Object
+from .common import made
+from .rights import RBAC, Rule, rights
 
 NAME = "rosops-fleet-controller"
 NAMESPACE = "kube-system"

@@ -9,13 +9,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter.server import HEALTHY, PATH, PORT, READY
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Volume
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
+from ...module_utils._exporter.server import HEALTHY, PATH, PORT, READY
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.app import Volume
+from .._model.context import Robot
+from .._model.formats import quantity_value
+from .common import (
     ONE_HEAP,
     canonical_hash,
     config_map,

@@ -11,16 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    canonical_hash,
-    config_map,
-    mount,
-    owner_labels,
-)
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.app import App
+from .._model.context import Robot
+from .common import canonical_hash, config_map, mount, owner_labels
 
 DIGITS = 8  # of the content's hash
 

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
+from .._model import names
+from .._model.context import Robot
+from .app import app_objects
+from .master import master_objects
 
 
 def images(robot: Robot, placement: str | None = None) -> list[str]:

@@ -5,25 +5,12 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    FOR_EVER,
-    ONE_HEAP,
-    field_variable,
-    mount,
-    node_selector,
-    pod_spec,
-    variable,
-    workload,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
-    code_command,
-    code_mount,
-    code_volume,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import served
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.context import Robot
+from .common import FOR_EVER, ONE_HEAP, field_variable, mount, node_selector, pod_spec, variable, workload
+from .pod_code import code_command, code_mount, code_volume
+from .security import served
 
 RECORD_VOLUME = "record"
 RECORD_DIR = "/var/lib/rosops-fleet"

@@ -11,11 +11,11 @@ namespaces, nor does its pod change with every robot that is added.
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, made, owner_labels
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.rights import Rule, rights
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.context import Robot
+from .common import config_map, made, owner_labels
+from .rights import Rule, rights
 
 GO_BACK: tuple[Rule, ...] = (
     ("apps", ["deployments"], ["get", "list", "patch"]),

@@ -9,17 +9,12 @@ goes first, and the master once the new keeper is ready, which it is not before 
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    field_variable,
-    node_selector,
-    pod_spec,
-    workload,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import served
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.context import Robot
+from .common import field_variable, node_selector, pod_spec, workload
+from .keeper import keeper_objects
+from .security import served
 
 # roscore hands -t (socket time-out of the master's calls to nodes, s) and -w (worker threads) on to rosmaster: three
 # hung subscribers then delay a new publisher by 0.4 s instead of 12 s. Both flags: `roscore --help` of ros_comm 1.15.

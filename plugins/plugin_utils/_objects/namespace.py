@@ -13,15 +13,15 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import Volume
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made, owner_labels
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import pod_security_labels
+from ...module_utils._common.documents import Variables
+from ...module_utils._common.errors import SpecError
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.app import Volume
+from .._model.context import Robot
+from .common import made, owner_labels
+from .keeper_access import keeper_access
+from .security import pod_security_labels
 
 
 def namespace_objects(robot: Robot) -> list[Object]:

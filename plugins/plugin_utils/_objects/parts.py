@@ -7,21 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_files import app_files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.code_maps import code_maps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper_access import keeper_access
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import master_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import (
-    namespace_objects,
-    pull_secret_objects,
-    storage_objects,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
+from ...module_utils._common.documents import Variables
+from ...module_utils._step.objects import Object
+from .._model.context import Robot
+from .app import app_objects
+from .code_files import app_files
+from .code_maps import code_maps
+from .files import file_maps
+from .keeper_access import keeper_access
+from .master import master_objects
+from .namespace import namespace_objects, pull_secret_objects, storage_objects
+from .ports import port_services
 
 NAMESPACE, STORAGE, MASTER, APPS, READY = PARTS = ("namespace", "storage", "master", "apps", "ready")
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.exec import AFTER
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Launch
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, exec_probe, mount
+from ...module_utils._pod.exec import AFTER
+from ...module_utils._step.objects import Object
+from .._model import names
+from .._model.app import App, Launch
+from .common import FOR_EVER, exec_probe, mount
 
 STARTED_TIMEOUT = 45  # s; `started` ends long before
 COMMAND_TIMEOUT = 5  # s; Kubernetes' own 1 s is too short for a process that starts on a loaded robot

@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import ReadyTopic
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import probe_command
+from ...module_utils._ros.names import resolve
+from .._model import context
+from .._model.app import App
+from .._model.context import Robot
+from .._model.readiness import ReadyTopic
+from .pod_code import probe_command
 
 
 def app_settings(app: App, robot: Robot) -> dict[str, Any]:

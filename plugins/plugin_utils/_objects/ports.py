@@ -8,11 +8,11 @@ The Service asks each pod for a port by its name: while two versions are there, 
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made, object_labels, pod_selector
+from ...module_utils._step.objects import Object
+from .._model import context
+from .._model.app import App
+from .._model.context import Robot
+from .common import made, object_labels, pod_selector
 
 
 def container_ports(app: App) -> list[Object]:

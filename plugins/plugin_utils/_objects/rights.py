@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import made
+from ...module_utils._step.objects import Object
+from .common import made
 
 RBAC = "rbac.authorization.k8s.io"
 Rule = tuple[str, Sequence[str], Sequence[str]]  # an API group, kinds of it, and what may be done with them

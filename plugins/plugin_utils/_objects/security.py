@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Variables
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import cluster_service, hashed
+from ...module_utils._common.documents import Variables
+from ...module_utils._step.objects import Object
+from .._model import context
+from .._model.app import App
+from .._model.context import Robot
+from .._model.merge import deep_merge
+from .common import cluster_service, hashed
 
 ALL = ("ALL",)
 # Of an app, whose image is not ours and mostly runs as root: what a ROS node has no use for. Raw sockets let a pod

@@ -11,19 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import PORT
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import FOR_EVER, ONE_HEAP
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import (
-    STARTED_TIMEOUT,
-    begin_after,
-    code_command,
-    code_mount,
-    steady_probe,
-)
+from ...module_utils._pod.sidecar import PORT
+from ...module_utils._step.objects import Object
+from .._model import context, names
+from .._model.app import App
+from .._model.context import Robot
+from .common import FOR_EVER, ONE_HEAP
+from .pod_code import STARTED_TIMEOUT, begin_after, code_command, code_mount, steady_probe
 
 # At rest a bare interpreter; a look at the graph, or a stop, is a second one for as long as it lasts.
 RESOURCES = {"requests": {"cpu": "5m", "memory": "16Mi"}, "limits": {"memory": "96Mi"}}

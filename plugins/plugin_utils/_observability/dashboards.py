@@ -14,9 +14,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, shown
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.templates import Config
+from ...module_utils._common.errors import SpecError
+from .._model.finding import Problem, shown
+from .templates import Config
 
 # Kubernetes' own limit on what a ConfigMap holds: keys and values. Server-side apply keeps no second copy in an
 # annotation, so this is the only one; `kubectl apply` without it ends at 262144 bytes.

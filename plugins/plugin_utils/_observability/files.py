@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.dashboards import Dashboard, checked
+from ...module_utils._common.errors import SpecError
+from .dashboards import Dashboard, checked
 
 # By the place of the code and not of the play: the role's tasks run inside other roles', too.
 FILES = Path(__file__).resolve().parents[3] / "roles" / "observability" / "files"

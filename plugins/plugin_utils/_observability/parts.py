@@ -10,30 +10,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import (
-    APP_OF_POD,
-    PATH,
-    ROBOT_OF_NAMESPACE,
-    STREAM_LABELS,
-    anchored,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.scrape import (
-    prometheus_config,
-    vmagent_config,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import (
-    Spec,
-    hub_url,
-    retention_size,
-    runs,
-    store_size,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.templates import Config, filled, yaml_text
+from ...module_utils._step.objects import Object
+from .._model.merge import deep_merge
+from . import names as obs
+from . import workload
+from .files import Files
+from .pod_labels import APP_OF_POD, PATH, ROBOT_OF_NAMESPACE, STREAM_LABELS, anchored
+from .scrape import prometheus_config, vmagent_config
+from .spec import Spec, hub_url, retention_size, runs, store_size
+from .templates import Config, filled, yaml_text
 
 RULES = {obs.PROMETHEUS: "prometheus-rules", obs.LOKI: "loki-rules"}  # ConfigMaps
 STATE = "/var/lib/rosops-fleet/log-shipper"  # on the host

@@ -13,15 +13,12 @@ import functools
 import re
 from collections.abc import Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._exporter import bounds
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.pod_labels import (
-    APP_OF_POD,
-    ROBOT_OF_NAMESPACE,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, runs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.templates import Config, filled
+from ...module_utils._exporter import bounds
+from .._model import names
+from . import names as obs
+from .pod_labels import APP_OF_POD, ROBOT_OF_NAMESPACE
+from .spec import Spec, runs
+from .templates import Config, filled
 
 ACCOUNT = "/var/run/secrets/kubernetes.io/serviceaccount"
 # What a pod may show in one look, by job: more than the exporter does (`bounds.MOST`, and a claim or update here and

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import completed, role_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
+from ...module_utils._common.errors import SpecError
+from .._model.formats import quantity_value
+from .._model.role_specs import completed, role_options
+from . import names as obs
 
 Spec = Mapping[str, Any]  # the role's variables
 

@@ -12,15 +12,15 @@ import base64
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import owner_labels
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import workload
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.files import Files
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.parts import RULES, part_objects, stack_pods
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec, runs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.templates import yaml_text
+from ...module_utils._common.errors import SpecError
+from ...module_utils._step.objects import Object
+from .._objects.common import owner_labels
+from . import names as obs
+from . import workload
+from .files import Files
+from .parts import RULES, part_objects, stack_pods
+from .spec import Spec, runs
+from .templates import yaml_text
 
 # Who is asked for what comes before who asks.
 ORDER = (

@@ -8,18 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects import common
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import (
-    annotate,
-    canonical_hash,
-    node_selector,
-    object_labels,
-    pod_selector,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability.spec import Spec
+from ...module_utils._step.objects import Object
+from .._model.merge import deep_merge
+from .._objects import common
+from .._objects.common import annotate, canonical_hash, node_selector, object_labels, pod_selector
+from . import names as obs
+from .spec import Spec
 
 # A process that needs nothing of its host but what is mounted into it.
 UNPRIVILEGED = {

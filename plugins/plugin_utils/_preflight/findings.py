@@ -11,23 +11,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.k3s_defaults import (
-    CGROUP_V2_FROM,
-    EVICTION_FREE_PERCENT,
-    IMAGE_GC_USED_PERCENT,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.machines import MACHINES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import version
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding import (
-    ERROR,
-    WARNING,
-    Finding,
-    error,
-    warning,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.network import network_findings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import Requirements
+from ...module_utils._common.documents import Result
+from .._model.k3s_defaults import CGROUP_V2_FROM, EVICTION_FREE_PERCENT, IMAGE_GC_USED_PERCENT
+from .._model.machines import MACHINES
+from .._model.versions import version
+from .finding import ERROR, WARNING, Finding, error, warning
+from .network import network_findings
+from .requirements import Requirements
 
 CONTROLLERS = ("cpu", "cpuset", "memory", "pids")
 ANSWERS = ("open", "refused")

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.finding import Finding, warning
-from ansible_collections.rosops.fleet.plugins.plugin_utils._preflight.requirements import Requirements
+from ...module_utils._common.documents import Result
+from .finding import Finding, warning
+from .requirements import Requirements
 
 PORTS = {
     "server": "6443/tcp (API), 10250/tcp (kubelet), 8472/udp (flannel), with several servers 2379-2380/tcp (etcd)",

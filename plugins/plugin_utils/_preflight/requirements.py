@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Variables
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.addresses import address
+from ...module_utils._common.documents import Arguments, Variables
+from .._model.addresses import address
 
 API = 6443
 ETCD = (2379, 2380)

@@ -11,9 +11,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._rehearsal import stand_in
-from ansible_collections.rosops.fleet.plugins.plugin_utils._rehearsal.recording import Part
+from ...module_utils._common.errors import SpecError
+from ...module_utils._rehearsal import stand_in
+from .recording import Part
 
 Item = Mapping[str, Any]  # of ros_apps
 

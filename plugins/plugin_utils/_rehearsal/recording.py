@@ -13,10 +13,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import stable
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import LOGGERS, is_tool, known
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, Topic, host_of, names_of
+from ...module_utils._common.errors import SpecError
+from ...module_utils._pod.launch import stable
+from ...module_utils._ros.contract import LOGGERS, is_tool, known
+from ...module_utils._ros.graph import Graph, Topic, host_of, names_of
 
 KIND, VERSION = "rosops.fleet/recording", 1
 OTHERS = "rehearsal-others"  # plays the nodes that are no app's

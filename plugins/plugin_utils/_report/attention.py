@@ -9,18 +9,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import singledispatch
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, OFFLINE
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import (
-    BAD,
-    WARN,
-    hosts_away,
-    is_unknown,
-    level,
-    used_share,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row, Status, logs_of, some
+from .._model import names
+from .._model.outcomes import BUSY, OFFLINE
+from . import rows
+from .glance import BAD, WARN, hosts_away, is_unknown, level, used_share
+from .rows import Row, Status, logs_of, some
 
 RUNBOOKS = "https://github.com/rosops/fleet/blob/main/docs/runbooks"  # as in the alerts' rules
 OURS = frozenset({"site.yml", "update.yml", "rollback.yml"})  # playbooks that a user may run again by their name

@@ -10,13 +10,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_runs, kept_steps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
+from ...module_utils._common.errors import FleetError, KubeError
+from ...module_utils._step.objects import Object
+from .._kube.client import Kube
+from .._model import names
+from .._update.events import EVENTS_NAME
+from .host_run import HostRun
+from .kept import REF, kept_runs, kept_steps
 
 SECONDS = 60.0
 MOST_AT_ONCE = 16

@@ -10,7 +10,8 @@ import os
 from pathlib import Path
 
 from ansible import constants as C  # noqa: N812 - its customary name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import Noted
+
+from .host_run import Noted
 
 RUN = "rosops-fleet-run.json"  # of the run at hand, in Ansible's temporary directory of it
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.checks import RATE_TOLERANCE
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Row, Status, some
+from ...module_utils._ros.checks import RATE_TOLERANCE
+from .._model.formats import quantity_value
+from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK
+from . import rows
+from .rows import SHARED, Row, Status, some
 
 OK, WARN, BAD = "ok", "warn", "bad"
 NEARLY_FULL = 0.9

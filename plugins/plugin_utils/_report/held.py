@@ -12,29 +12,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from itertools import chain
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
-    Object,
-    app_of,
-    is_ready,
-    is_terminating,
-    labels_of,
-    name_of,
-)
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import ways_back
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, View
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import (
-    condition,
-    last_end,
-    meta,
-    why_not_ready,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, Outdated
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.verdicts import judge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, OfRobot, Status, Trouble, logs_of
+from ...module_utils._common.poll import PASS
+from ...module_utils._step.objects import Object, app_of, is_ready, is_terminating, labels_of, name_of
+from ...module_utils._step.update_record import ways_back
+from .._kube.cache import Ref, View
+from .._kube.pods import condition, last_end, meta, why_not_ready
+from .._kube.running import TODO, Outdated
+from .._kube.verdicts import judge
+from .._model import names
+from .._objects.exporter import NAME as EXPORTER_NAME
+from . import rows
+from .rows import SHARED, OfRobot, Status, Trouble, logs_of
 
 # Labels that Kubernetes and k3s put on every node; what is left is what somebody chose.
 BUILT_IN_LABELS = ("kubernetes.io", "k8s.io", "k3s.io", "k3s.cattle.io", "node.kubernetes.io")

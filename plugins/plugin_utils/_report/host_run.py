@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import LastRun, Step, Trouble
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+from .._update.outcome import RobotOutcome, StepResult
+from .rows import LastRun, Step, Trouble
 
 # Runs that only look. Whoever looks twice still wants to know what became of the last change.
 LOOKING = frozenset({"status.yml", "validate.yml"})

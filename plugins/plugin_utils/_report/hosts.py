@@ -9,18 +9,18 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object, name_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import ClusterPart
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.look import Asked
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import Result, message_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import apps_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import SHARED, Promise, Trouble, Workload
+from ...module_utils._step.objects import Object, name_of
+from .._kube.pods import meta
+from .._model import names
+from .._model.context import Robot, master_namespace
+from .._model.fleet import Fleet
+from .._model.topology import ClusterPart
+from .._objects.pod_settings import promised
+from . import rows
+from .look import Asked
+from .results import Result, message_of
+from .ros_graph import apps_of
+from .rows import SHARED, Promise, Trouble, Workload
 
 TIMED_OUT = (124, 137)  # how timeout(1) ends after SIGTERM, and after SIGKILL
 # What a robot measures: local-path's directories are <volume>_<namespace>_<claim>.

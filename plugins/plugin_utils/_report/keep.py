@@ -8,13 +8,13 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.files import noted_run
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.kept import REF, kept_object, kept_part
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from ...module_utils._common.errors import KubeError
+from .._kube.client import Kube
+from .._kube.connection import ApiError
+from .._update.outcome import RobotOutcome
+from .files import noted_run
+from .host_run import HostRun
+from .kept import REF, kept_object, kept_part
 
 PATIENCE = 10.0  # for a word about what is over
 

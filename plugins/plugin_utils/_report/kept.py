@@ -14,14 +14,14 @@ import time
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import RUNNING, WAITING
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import meta
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import Event, known_events
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome, StepResult
+from ...module_utils._step.objects import Object
+from ...module_utils._step.update_record import RUNNING, WAITING
+from .._kube.cache import Ref
+from .._kube.pods import meta
+from .._model import names
+from .._update.events import Event, known_events
+from .._update.outcome import RobotOutcome, StepResult
+from .host_run import HostRun
 
 REF = Ref("ConfigMap", "rosops-outcomes", "kube-system", "v1")
 REASON_KEPT = 500  # a ConfigMap holds 1 MiB, and a fleet has many hosts

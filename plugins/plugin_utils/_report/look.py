@@ -13,11 +13,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import held, host_run, ros_graph
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.ros_graph import Graphs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status, Trouble
+from .._model.keys import plain, read
+from . import held, host_run, ros_graph
+from .host_run import HostRun
+from .ros_graph import Graphs
+from .rows import Status, Trouble
 
 
 @dataclass(frozen=True)

@@ -16,20 +16,13 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import attention
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import counts, host_lines, hosts_off, level
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row, Status
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import (
-    SECTIONS,
-    Columns,
-    Source,
-    columns,
-    grid,
-    rate_words,
-    words,
-)
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
+
+from .attention import attention
+from .glance import counts, host_lines, hosts_off, level
+from .rows import Row, Status
+from .text import SECTIONS, Columns, Source, columns, grid, rate_words, words
 
 UNFOLDED = 40  # a table of more rows is folded until somebody wants it
 LONG = 28  # characters of a word from which it may be broken anywhere

@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED, UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import note_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import Ready, Rollout
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import table
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from .._model.keys import plain
+from .._model.outcomes import UNCHANGED, UPDATED
+from .._update.outcome import RobotOutcome
+from .host_run import note_of
+from .results import Ready, Rollout
+from .text import table
 
 # In check mode nothing was changed, so the screen says it in the conditional; the file keeps the words of outcomes.
 WOULD = {UPDATED: "would change", UNCHANGED: "would not change"}

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import OUTCOMES
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from .._model.outcomes import OUTCOMES
+from .._update.outcome import RobotOutcome
 
 Result = Mapping[str, Any]  # of a task, as Ansible has it
 

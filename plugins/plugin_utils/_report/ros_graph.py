@@ -14,18 +14,12 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Result
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import ACTION_TOPICS
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, NodeKey, Topic, host_of, names_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import (
-    SHARED,
-    Promise,
-    Trouble,
-    Workload,
-    logs_of,
-)
+from ...module_utils._common.documents import Result
+from ...module_utils._ros.contract import ACTION_TOPICS
+from ...module_utils._ros.graph import Graph, NodeKey, Topic, host_of, names_of
+from .._model.keys import read
+from . import rows
+from .rows import SHARED, Promise, Trouble, Workload, logs_of
 
 PLUMBING_TOPICS = frozenset({"/rosout", "/rosout_agg", "/clock"})
 Owner = tuple[str, str]  # robot, app

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import plain
+from .._model import names
+from .._model.keys import plain
 
 SHARED = "(shared)"  # whose the graph of a shared master is, and an app of the whole fleet
 NAMED = 6  # a line has no room for the names of a whole fleet

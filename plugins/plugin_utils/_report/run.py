@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import outcomes
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import report, results
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.host_run import HostRun, Noted
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.results import Result
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
+from .._model import outcomes
+from .._update.outcome import RobotOutcome
+from . import report, results
+from .host_run import HostRun, Noted
+from .results import Result
 
 SLOWEST = 10
 CHANGED_KEPT = 100

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import datetime
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.attention import Finding, attention
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import BAD, counts
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Status
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.text import words
+from .attention import Finding, attention
+from .glance import BAD, counts
+from .rows import Status
+from .text import words
 
 TABLES = "All tables: the same with -v."
 

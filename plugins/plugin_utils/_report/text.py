@@ -9,10 +9,10 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report import rows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.glance import OK, level
-from ansible_collections.rosops.fleet.plugins.plugin_utils._report.rows import Row, Status
+from ...module_utils._common.printable import printable
+from . import rows
+from .glance import OK, level
+from .rows import Row, Status
 
 WIDTH = 120
 GAP = "  "

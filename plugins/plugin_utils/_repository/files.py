@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
+from ...module_utils._common.errors import FleetError
 
 
 class Change(NamedTuple):

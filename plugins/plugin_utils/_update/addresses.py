@@ -15,10 +15,10 @@ from dataclasses import replace
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from .._model import context, names
+from .._model.context import Robot
+from .._objects.exporter import NAME as EXPORTER_NAME
+from .world import Live, Object
 
 NAMES = (names.MASTER_NAME, names.KEEPER_NAME)
 SERVING = (*NAMES, EXPORTER_NAME)  # what only serves the apps

@@ -8,36 +8,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Record, mark_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import run_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update import step as decide
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.beside import beside, early, took_over
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import NOTHING, StaysError, StepChange, Turn
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import MASTER_SECONDS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import (
-    Bounds,
-    found_good,
-    fulfilled,
-    marked,
-    step_objects,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import WAITING, StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import identity, key_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
-    Calm,
-    CancelledError,
-    LostError,
-    Object,
-    Seen,
-)
+from ...module_utils._common.errors import FleetError, NotReadyError, RosError
+from ...module_utils._common.poll import FAIL, PASS, WAIT
+from ...module_utils._step.record import Record, mark_of
+from ...module_utils._step.update_record import run_of
+from ...module_utils._step.words import SOAKING
+from .._model import names
+from .._model.outcomes import UPDATED
+from .._objects.pod_settings import promised
+from . import step as decide
+from .beside import beside, early, took_over
+from .change import NOTHING, StaysError, StepChange, Turn
+from .hands import MASTER_SECONDS
+from .manifests import Bounds, found_good, fulfilled, marked, step_objects
+from .outcome import WAITING, StepResult
+from .plan import Step
+from .rest import BusyError, Rest
+from .revisions import identity, key_of
+from .world import Calm, CancelledError, LostError, Object, Seen
 
 NO_WAY_BACK = "no version of it was ever proven, so it stays as it is; another version takes its place"
 WITHDRAWN = "the new version, which had not begun, was taken back"

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import OVERLAP_STRATEGY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_code import waits_for_the_old
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import with_strategy
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import new_containers
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object
+from ...module_utils._step.objects import app_of
+from .._objects.app import OVERLAP_STRATEGY
+from .._objects.pod_code import waits_for_the_old
+from .manifests import with_strategy
+from .plan import Step
+from .step import new_containers
+from .world import Calm, Object
 
 
 def early(step: Step, calm: Calm, kept: bool = True) -> list[Object]:

@@ -24,31 +24,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.access import ServersAwayError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
-    BUSY,
-    FAILED,
-    OFFLINE,
-    ROLLED_BACK,
-    UPDATED,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import UNPROVEN, WAITING, StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import BusyError, Rest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import NO_GRAPH, with_rates
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
-    AwayError,
-    CancelledError,
-    Graph,
-    HeldError,
-    LostError,
-    Object,
-    World,
-)
+from ...module_utils._common.errors import FleetError
+from .._kube.access import ServersAwayError
+from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UPDATED
+from .events import step_id
+from .hands import Hands
+from .outcome import UNPROVEN, WAITING, StepResult
+from .plan import Step
+from .rest import BusyError, Rest
+from .settings import Settings
+from .step import NO_GRAPH, with_rates
+from .world import AwayError, CancelledError, Graph, HeldError, LostError, Object, World
 
 # The outcome of a change that an error ends: before the change has begun to write, and after that. Any other error is a
 # failure before it, and after it a reason to go back.

@@ -13,17 +13,17 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import KubeError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import LEASE, LEASE_SECONDS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.cache import Ref, parse_refs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube, ref_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.connection import ApiError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.lease import Lease
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.wait import WaitOptions, wait_for_rollout
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.ticker import ticking
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import HeldError, Live, LostError, Object
+from ...module_utils._common.errors import KubeError
+from ...module_utils._step.words import LEASE, LEASE_SECONDS
+from .._kube.applied import Applied
+from .._kube.cache import Ref, parse_refs
+from .._kube.client import Kube, ref_of
+from .._kube.connection import ApiError
+from .._kube.lease import Lease
+from .._kube.wait import WaitOptions, wait_for_rollout
+from .._model import names
+from .ticker import ticking
+from .world import HeldError, Live, LostError, Object
 
 RENEW_SECONDS = 5.0
 SURE_SECONDS = 10.0  # so long a write may be begun without asking: it may take a while to reach the API

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import hash_of, is_in
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import UNPROVEN, answer, soaks
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import foreign_fields, left_fields
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import key_of, read_records
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from ...module_utils._step.objects import hash_of, is_in
+from ...module_utils._step.record import UNPROVEN, answer, soaks
+from .._kube.managed_fields import foreign_fields, left_fields
+from .._model import names
+from .revisions import key_of, read_records
+from .world import Live, Object
 
 
 def suspects(wanted: Iterable[Object], live: Live) -> list[Object]:

@@ -31,66 +31,32 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError, SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import (
-    NEWS,
-    REASON_KEPT,
-    back_in_words,
-    ways_back,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import TODO, outdated
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, namespace_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UNCHANGED, UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.files import file_maps
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import removed_claims
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import READY, ground_objects, workload_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.ports import port_services
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import located, other_master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.app_change import AppChange
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import (
-    NOTHING,
-    Learned,
-    StepChange,
-    Turn,
-    word_of,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.drift import lost_services, suspects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME, events_map, known_events
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import INSTALL, claim_users, with_install
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install_change import InstallChange, all_ready
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import (
-    WAITING,
-    RobotOutcome,
-    StepResult,
-    robot_outcome,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import (
-    Plan,
-    Step,
-    update_plan,
-    wanted_deployments,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal import REMOVE, with_removals
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.removal_change import RemovalChange
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    Key,
-    files_owner,
-    key_of,
-    read_records,
-    unused,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import local_images
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
-    AwayError,
-    CancelledError,
-    Cluster,
-    HeldError,
-    Object,
-    World,
-)
+from ...module_utils._common.errors import FleetError, NotReadyError, SpecError
+from ...module_utils._step.update_record import NEWS, REASON_KEPT, back_in_words, ways_back
+from .._kube.running import TODO, outdated
+from .._model import names
+from .._model.context import Robot, namespace_of
+from .._model.outcomes import UNCHANGED, UPDATED
+from .._objects.files import file_maps
+from .._objects.namespace import removed_claims
+from .._objects.parts import READY, ground_objects, workload_objects
+from .._objects.ports import port_services
+from .addresses import located, other_master
+from .app_change import AppChange
+from .change import NOTHING, Learned, StepChange, Turn, word_of
+from .drift import lost_services, suspects
+from .events import EVENTS_NAME, events_map, known_events
+from .hands import Hands
+from .install import INSTALL, claim_users, with_install
+from .install_change import InstallChange, all_ready
+from .outcome import WAITING, RobotOutcome, StepResult, robot_outcome
+from .plan import Plan, Step, update_plan, wanted_deployments
+from .removal import REMOVE, with_removals
+from .removal_change import RemovalChange
+from .revisions import Key, files_owner, key_of, read_records, unused
+from .settings import Settings
+from .step import local_images
+from .world import AwayError, CancelledError, Cluster, HeldError, Object, World
 
 MOVED = (
     "the inventory has another one for them. A node cannot change its master while it works: take the apps out first "

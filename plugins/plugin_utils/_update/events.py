@@ -14,17 +14,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step import update_record
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import (
-    NEWS,
-    REASON_KEPT,
-    RUNNING,
-    closed,
-    data_of,
-    events_of,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
+from ...module_utils._step import update_record
+from ...module_utils._step.update_record import NEWS, REASON_KEPT, RUNNING, closed, data_of, events_of
+from .._model import names
+from .outcome import StepResult
 
 EVENTS_NAME = update_record.NAME
 ID_LENGTH = 12

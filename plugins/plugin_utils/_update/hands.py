@@ -8,21 +8,14 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot, master_namespace, master_uri
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import EVENTS_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
-    Cluster,
-    Graph,
-    Live,
-    Object,
-    Seen,
-    World,
-)
+from ...module_utils._common.errors import NotReadyError, RosError
+from ...module_utils._common.poll import FAIL, PASS, WAIT
+from .._kube.applied import Applied
+from .._model import names
+from .._model.context import Robot, master_namespace, master_uri
+from .._objects.namespace import needs_fleet_namespace
+from .events import EVENTS_NAME
+from .world import Cluster, Graph, Live, Object, Seen, World
 
 MASTER_SECONDS = 30.0
 SLICE = 8.0  # seconds of one wait on the robot; what is open is said after each

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError, RosError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.node import NodeImages
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Graph, Object, Seen
+from ...module_utils._common.errors import NotReadyError, RosError
+from ...module_utils._common.poll import FAIL, PASS, WAIT
+from .._images.node import NodeImages
+from .world import Calm, Graph, Object, Seen
 
 INTERVAL = 0.2
 RELEASE_SECONDS = 30.0  # for a keeper that a change of its host has just taken from the network

@@ -19,30 +19,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, KubeError, NotReadyError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import FAIL, PASS
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import CONTRACT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import config_map, owner_labels
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import Change, Ended
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.events import step_id
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import SLICE, Hands
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import wanted_before
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.rest import HOLD_SECONDS, BusyError, Rest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.settings import Settings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.step import actions_to_rest
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import (
-    AwayError,
-    Calm,
-    CancelledError,
-    Cluster,
-    Graph,
-    Object,
-    World,
-)
+from ...module_utils._common.errors import FleetError, KubeError, NotReadyError
+from ...module_utils._common.poll import FAIL, PASS
+from ...module_utils._ros import contract as ros_contract
+from ...module_utils._step.words import CONTRACT
+from .._model import names
+from .._model.context import Robot
+from .._objects.common import config_map, owner_labels
+from .change import Change, Ended
+from .events import step_id
+from .hands import SLICE, Hands
+from .outcome import StepResult
+from .plan import wanted_before
+from .rest import HOLD_SECONDS, BusyError, Rest
+from .settings import Settings
+from .step import actions_to_rest
+from .world import AwayError, Calm, CancelledError, Cluster, Graph, Object, World
 
 PAUSE = 1.0  # between two looks at what comes up
 

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import SERVING
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from ...module_utils._step.objects import app_of
+from .._model import names
+from .._model.context import Robot
+from .._objects.conditions import graph_conditions
+from .addresses import SERVING
+from .plan import Plan, Step
+from .revisions import deployments_of
+from .world import Live, Object
 
 INSTALL = "install"
 

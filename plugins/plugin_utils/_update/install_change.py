@@ -11,19 +11,19 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError, NotReadyError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import storage_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, workload_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import SERVING
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import StaysError, StepChange
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.install import members, promised
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.manifests import Bounds, installed, installing
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import deployments_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ...module_utils._common.errors import FleetError, NotReadyError
+from .._model import names
+from .._model.outcomes import UPDATED
+from .._objects.namespace import storage_objects
+from .._objects.parts import PARTS, workload_objects
+from .addresses import SERVING
+from .change import StaysError, StepChange
+from .hands import Hands
+from .install import members, promised
+from .manifests import Bounds, installed, installing
+from .outcome import StepResult
+from .revisions import deployments_of
+from .world import Object
 
 LOOK_SECONDS = 2.0  # of a look at what has had its time
 NO_MASTER = "run the stage master of rosops.fleet.site first"

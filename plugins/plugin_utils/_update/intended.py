@@ -8,13 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._robot.latched import worth_keeping
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended, matches
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, names_of
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
+from ...module_utils._robot.latched import worth_keeping
+from ...module_utils._ros.contract import Intended, matches
+from ...module_utils._ros.graph import Graph, names_of
+from ...module_utils._ros.names import resolve
+from .._model import context
+from .._model.app import App
+from .._model.context import Robot
 
 # Whether the keeper keeps it.
 LATCHED = {

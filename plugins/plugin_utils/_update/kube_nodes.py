@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.client import Kube
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.pods import condition
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.namespace import needs_fleet_namespace
+from ...module_utils._step.objects import Object
+from .._kube.client import Kube
+from .._kube.pods import condition
+from .._model import names
+from .._model.context import Robot
+from .._objects.namespace import needs_fleet_namespace
 
 SERVER_LABELS = ("node-role.kubernetes.io/control-plane", "node-role.kubernetes.io/master")
 

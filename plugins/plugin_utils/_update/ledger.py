@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import OFFLINE
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import COSTS_BUDGET, budget_left
+from .._model.outcomes import OFFLINE
+from .outcome import COSTS_BUDGET, budget_left
 
 NAME = "rosops-fleet-ledger.jsonl"
 FLEET = "the fleet's"  # the wave in which what belongs to all robots is changed, before any robot's own

@@ -8,21 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import NOTHING, Contract
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
-    annotations_of,
-    app_of,
-    ends_of,
-    revision_of,
-)
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Mark, Record, record_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import run_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import UPDATING
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.common import RECREATE_STRATEGY, object_labels
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import described
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Object
+from ...module_utils._ros.contract import NOTHING, Contract
+from ...module_utils._step.objects import annotations_of, app_of, ends_of, revision_of
+from ...module_utils._step.record import Mark, Record, record_of
+from ...module_utils._step.update_record import run_of
+from ...module_utils._step.words import UPDATING
+from .._model import names
+from .._objects.common import RECREATE_STRATEGY, object_labels
+from .plan import Step
+from .revisions import described
+from .world import Object
 
 HISTORY_KEPT = 5
 INSTALL = Contract(install=True)  # of what is only just to come

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import is_tool
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import host_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import node_of, suffix_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import on_demand
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Graph, Object
+from ...module_utils._pod.launch import LOGGERS, MANAGER, named, owner_of
+from ...module_utils._ros.contract import is_tool
+from ...module_utils._ros.graph import host_of
+from ...module_utils._step.objects import node_of, suffix_of
+from .._model import names
+from .._model.app import App
+from .intended import on_demand
+from .world import Graph, Object
 
 _HELD = "--replace="
 

@@ -8,7 +8,7 @@ It shows names and types: a device, a port or a file that both would write to it
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, names_of
+from ...module_utils._ros.graph import Graph, names_of
 
 # Who publishes one of these moves the robot, and who takes it obeys.
 MOVING = ("geometry_msgs/Twist", "geometry_msgs/TwistStamped", "trajectory_msgs/JointTrajectory")

@@ -10,17 +10,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.printable import printable
-from ansible_collections.rosops.fleet.plugins.module_utils._step import update_record
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import (
-    BUSY,
-    FAILED,
-    OFFLINE,
-    ROLLED_BACK,
-    UNCHANGED,
-    UPDATED,
-)
+from ...module_utils._common.errors import SpecError
+from ...module_utils._common.printable import printable
+from ...module_utils._step import update_record
+from .._model.outcomes import BUSY, FAILED, OFFLINE, ROLLED_BACK, UNCHANGED, UPDATED
 
 # The word that an operator has to know first stands first.
 WAITING = update_record.WAITING  # no outcome yet: the run comes back to this robot

@@ -12,43 +12,27 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import Intended
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, hash_of, node_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
-    UNKNOWN,
-    UNPROVEN,
-    Record,
-    answer,
-    mark_of,
-    soaks,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import in_order
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import app_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.conditions import graph_conditions
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.exporter import NAME as EXPORTER_NAME
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import keeper_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import ros_core_objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS, PARTS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import MASTER as MASTER_PART
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import intended
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import Launched, launched
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    Key,
-    deployments_of,
-    described,
-    identity,
-    kept,
-    key_of,
-    read_records,
-    working,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from ...module_utils._common.errors import SpecError
+from ...module_utils._ros.contract import Intended
+from ...module_utils._ros.names import resolve
+from ...module_utils._step.objects import app_of, hash_of, node_of
+from ...module_utils._step.record import UNKNOWN, UNPROVEN, Record, answer, mark_of, soaks
+from .._model import context, names
+from .._model.app import App
+from .._model.context import Robot
+from .._model.order import in_order
+from .._model.windows import ALWAYS, Windows
+from .._objects.app import app_objects
+from .._objects.conditions import graph_conditions
+from .._objects.exporter import NAME as EXPORTER_NAME
+from .._objects.keeper import keeper_objects
+from .._objects.master import ros_core_objects
+from .._objects.parts import APPS, PARTS
+from .._objects.parts import MASTER as MASTER_PART
+from .intended import intended
+from .nodes import Launched, launched
+from .revisions import Key, deployments_of, described, identity, kept, key_of, read_records, working
+from .world import Live, Object
 
 MASTER, KEEPER = names.MASTER_NAME, names.KEEPER_NAME
 PREVIOUS = "previous"

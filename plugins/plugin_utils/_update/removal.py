@@ -8,19 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of, handoff_of, node_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import APPS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.addresses import NAMES, SERVING
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Plan, Request, Step, wanted_before
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    described,
-    files_owner,
-    identity,
-    kept,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from ...module_utils._common.errors import SpecError
+from ...module_utils._step.objects import app_of, handoff_of, node_of
+from .._model.context import Robot
+from .._objects.parts import APPS
+from .addresses import NAMES, SERVING
+from .plan import Plan, Request, Step, wanted_before
+from .revisions import described, files_owner, identity, kept
+from .world import Live, Object
 
 REMOVE = "remove"
 ALL = "all"

@@ -8,15 +8,15 @@ There is no way back but the inventory. A pod that is told to end cannot be told
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common import poll
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import NotReadyError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.app_change import VERIFY_EXTRA, AppChange
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.change import StaysError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import own_nodes
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import identity
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Seen
+from ...module_utils._common import poll
+from ...module_utils._common.errors import NotReadyError
+from .._model import names
+from .app_change import VERIFY_EXTRA, AppChange
+from .change import StaysError
+from .nodes import own_nodes
+from .outcome import StepResult
+from .revisions import identity
+from .world import Seen
 
 LOOK_SECONDS = 0.5
 LEAVING = "it is there still, or ending; the next run goes on from there"

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._common.poll import PASS, WAIT
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.hands import Hands
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Object, Seen
+from ...module_utils._common.errors import FleetError
+from ...module_utils._common.poll import PASS, WAIT
+from .hands import Hands
+from .world import Calm, Object, Seen
 
 MARGIN = 2.0  # seconds beyond those for which something has to be quiet, to see that
 LOOK_SECONDS, LOOKS = 8.0, 50  # of one look at a robot that works, at least; about as many looks as that, at most

@@ -8,25 +8,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
-    annotations_of,
-    app_of,
-    is_ready,
-    name_of,
-    revision_of,
-)
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import (
-    GOING_BACK,
-    PROVEN,
-    UNKNOWN,
-    Record,
-    answer,
-    record_of,
-)
-from ansible_collections.rosops.fleet.plugins.module_utils._step.words import SOAKING, UPDATING, WENT_BACK
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.managed_fields import applied_part, foreign_fields
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Live, Object
+from ...module_utils._step.objects import annotations_of, app_of, is_ready, name_of, revision_of
+from ...module_utils._step.record import GOING_BACK, PROVEN, UNKNOWN, Record, answer, record_of
+from ...module_utils._step.words import SOAKING, UPDATING, WENT_BACK
+from .._kube.managed_fields import applied_part, foreign_fields
+from .._model import names
+from .world import Live, Object
 
 Key = tuple[str, str]  # namespace, name
 

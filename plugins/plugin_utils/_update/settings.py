@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.running import Known
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.parts import PARTS, READY
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import StepResult
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Request
+from .._kube.running import Known
+from .._objects.parts import PARTS, READY
+from .outcome import StepResult
+from .plan import Request
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import app_of
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import soaks
-from ansible_collections.rosops.fleet.plugins.module_utils._step.update_record import back_in_words, ways_back
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.outcomes import FAILED, ROLLED_BACK, UPDATED
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.outcome import RobotOutcome
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import read_records
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Clock, Cluster, Live, unheard
+from ...module_utils._step.objects import app_of
+from ...module_utils._step.record import soaks
+from ...module_utils._step.update_record import back_in_words, ways_back
+from .._model.outcomes import FAILED, ROLLED_BACK, UPDATED
+from .outcome import RobotOutcome
+from .revisions import read_records
+from .world import Clock, Cluster, Live, unheard
 
 LOOK_SECONDS = 5.0
 LATE = 60.0  # seconds: a keeper looks at one robot after the other, and each look may take its time

@@ -10,30 +10,20 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import contract as ros_contract
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.contract import NOTHING, Contract
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.graph import Graph, host_of, names_of
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import is_keeper
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import (
-    app_of,
-    crashes,
-)
-from ansible_collections.rosops.fleet.plugins.module_utils._step.record import Record
-from ansible_collections.rosops.fleet.plugins.plugin_utils._images.archive import normal_ref
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.intended import allowed
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.nodes import (
-    Launched,
-    Succession,
-    own_nodes,
-    succession,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.obstacles import obstacle
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.plan import Step
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.revisions import (
-    read_records,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._update.world import Calm, Live, Object
+from ...module_utils._ros import contract as ros_contract
+from ...module_utils._ros.contract import NOTHING, Contract
+from ...module_utils._ros.graph import Graph, host_of, names_of
+from ...module_utils._ros.names import is_keeper
+from ...module_utils._step.objects import app_of, crashes
+from ...module_utils._step.record import Record
+from .._images.archive import normal_ref
+from .._model import names
+from .intended import allowed
+from .nodes import Launched, Succession, own_nodes, succession
+from .obstacles import obstacle
+from .plan import Step
+from .revisions import read_records
+from .world import Calm, Live, Object
 
 AGAIN_AND_AGAIN, SHORT_LIFE = 3, 10.0  # restarts of a container, and seconds
 EVER = "1970-01-01T00:00:00+00:00"

@@ -13,11 +13,11 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import FleetError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros import graph as ros_graph
-from ansible_collections.rosops.fleet.plugins.module_utils._step import objects
-from ansible_collections.rosops.fleet.plugins.plugin_utils._kube.applied import Applied
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.windows import ALWAYS, Windows
+from ...module_utils._common.errors import FleetError
+from ...module_utils._ros import graph as ros_graph
+from ...module_utils._step import objects
+from .._kube.applied import Applied
+from .._model.windows import ALWAYS, Windows
 
 Object = objects.Object
 Graph = ros_graph.Graph

@@ -12,7 +12,8 @@ from typing import Any
 
 from ansible.executor.task_executor import TaskExecutor
 from ansible.playbook.task import Task
-from ansible_collections.rosops.fleet.plugins.module_utils._common.documents import Arguments, Result, Variables
+
+from ...module_utils._common.documents import Arguments, Result, Variables
 
 # --- a run ----------------------------------------------------------------------------------------------------------
 

@@ -14,18 +14,18 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.sidecar import PORT as SIDECAR_PORT
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import STOP_MARGIN, App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, repeated
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag, quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.app import plain_deployment
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launches import launch_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
+from ...module_utils._pod.sidecar import PORT as SIDECAR_PORT
+from ...module_utils._ros.names import resolve
+from .._model import context, names
+from .._model.app import STOP_MARGIN, App
+from .._model.finding import Problem, join_path, repeated
+from .._model.formats import FORMS, moving_tag, quantity_value
+from .._objects.app import plain_deployment
+from .draft import Draft
+from .launches import launch_problems
+from .overrides import override_problems
+from .said import Said
+from .when import when_problems
 
 Check = Callable[[App, Said, Draft], Iterator[Problem]]
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.order import circle
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import did_you_mean
+from .._model.app import App
+from .._model.finding import Problem, join_path
+from .._model.order import circle
+from .draft import Draft
+from .explain import did_you_mean
 
 
 def dependency_problems(draft: Draft) -> Iterator[Problem]:

@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import Robot
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
+from .._model.app import App
+from .._model.context import Robot
+from .._model.finding import Problem, join_path
+from .said import Said
 
 
 @dataclass(frozen=True)

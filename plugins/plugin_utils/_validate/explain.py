@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from types import NoneType
 from typing import Any, Literal, Union
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import is_secret
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
+from .._model.finding import Problem, join_path, shown, unique
+from .._model.formats import FILLED, Form
+from .._model.keys import Key, Kind
+from .._model.secrets import is_secret
+from .said import Said
 
 # Type -> whose values it takes, and its words; all others are mappings.
 TYPES: dict[Any, tuple[Any, str]] = {

@@ -9,10 +9,10 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown, unique
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import (
+from .._model.finding import Problem, join_path, shown, unique
+from .._model.fleet import Fleet
+from .._model.formats import FORMS
+from .._model.topology import (
     EDGE_CLUSTER,
     edge_ordered,
     edge_servers,
@@ -21,23 +21,16 @@ from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology impor
     mode_of,
     topology_problems,
 )
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.versions import Version, version
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.app import app_problems, app_warnings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft, draft
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import plain, value_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import layered
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.observability import observability_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.refused import without_refused
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.robot import (
-    answer_warnings,
-    fleet_app_problems,
-    master_problems,
-    port_problems,
-    robot_problems,
-    robot_warnings,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Inventory, Said
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import of_host
+from .._model.versions import Version, version
+from .app import app_problems, app_warnings
+from .draft import Draft, draft
+from .explain import plain, value_problems
+from .layers import layered
+from .observability import observability_problems
+from .refused import without_refused
+from .robot import answer_warnings, fleet_app_problems, master_problems, port_problems, robot_problems, robot_warnings
+from .said import Hosts, Inventory, Said
+from .schema import of_host
 
 IMPLICIT_HOST = "localhost"
 

@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts
+from .._model.finding import Problem
+from .said import Hosts
 
 SHOWN = 4  # hosts of a line
 _APP = re.compile(r"ros_apps\[(\d+)\]")

@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.secrets import redact
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import LAYERS
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.refused import INSTEAD
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Said
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import needed
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
+from ...module_utils._common.errors import SpecError
+from .._model.finding import Problem
+from .._model.secrets import redact
+from .explain import nearest_name
+from .layers import LAYERS
+from .refused import INSTEAD
+from .said import Hosts, Said
+from .schema import needed
+from .schema import variables as known_variables
 
 # Names with these beginnings are ours and nobody else's, so a near miss is a misspelling. `robot_`, `ros_` and `node_`
 # are not on the list: an inventory may well have a robot_model of its own.

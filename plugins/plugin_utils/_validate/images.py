@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.fleet import Fleet
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.images import images
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Said
+from .._model.finding import Problem, join_path
+from .._model.fleet import Fleet
+from .._objects.images import images
+from .said import Hosts, Said
 
 # What archives hold in the place of an image; nothing where one has it, or nobody can see.
 Instead = Callable[[Sequence[Said], str], Sequence[str]]

@@ -9,13 +9,13 @@ import functools
 import re
 from collections.abc import Collection, Iterable, Iterator
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.listed import wrong_waves
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.pythons import too_old
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import nearest_name
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.hosts import is_ours, variables_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Hosts, Said
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.schema import variables as known_variables
+from .._model.finding import Problem
+from .._model.listed import wrong_waves
+from .._model.pythons import too_old
+from .explain import nearest_name
+from .hosts import is_ours, variables_of
+from .said import Hosts, Said
+from .schema import variables as known_variables
 
 NEAR = 0.9
 THEIRS = ("robot_model",)  # a name that an inventory is likely to have of its own

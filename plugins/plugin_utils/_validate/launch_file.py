@@ -17,8 +17,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from xml.parsers import expat
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
+from ...module_utils._ros.names import resolve
+from .._model.finding import Problem
 
 HERE = "localhost"
 _LEFT = "$("  # begins what only roslaunch can fill in

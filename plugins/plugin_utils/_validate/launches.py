@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._pod.launch import named
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, File, Launch, env_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launch_file import LaunchFile, Node, is_known, read
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.single_nodes import why_single
+from ...module_utils._pod.launch import named
+from .._model.app import App, File, Launch, env_value
+from .._model.finding import Problem
+from .launch_file import LaunchFile, Node, is_known, read
+from .single_nodes import why_single
 
 
 def launch_problems(app: App, launch: Launch, namespace: str) -> Iterator[Problem]:

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TypeGuard
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import PATCH, deep_merge
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
+from .._model.finding import Problem, join_path
+from .._model.merge import PATCH, deep_merge
+from .said import Said
 
 APPS = "ros_apps"
 LAYERS = ("ros_apps_model", "ros_apps_robot")  # the later one counts

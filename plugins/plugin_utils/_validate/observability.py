@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import quantity_value
-from ansible_collections.rosops.fleet.plugins.plugin_utils._observability import names as obs
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Inventory, Said
+from .._model.finding import Problem
+from .._model.formats import quantity_value
+from .._observability import names as obs
+from .said import Inventory, Said
 
 LEAST_STORE = "600Mi"  # vmagent takes no less than 500 MB for its queue
 DAY = 86400

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ansible_collections.rosops.fleet.plugins.module_utils._step.objects import Object
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, shown
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import words
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, kind_of
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.merge import deep_merge, merge_key
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import OPEN, value_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
+from ...module_utils._step.objects import Object
+from .._model.finding import Problem, join_path, shown
+from .._model.formats import words
+from .._model.keys import Key, Kind, kind_of
+from .._model.merge import deep_merge, merge_key
+from .explain import OPEN, value_problems
+from .said import Said
 
 # The collection finds its objects by these; a Deployment's selector cannot be changed after its creation anyway.
 FIXED = (

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
+from .._model.finding import Problem, join_path
+from .said import Said
 
 # Keys of a Rigelfile; docs/rigel.md has all of them.
 RIGEL = {

@@ -8,21 +8,21 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.names import resolve
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model import context, names
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import App, Volume
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.context import MasterSettings
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem, join_path, repeated
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS, moving_tag
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import EDGE_CLUSTER
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.keeper import plain_keeper
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.master import plain_master
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.pod_settings import promised
-from ansible_collections.rosops.fleet.plugins.plugin_utils._objects.security import more_than_baseline
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.dependencies import dependency_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.draft import Draft
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.overrides import override_problems
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.when import when_problems
+from ...module_utils._ros.names import resolve
+from .._model import context, names
+from .._model.app import App, Volume
+from .._model.context import MasterSettings
+from .._model.finding import Problem, join_path, repeated
+from .._model.formats import FORMS, moving_tag
+from .._model.topology import EDGE_CLUSTER
+from .._objects.keeper import plain_keeper
+from .._objects.master import plain_master
+from .._objects.pod_settings import promised
+from .._objects.security import more_than_baseline
+from .dependencies import dependency_problems
+from .draft import Draft
+from .overrides import override_problems
+from .when import when_problems
 
 # Classes whose volumes are directories of one node: Kubernetes then places every pod of the claim on that node.
 NODE_BOUND = (None, "local-path")

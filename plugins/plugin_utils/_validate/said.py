@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.topology import edge_servers, members
+from .._model.topology import edge_servers, members
 
 Said = Mapping[str, Any]  # a mapping of the inventory: a host's variables, an app, an archive
 Hosts = Mapping[str, Said]  # variables by host

@@ -14,21 +14,14 @@ from dataclasses import MISSING
 from types import NoneType
 from typing import Annotated, Any, Literal, Union
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.app import (
-    NODE_PORT,
-    SIZE,
-    App,
-    AppName,
-    Quantities,
-    Volume,
-)
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FILLED, Form, words
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.formats import FORMS as KNOWN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.keys import Key, Kind, either, kind_of, text
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.readiness import Condition, Filled
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.role_specs import Option, all_options
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.explain import OPEN
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.layers import APPS, LAYERS
+from .._model.app import NODE_PORT, SIZE, App, AppName, Quantities, Volume
+from .._model.formats import FILLED, Form, words
+from .._model.formats import FORMS as KNOWN
+from .._model.keys import Key, Kind, either, kind_of, text
+from .._model.readiness import Condition, Filled
+from .._model.role_specs import Option, all_options
+from .explain import OPEN
+from .layers import APPS, LAYERS
 
 
 def or_empty(form: str) -> Kind:

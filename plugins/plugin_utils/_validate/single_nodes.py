@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.launch_file import Node
+from .launch_file import Node
 
 _POSE = "two estimates of where the robot is would fight"
 _MAP = "two would make two maps, and both say where the robot is"

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ansible_collections.rosops.fleet.plugins.module_utils._common.errors import SpecError
-from ansible_collections.rosops.fleet.plugins.module_utils._ros.conditions import conditions_from
-from ansible_collections.rosops.fleet.plugins.plugin_utils._model.finding import Problem
-from ansible_collections.rosops.fleet.plugins.plugin_utils._validate.said import Said
+from ...module_utils._common.errors import SpecError
+from ...module_utils._ros.conditions import conditions_from
+from .._model.finding import Problem
+from .said import Said
 
 ALLOWED = "what ros_ready's option values takes (ansible-doc rosops.fleet.ros_ready)"
 
